@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from heapq import heappop, heappush
 from queue import SimpleQueue
+from threading import RLock
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
@@ -62,6 +63,7 @@ class VirtualTimeBus(WatchedBus):
         known_rates = () if bit_rate is None else None
         self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
         self._roster = Roster(self.nodes)
+        self._lock = RLock()
         #: what we run at (bit/s), None where frames take no time; frames that not all could read
         self.bit_rate, self.destroyed = bit_rate, 0
         self._now_s = 0.0
@@ -172,8 +174,9 @@ class VirtualTimeBus(WatchedBus):
 
     def _send(self, frame: Frame) -> None:
         self._use()
-        self._traffic.sent(frame)
-        self._deliver(frame, sender=None)
+        with self._lock:
+            self._traffic.sent(frame)
+            self._deliver(frame, sender=None)
 
     def _deliver(self, frame: Frame, sender: SimulatedNode | None) -> None:
         """Hand *frame* to every node but its sender, and what they send to us and to each other."""
@@ -220,16 +223,17 @@ class VirtualTimeBus(WatchedBus):
 
     def _step(self, until_s: float) -> bool:
         """Go on to the next thing that happens up to *until_s*, and let it happen; False, then, where nothing does."""
-        next_s = min(self._coming[0][0] if self._coming else _NEVER, self._roster.next_s())
-        if next_s > until_s:
-            self._now_s = max(self._now_s, until_s)
-            return False
-        self._now_s = max(self._now_s, next_s)
-        if self._coming and self._coming[0][0] <= self._now_s:
-            self._hear(heappop(self._coming)[2])
+        with self._lock:  # a scan asks from threads of its own
+            next_s = min(self._coming[0][0] if self._coming else _NEVER, self._roster.next_s())
+            if next_s > until_s:
+                self._now_s = max(self._now_s, until_s)
+                return False
+            self._now_s = max(self._now_s, next_s)
+            if self._coming and self._coming[0][0] <= self._now_s:
+                self._hear(heappop(self._coming)[2])
+                return True
+            self._poll_due()
             return True
-        self._poll_due()
-        return True
 
     def _hear(self, frame: Frame) -> None:
         self._traffic.received(frame)
