@@ -21,7 +21,7 @@ from tests.process import environment as clean
 from tests.process import start
 
 #: How long a screen may take to show something, in seconds: generous, since a test never waits longer than needed.
-PATIENCE_S = 30.0
+PATIENCE_S = process.PATIENCE_S
 #: a program that wrote nothing for so long (s) has drawn its screen
 QUIET_S = 0.05
 #: a screen that never rests, as a monitor's, is looked at after this long (s)
@@ -141,6 +141,15 @@ class Terminal:
     def wait(self, text: str) -> None:
         """Wait until the screen shows *text*."""
         self.until(lambda: text in self.text, repr(text))
+
+    def row(self, *texts: str) -> str:
+        """Wait until one row of the screen holds all of *texts*; that row, the first such."""
+
+        def found() -> list[str]:
+            return [line for line in self.lines if all(text in line for text in texts)]
+
+        self.until(lambda: bool(found()), f"a row with {', '.join(map(repr, texts))}")
+        return found()[0]
 
     def wait_prompt(self, prompt: str = "sim/1 PRE-OP> ") -> None:
         """Wait for an empty prompt under the cursor."""
