@@ -8,6 +8,9 @@ from __future__ import annotations
 import os
 import select
 import signal
+import sys
+import threading
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -16,6 +19,8 @@ if TYPE_CHECKING:
 
     from dvtcli.device.cancellation import Cancellation
 
+#: how long (s) after it was swallowed a signal is heard again: in that very place it would be swallowed again
+_AGAIN_S = 0.02
 _WAITS = b"\nstopping at the next safe point (once more: at once)\n"
 
 
@@ -23,18 +28,49 @@ def catch_signals(cancellation: Cancellation) -> None:
     """Hand every signal that ends a program to *cancellation*; SIGHUP not under `nohup`."""
 
     def stop(number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped_by
+        stopped_by = number
         # a closed terminal sends SIGHUP twice, through its shell and by itself: nobody insists on anything with it
         insists = number in (signal.SIGINT, signal.SIGTERM)
         if cancellation.asked(128 + number, insists=insists):
             raise KeyboardInterrupt
         _say(_WAITS)
 
+    stopped_by = int(signal.SIGINT)
+    _hear_again_what_was_swallowed(lambda: stopped_by)
     # Windows has no SIGHUP: there a console that is closed says SIGBREAK, as Ctrl-Break does
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
         if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
             continue
         signal.signal(number, stop)
+
+
+def _hear_again_what_was_swallowed(number: Callable[[], int]) -> None:
+    """Send the signal *number*() once more where its KeyboardInterrupt fell into a place that lets none through.
+
+    Such a place is a `__del__`, as python-can's of a bus that did not open: Python shows what is raised there, and goes
+    on as if nobody had asked to stop.
+    """
+    shown = sys.unraisablehook
+
+    def hook(lost: sys.UnraisableHookArgs) -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            shown(lost)
+            return
+        again = threading.Timer(_AGAIN_S, _send, (number(),))
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = hook
+
+
+def _send(number: int) -> None:
+    """Send the signal *number* to this program, and wake what its main thread waits for."""
+    if sys.platform == "win32":
+        signal.raise_signal(number)
+    else:
+        os.kill(os.getpid(), number)
 
 
 def _say(text: bytes) -> None:

@@ -1,0 +1,44 @@
+"""A Ctrl-C that falls into a place from which Python lets no exception out is obeyed all the same."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.process import PATIENCE_S, environment
+
+#: a driver's object that is thrown away after it could not be opened, as python-can's buses are
+PROGRAM = """
+import os, signal, sys, time
+from dvtcli.cli.stop_signals import catch_signals
+from dvtcli.device.cancellation import Cancellation
+
+class Driver:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(0.001)
+
+cancellation = Cancellation()
+catch_signals(cancellation)
+try:
+    for n in range({times}):
+        Driver()
+    print("goes on", flush=True)
+    while True:
+        time.sleep(60)
+except KeyboardInterrupt:
+    print("stopped", cancellation.exit_code)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="os.kill ends the process there")
+@pytest.mark.parametrize(("name", "times", "code"), [("SIGINT", 1, 130), ("SIGTERM", 1, 143), ("SIGINT", 3, 130)])
+def test_a_signal_that_an_object_s_end_swallows_is_heard_again(name: str, times: int, code: int) -> None:
+    program = PROGRAM.format(name=name, times=times)
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S, env=environment(),
+        check=False,
+    )  # fmt: skip
+    assert (ran.returncode, ran.stdout.split()[-2:], ran.stderr) == (0, ["stopped", str(code)], "")
