@@ -27,6 +27,8 @@ _WAITS = b"\nstopping at the next safe point (once more: at once)\n"
 def catch_signals(cancellation: Cancellation) -> None:
     """Hand every signal that ends a program to *cancellation*; SIGHUP not under `nohup`."""
 
+    stopped_by = int(signal.SIGINT)
+
     def stop(number: int, _frame: FrameType | None) -> None:
         nonlocal stopped_by
         stopped_by = number
@@ -36,7 +38,6 @@ def catch_signals(cancellation: Cancellation) -> None:
             raise KeyboardInterrupt
         _say(_WAITS)
 
-    stopped_by = int(signal.SIGINT)
     _hear_again_what_was_swallowed(lambda: stopped_by)
     # Windows has no SIGHUP: there a console that is closed says SIGBREAK, as Ctrl-Break does
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
