@@ -138,6 +138,8 @@ def _deliver(session: Conversation, result: Any) -> Any:
         return result
     session.output.result(result)
     failure: DvtcliError | None = getattr(result, "failure", None)
+    if failure is not None and session.output.format in result.formats:  # a case of its own
+        return _code(result)
     if failure is None and session.in_script:  # where lines follow one another it must be said which of them it was
         failure = getattr(result, "failure_of_line", None)
     if failure is not None and not session.output.json:  # a document says it all

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.network_plan import NetworkPlan
-from dvtcli.errors import InputFileError, UsageError
+from dvtcli.errors import InputFileError, RuleError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.network.network_load import load_after
@@ -46,13 +46,19 @@ def planned(
 
     With *tells* its exit code is 3 where something differs; with *trust_stamp* nodes are not read whose stamp (0x1020)
     says that they are so; *include* as of `DeviceOptions`; with *manager* as of `plan_manager`. Raises as these and
-    `plan_network`.
+    `plan_network`; but what devices lack is said in the answer, which has all the rest, where nothing is *saved*.
     """
-    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    lacking = None
+    try:
+        plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    except RuleError as found:
+        if saved is not None or found.compared is None:
+            raise
+        plan, lacking = found.compared, found
     keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
-    need = None if manager is not None else load_after(session, plan)
-    answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
+    need = None if manager is not None or lacking is not None else load_after(session, plan)
+    answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted), lacking)
     if saved is not None:
         text = _saved_text(session, answer, saved)
         with _opened(saved):

@@ -28,6 +28,7 @@ from dvtcli.operations.plans.judge_network import checked, together
 from dvtcli.operations.stores.possible_stores import refuse_stores_of
 from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.wanted.chosen_nodes import named_nodes, of_nodes
+from dvtcli.operations.wanted.lacked_pdos import without_lacked
 from dvtcli.operations.wanted.linked_wishes import with_links
 from dvtcli.operations.wanted.meet_network import Met, meet
 from dvtcli.operations.wanted.network_wish import read_wish
@@ -50,7 +51,8 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False) -> N
     With *trust_stamp* not those whose 0x1020 says that they do, which the answer says.
     SafetyRefusal where a node is another device, InputFileError with everything that is wrong in the file, also what
     only a node's dictionary knows, RuleError with all that the rules refuse, NoAnswer where nodes are silent: the first
-    of these that there is, with all else that is wrong among its details.
+    of these that there is, with all else that is wrong among its details. A RuleError of PDOs that devices lack has the
+    plan for all the rest, where nothing else is wrong.
     """
     wish = read_wish(file)
     for note in wish.notes:
@@ -65,8 +67,12 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp:
     *trust_stamp* and what is raised as of `plan_network`.
     """
     with short_frames(session.bus) as frames:
-        plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
-    return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
+        plan, lacking = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
+    plan = with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
+    if lacking is not None:
+        lacking.compared = plan
+        raise lacking
+    return plan
 
 
 def _master_syncs(wish: NetworkWish) -> bool:
@@ -84,17 +90,24 @@ def with_unknown_syncs(session: Session, plan: NetworkPlan, frames: ShortFrames)
     return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
 
 
-def _planned_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool) -> NetworkPlan:
+def _planned_wish(
+    session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool
+) -> tuple[NetworkPlan, RuleError | None]:
+    """The plan, and the error for what devices lack where nothing else is wrong."""
     met = meet(session, log.file, wish)
     unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
     planned: list[NodePlan] = []
+    lacking: RuleError | None = None
     try:
-        planned = _judged(session, met, wish.of(met.nodes.keys() - unread), log)
+        read, lacking = without_lacked(met.nodes, wish.of(met.nodes.keys() - unread), log)
+        planned = _judged(session, met, read, log)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
+    if met.failures and lacking is not None:
+        met.failures.append(lacking)
     met.end()
     planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
-    return NetworkPlan(log.file, tuple(sorted(planned, key=lambda one: one.node_id)))
+    return NetworkPlan(log.file, tuple(sorted(planned, key=lambda one: one.node_id))), lacking
 
 
 def _unread(node: Node, wish: NodeWish) -> NodePlan:

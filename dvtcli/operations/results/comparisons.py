@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes
+from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes, lacking_documents
 
 if TYPE_CHECKING:
-    from dvtcli.errors import DvtcliError
+    from dvtcli.errors import DvtcliError, RuleError
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +69,7 @@ class Compared(Answer):
             "parameters": self.parameters,
             "unsaid": self.unsaid,
             "equal": not self.differences,
+            "lacking": [],
             "differences": [{"node": self.node, **_what(label), "text": text} for label, text in self.differences],
             "frames": [
                 {
@@ -95,11 +96,18 @@ class ComparedNodes(Answer):
     formats: ClassVar = CASES
 
     nodes: tuple[Compared, ...]
+    #: the PDOs of a network file that devices have not
+    lacking: RuleError | None = None
 
     @property
     def exit_code(self) -> int:
-        """3 where a node differs, else 1 where a frame is missing."""
-        return max(one.exit_code for one in self.nodes)
+        """1 where devices lack what the file sets, 3 where a node differs, else 1 where a frame is missing."""
+        return 1 if self.lacking is not None else max(one.exit_code for one in self.nodes)
+
+    @property
+    def failure(self) -> RuleError | None:
+        """What is to be said of what devices lack."""
+        return self.lacking
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
@@ -118,7 +126,8 @@ class ComparedNodes(Answer):
             "schema": "dvtcli.verify/1",
             "node": None,
             **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters", "unsaid")},
-            "equal": all(one["equal"] for one in documents),
+            "equal": self.lacking is None and all(one["equal"] for one in documents),
+            "lacking": lacking_documents(self.lacking),
             **{key: [row for one in documents for row in one[key]] for key in ("differences", "frames")},
             "nodes": documents,
         }

@@ -11,6 +11,7 @@ from dvtcli.domain.datatypes import CanopenTime, Value
 if TYPE_CHECKING:
     from dvtcli.domain.physical import Physical
     from dvtcli.domain.rules import Finding
+    from dvtcli.errors import RuleError
 
 Document = dict[str, Any]
 #: formats of answers that compare PDOs and objects one by one
@@ -85,6 +86,16 @@ def finding_document(finding: Finding) -> Document:
         "abort": None if finding.abort is None else f"0x{finding.abort:08X}",
         "hint": finding.hint,
     }
+
+
+def lacking_documents(lacking: RuleError | None) -> list[Document]:
+    """Which PDOs devices have not, and why."""
+    if lacking is None:
+        return []
+    return [
+        {"node": node_id, "pdo": str(pdo), "text": finding.text, "hint": finding.hint}
+        for (node_id, pdo), finding in zip(lacking.lacking, lacking.findings, strict=True)
+    ]
 
 
 def physical_document(value: Value | None, meaning: Physical) -> Document | None:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, ValueChange
-from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes
+from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes, lacking_documents
 from dvtcli.operations.results.loads import need_document
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.rules import Finding
+    from dvtcli.errors import RuleError
     from dvtcli.operations.results.stores import Stored
 
 
@@ -24,7 +25,8 @@ class NetworkPlanned(Answer):
 
     *tells* says whether a difference is an exit code of its own; *saved* is the file that the plan was written to.
     *need* is what all frames need of the bus afterwards, None where its bit rate is not known; *interrupted* are nodes
-    of which a change waits to be recovered first.
+    of which a change waits to be recovered first. *lacking* says which PDOs of the file devices have not: then it is no
+    plan that could be carried out, and has what else differs.
     """
 
     renderer: ClassVar = "network_lines:planned_lines"
@@ -36,15 +38,23 @@ class NetworkPlanned(Answer):
     saved: str = ""
     need: BusNeed | None = None
     interrupted: tuple[int, ...] = ()
+    lacking: RuleError | None = None
 
     def __bool__(self) -> bool:
         """Whether nothing differs: nothing has to be written, and nothing is otherwise that is not written."""
-        return not self.plan.changed and not self.plan.remains
+        return not self.plan.changed and not self.plan.remains and self.lacking is None
 
     @property
     def exit_code(self) -> int:
-        """3 where something differs, or is to be stored, and that is to be told, else 0."""
+        """1 where devices lack what the file sets; 3 where something differs, or is to be stored, and that is told."""
+        if self.lacking is not None:
+            return 1
         return 3 if self.tells and (self.plan.to_do or self.plan.remains) else 0
+
+    @property
+    def failure(self) -> RuleError | None:
+        """What is to be said where the exit code is 1."""
+        return self.lacking
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -63,6 +73,7 @@ class NetworkPlanned(Answer):
             "sync_master": plan.has_sync_master,
             "unknown_syncs": list(plan.unknown_syncs),
             "load": None if self.need is None else need_document(self.need),
+            "lacking": lacking_documents(self.lacking),
             "nodes": [_node_document(node) for node in plan.nodes],
         }
 

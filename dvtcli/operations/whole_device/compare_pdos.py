@@ -10,7 +10,7 @@ from dvtcli.device.change.pending import REBOOT, VERIFY
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
-from dvtcli.errors import UsageError
+from dvtcli.errors import RuleError, UsageError
 from dvtcli.files.device_file import read_device_file
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
@@ -43,25 +43,38 @@ def verify(
     None for the selected node; none means everything. With *frame* each node is started and a frame of each enabled
     TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
     """
-    wishes = _chosen(session, pdos, _wishes(session, rehearse, pdos, file), file or SESSION)
+    wanted, lacking = _wishes(session, rehearse, pdos, file)
+    asked = {pdo for _, pdo in pdos}
+    if lacking is not None and asked and asked.isdisjoint(pdo for _, pdo in lacking.lacking):
+        lacking = None
+    if lacking is not None and (asked or not any(wanted.values())):
+        raise lacking
+    wishes = _chosen(session, pdos, wanted, file or SESSION)
     named = len(wishes) > 1 or len(session.known_ids()) > 1
     compared = tuple(
         compare(session, session.node(node_id), wish, file, frame=frame, named=named)
         for node_id, wish in wishes.items()
     )
-    return compared[0] if len(compared) == 1 else ComparedNodes(compared)
+    return compared[0] if len(compared) == 1 and lacking is None else ComparedNodes(compared, lacking)
 
 
-def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None) -> dict[int, Wish]:
-    """What should be on each node, by *file* or by what this session set."""
+def _wishes(
+    session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None
+) -> tuple[dict[int, Wish], RuleError | None]:
+    """What should be on each node, by *file* or by what this session set, and what of a network file nodes lack."""
+    if file is not None and file.lower().endswith((".yaml", ".yml")):
+        return _network_wishes(session, file)
+    return _wishes_alone(session, rehearse, pdos, file), None
+
+
+def _wishes_alone(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None) -> dict[int, Wish]:
+    """What should be on each node, by this session, a script, or a file about one node."""
     if file is None:
         network = session.network
         for node_id, before in tuple(network.left.items()):
             if before.wanted or before.wanted_values:
                 network.node(node_id)  # it was changed before the bus was gone: who is it now?
         return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
-    if file.lower().endswith((".yaml", ".yml")):
-        return _network_wishes(session, file)
     if _is_script(file):
         return rehearse(file)
     named = {node_id for node_id, _ in pdos if node_id is not None}
@@ -71,11 +84,17 @@ def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file:
     return {node.node_id: dcf_wish(node, file)}
 
 
-def _network_wishes(session: Session, file: str) -> dict[int, Wish]:
+def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], RuleError | None]:
     from dvtcli.operations.plans.plan_network import plan_network
 
-    plan = plan_network(session, file)
-    return {node.node_id: Wish(dict(node.wanted), dict(node.values)) for node in plan.nodes}
+    lacking = None
+    try:
+        plan = plan_network(session, file)
+    except RuleError as found:
+        if found.compared is None:
+            raise
+        plan, lacking = found.compared, found
+    return {node.node_id: Wish(dict(node.wanted), dict(node.values)) for node in plan.nodes}, lacking
 
 
 def _is_script(file: str) -> bool:

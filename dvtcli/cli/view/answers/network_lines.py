@@ -38,6 +38,9 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     """The plan, and what to do with it."""
     yield from plan_lines(result.plan, width)
     yield from _remaining(result.plan)
+    if result.lacking is not None:
+        yield "Nothing was written, and nothing of it can be: devices lack PDOs of the file."
+        return
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."
     elif not result.plan.changed and not result.plan.remains:

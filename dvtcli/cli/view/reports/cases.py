@@ -17,6 +17,7 @@ from dvtcli.operations.results.whole_devices import WholeCompared
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.plan import Change
+    from dvtcli.errors import RuleError
     from dvtcli.operations.results import ComparedNodes
     from dvtcli.operations.results.whole_devices import ObjectDifference
 
@@ -47,6 +48,7 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) 
     if isinstance(result, NetworkPlanned):
         for node in result.plan.nodes:
             yield from _planned(result, node)
+        yield from _lacking(result.lacking, result.plan.file)
     elif isinstance(result, Compared):
         yield from _compared(result)
     elif isinstance(result, WholeCompared):
@@ -54,6 +56,7 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) 
     else:
         for one in result.nodes:
             yield from _compared(one)
+        yield from _lacking(result.lacking, result.nodes[0].against)
 
 
 def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
@@ -77,6 +80,15 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
     for finding in node.findings:
         level = "notice" if str(finding.severity) == "note" else "warning"
         yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, node.line)
+
+
+def _lacking(lacking: RuleError | None, file: str) -> Iterator[Case]:
+    """The PDOs of *file* that nodes have not."""
+    if lacking is None:
+        return
+    lines = [one.line for one in lacking.complaints] or [0] * len(lacking.lacking)
+    for (node_id, pdo), finding, line in zip(lacking.lacking, lacking.findings, lines, strict=True):
+        yield Case(node_id, pdo.label, (finding.text,), "error", file, line)
 
 
 def _line(node: NodePlan, change: Change) -> int:

@@ -1,0 +1,106 @@
+"""A network file that sets PDOs which a device does not have: everything else is compared, and nothing is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import dvtcli
+from dvtcli.errors import RuleError
+from tests.commands.bench import Bench
+
+FILE = """nodes:
+  first:
+    node_id: 1
+    tpdo:
+      1: {event_timer: 50}
+      70: {cob_id: 0x1A5, event_timer: 20}
+  second:
+    node_id: 2
+    tpdo:
+      1: {event_timer: 70}
+  third:
+    node_id: 3
+    rpdo:
+      99: {enabled: true}
+links:
+  - {from: first:tpdo70, to: second:rpdo1}
+  - {from: first:tpdo71, to: second:rpdo2}
+"""
+NODES = ("generic@1", "generic@2", "generic@3")
+LACKED = [(1, "tpdo70"), (1, "tpdo71"), (3, "rpdo99")]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    (tmp_path / "n.yaml").write_text(FILE)
+    return tmp_path / "n.yaml"
+
+
+@pytest.mark.parametrize("word", ["diff", "plan", "plan --exit-code", "verify"])
+def test_every_node_is_compared_and_what_is_lacked_is_said_last(word: str, file: Path) -> None:
+    with Bench(NODES) as bench:
+        ran = bench.run(f"{word} {file}")
+        assert ran.code == 1
+        assert "TPDO1" in ran.stdout
+        assert "50" in ran.stdout
+        assert "70" in ran.stdout
+        assert "No difference" not in ran.stdout
+        assert "Next: " not in ran.stdout
+        assert f"error: {file}:6:7: node 1 has no TPDO70: it has tpdo1…tpdo4" in ran.stderr
+        assert "node 1 has no TPDO71" in ran.stderr
+        assert "node 3 has no RPDO99" in ran.stderr
+        document = bench.run(f"{word} {file} --json").document
+        assert [(one["node"], one["pdo"]) for one in document["lacking"]] == LACKED
+    with Bench(NODES) as bench:
+        planned = bench.run(f"plan {file} --json").document
+        assert {one["node"]: len(one["pdos"]) for one in planned["nodes"]} == {1: 1, 2: 1, 3: 0}
+
+
+def test_nothing_is_written_and_nothing_saved(file: Path, tmp_path: Path) -> None:
+    with Bench(NODES) as bench:
+        for line in (f"apply {file} --yes", f"apply {file} --yes --force", f"plan {file} -o {tmp_path / 'p.json'}"):
+            ran = bench.run(line)
+            assert (ran.code, ran.stdout) == (1, ""), line
+            assert "n.yaml:6:7: node 1 has no TPDO70" in ran.stderr
+        assert not (tmp_path / "p.json").exists()
+        for node in (1, 2, 3):
+            assert bench.run(f"verify {node}:tpdo1 {file}").code != 0
+            assert bench.run(f"pdo {node}:tpdo1 --json").document["pdos"][0]["event_timer_ms"] == 0
+
+
+def test_verify_of_other_pdos_is_about_these(file: Path) -> None:
+    with Bench(NODES) as bench:
+        assert bench.run(f"verify 2:tpdo1 {file}").code == 3
+        ran = bench.run(f"verify 1:tpdo70 {file}")
+        assert (ran.code, ran.stdout) == (1, "")
+
+
+def test_the_formats_of_ci_have_a_case_for_each(file: Path) -> None:
+    with Bench(NODES) as bench:
+        for word in ("diff", "verify"):
+            ran = bench.run(f"{word} {file} --format junit")
+            root = ET.fromstring(ran.stdout)  # noqa: S314 - our own
+            assert (ran.code, root.attrib["failures"]) == (1, "5")
+            ran = bench.run(f"{word} {file} --format github")
+            assert f"::error file={file},line=6,title=node 1::TPDO70 of node 1: node 1 has no" in ran.stdout
+
+
+def test_where_something_else_is_wrong_both_are_said(file: Path) -> None:
+    file.write_text(FILE.replace("node_id: 2", "node_id: 2\n    sdo: [{index: 0x2777, value: 3}]"))
+    with Bench(NODES) as bench:
+        ran = bench.run(f"diff {file}")
+        assert (ran.code, ran.stdout) == (4, "")
+        for said in ("0x2777:00", "node 1 has no TPDO70", "node 3 has no RPDO99"):
+            assert said in ran.stderr
+
+
+def test_a_program_gets_an_error_with_the_rest(file: Path) -> None:
+    with dvtcli.simulate(*NODES) as bus:
+        with pytest.raises(RuleError) as raised:
+            bus.plan(file)
+        assert [(node, str(pdo)) for node, pdo in raised.value.lacking] == LACKED
+        assert raised.value.compared is not None
+        assert raised.value.compared.writes == 2
