@@ -9,8 +9,8 @@ from typing import TypeGuard
 from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, dotted
 
-#: the program's end, and the ends of processes that it starts
-_MAY_EXIT = ("__main__.py", "bus/drivers.py", "cli/dvt/tcl_child.py")
+#: the program's end, the ends of processes that it starts, and a signal that was swallowed, sent to itself again
+_MAY_EXIT = ("__main__.py", "bus/drivers.py", "cli/dvt/tcl_child.py", "cli/stop_signals.py")
 #: where whatever happens must be turned into something else, with what for
 _MAY_CATCH_ALL = {
     "cli/boundary.py": "the one boundary",
