@@ -19,6 +19,7 @@ from dvtcli.operations.plans.plan_network import plan_network
 from dvtcli.operations.results.networks import NetworkPlanned
 from dvtcli.operations.stores.possible_stores import refuse_impossible_stores
 from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 from dvtcli.operations.whole_device.device_suffix import is_about_device
 
 if TYPE_CHECKING:
@@ -158,6 +159,7 @@ def _plan_of(
         raise UsageError(
             f"{file} is a saved plan, which says itself what was read", hint="plan --trust-stamp makes one"
         )
+    tell_unknown_bit_rate(session, len(saved.nodes))
     nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes}
     for one in saved.nodes:
         if not len(one.plan) and one.plan.changes:

@@ -33,6 +33,7 @@ from dvtcli.operations.wanted.linked_wishes import with_links
 from dvtcli.operations.wanted.meet_network import Met, meet
 from dvtcli.operations.wanted.network_wish import read_wish
 from dvtcli.operations.wanted.stamping import stamping, stamps_of, trusted
+from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 from dvtcli.operations.wanted.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False) -> N
     for note in wish.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
     wish = of_nodes(session, file, wish, named_nodes(session))
+    tell_unknown_bit_rate(session, len(wish.nodes))
     return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")), trust_stamp=trust_stamp)
 
 

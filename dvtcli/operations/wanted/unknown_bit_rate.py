@@ -1,0 +1,22 @@
+"""What it costs that nobody said a bus's bit rate, told where several nodes are asked. Does not know what is asked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+
+
+def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
+    """Say that so many *nodes* are asked one by one where the bit rate is not known, and how to say it.
+
+    Of a bus alone that would ask them side by side: not of simulated nodes, twins, or a gateway to objects.
+    """
+    bus = session.bus
+    if nodes < 2 or session.dry_run or bus.simulated or not bus.carries_frames or bus.bitrate is not None:
+        return
+    session.tell.note(
+        f"the bit rate of {bus.name} is not known: its {nodes} nodes are asked one by one, and nothing of the bus is "
+        "kept free for a running machine; say what it is, as -b 250000 or as bitrate = 250000 in dvtcli.toml"
+    )

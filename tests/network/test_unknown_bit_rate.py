@@ -1,0 +1,101 @@
+"""Where nobody said the bit rate, who asks several nodes says what that costs, and what to do; only where it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+
+from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.whole_device.compare_pdos import verify
+from dvtcli.simulator.network.family_file import family_eds
+from tests.network.bench import device
+from tests.surroundings import HOMES
+from tests.virtual_time import VirtualTimeBus
+
+NODES = (1, 5, 9)
+FILE = "".join(f"n{node_id}: {{node_id: {node_id}, tpdo: {{1: {{event_timer: 40}}}}}}\n" for node_id in NODES)
+NOTE = (
+    "the bit rate of virtual time is not known: its 3 nodes are asked one by one, and nothing of the bus is kept free "
+    "for a running machine; say what it is, as -b 250000 or as bitrate = 250000 in dvtcli.toml"
+)
+
+
+def no_script(file: str, node_id: int | None = None) -> NoReturn:
+    """What a script would set: none is compared here."""
+    raise AssertionError(file, node_id)
+
+
+#: what is done with a file, as the commands of that name
+DOES: dict[str, Callable[[Session, str], object]] = {
+    "plan": planned,
+    "diff": lambda session, file: planned(session, file, tells=True),
+    "apply": applied,
+    "verify": lambda session, file: verify(session, no_script, file=file),
+}
+
+
+class Listener(Silent):
+    """Keeps the notes about the bit rate."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def note(self, text: str) -> None:
+        if "bit rate" in text:
+            self.notes.append(text)
+
+
+@pytest.fixture(autouse=True)
+def own_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in HOMES:
+        monkeypatch.setenv(name, str(tmp_path / "home"))
+
+
+class Objects(VirtualTimeBus):
+    """A gateway that reads and writes objects, and carries no frames."""
+
+    @property
+    def carries_frames(self) -> bool:
+        return False
+
+
+def noted(
+    tmp_path: Path, does: str, *, bus: type[VirtualTimeBus] = VirtualTimeBus, bit_rate: int | None = None,
+    simulated: bool = False, text: str = FILE, **options: Any,
+) -> list[str]:  # fmt: skip
+    """What is said of the bit rate where the network file *text*, or a plan of it, goes through *does*."""
+    wire = bus([device(node_id, "generic") for node_id in NODES], simulated=simulated)
+    wire.bitrate = bit_rate
+    file, told = tmp_path / "net.yaml", Listener()
+    file.write_text(text)
+    given = Options(yes=True, journal=str(tmp_path / "files"))._replace(**options)
+    with Session(given, told, open_bus=lambda _options: wire) as session:
+        for node_id in NODES:
+            session.open_network().files.own_eds[node_id] = family_eds("generic")
+        if does == "saved":
+            planned(session, str(file), str(tmp_path / "plan.json"))
+            told.notes.clear()
+            applied(session, str(tmp_path / "plan.json"))
+        else:
+            DOES[does](session, str(file))
+    return told.notes
+
+
+@pytest.mark.parametrize("does", [*DOES, "saved"])
+def test_it_is_said_once_by_each_command_that_asks_several_nodes(tmp_path: Path, does: str) -> None:
+    assert noted(tmp_path, does) == [NOTE]
+
+
+def test_it_is_not_said_where_it_costs_nothing(tmp_path: Path) -> None:
+    assert noted(tmp_path, "plan", bit_rate=250_000) == []
+    assert noted(tmp_path, "plan", simulated=True) == []
+    assert noted(tmp_path, "plan", bus=Objects) == []
+    assert noted(tmp_path, "apply", dry_run=True) == []
+    assert noted(tmp_path, "plan", text=FILE.splitlines()[0]) == []
+    assert noted(tmp_path, "plan", node=(5, 9)) == [NOTE.replace("3 nodes", "2 nodes")]
