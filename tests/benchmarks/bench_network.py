@@ -71,10 +71,8 @@ def wired(count: int, bitrate: int, server_s: float) -> WireTimedBus:
     return WireTimedBus(devices, bitrate, server_s)
 
 
-def run_canopen(count: int, bitrate: int, server_s: float) -> float:
-    """Seconds of virtual time in which canopen reads all eight PDOs of each node, sets them, and saves them."""
-    bus = wired(count, bitrate, server_s)
-    network = OnTheWire(bus)
+def set_with_canopen(network: canopen.Network, count: int) -> None:
+    """Let canopen read all eight PDOs of each of *count* nodes, set them, and save them."""
     for node_id in range(1, count + 1):
         node = canopen.RemoteNode(node_id, str(family_eds("generic")))
         network.add_node(node)
@@ -91,6 +89,12 @@ def run_canopen(count: int, bitrate: int, server_s: float) -> float:
                 if pdo is node.tpdo[number + 1]:
                     pdo.event_timer = 100 + number
                 pdo.save()
+
+
+def run_canopen(count: int, bitrate: int, server_s: float) -> float:
+    """Seconds of virtual time in which canopen sets all eight PDOs of each node."""
+    bus = wired(count, bitrate, server_s)
+    set_with_canopen(OnTheWire(bus), count)
     return bus.now_s()
 
 
