@@ -126,8 +126,15 @@ class ReadBus(WatchedBus, Generic[M]):
                 waiter.put(True)
 
     def _frames(self, inbox: SimpleQueue[Frame | Wake], deadline_s: float) -> Iterator[Frame]:
-        while (frame := self._receiver.take(inbox, deadline_s)) is not None:
+        """What comes until *deadline_s*, then what is there by then, read once: a bus may never be quiet."""
+        while monotonic() < deadline_s:
+            frame = self._receiver.take(inbox, deadline_s)
+            if frame is None:
+                return
             yield frame
+        yield from _inside(inbox)
+        self._until(lambda: False, deadline_s)
+        yield from _inside(inbox)
 
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until *condition* holds, which signs of life may bring about."""
@@ -145,6 +152,14 @@ class ReadBus(WatchedBus, Generic[M]):
     def _until(self, ready: Callable[[], bool], deadline_s: float) -> None:
         """Read until *ready*, or *deadline_s*: whatever is there by then is read."""
         self._receiver.take(_Ready(ready), deadline_s)
+
+
+def _inside(inbox: SimpleQueue[Frame | Wake]) -> Iterator[Frame]:
+    """The frames in *inbox* now, without those that come meanwhile."""
+    for _ in range(inbox.qsize()):
+        frame = inbox.get_nowait()
+        if not isinstance(frame, Wake):
+            yield frame
 
 
 class _Ready(SimpleQueue[bool | Wake]):

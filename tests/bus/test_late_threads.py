@@ -5,12 +5,15 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 from time import sleep
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from dvtcli.bus.python_can import CanBus
+from dvtcli.bus.receiver import BACKLOG
 from dvtcli.errors import NoAnswer
 from tests.bus.scripted import Lockstep, Server, well_behaved
 
@@ -101,3 +104,17 @@ def test_a_bus_that_is_never_quiet_does_not_hold_anyone_for_ever(bus: CanBus, ch
 def test_the_time_begins_when_the_request_is_on_its_way(bus: CanBus, driver: Preempted) -> None:
     driver.send_s = 0.1
     assert asked(bus, 4) != [None]
+
+
+class Chattering(VirtualBus):
+    """A driver that has a frame whenever it is asked, as on a bus that says more than this machine can read."""
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return can.Message(arbitration_id=0x123, is_extended_id=False), False
+
+
+def test_listening_for_a_while_ends_on_a_bus_that_is_never_quiet(channel: str) -> None:
+    """What is there when the time is over is read once."""
+    bus = CanBus(Chattering(channel), "virtual")
+    assert len(list(islice(bus.receive(0.0), 2 * BACKLOG))) == BACKLOG
+    bus.close()

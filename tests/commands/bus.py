@@ -12,6 +12,7 @@ from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.bus.devices import dictionary
+from tests.process import PATIENCE_S
 from tests.served_nodes import ServedNodes
 
 _NUMBERS = count(1)
@@ -44,7 +45,7 @@ class Wire:
     @property
     def options(self) -> dict[str, object]:
         """What dvtcli needs to meet the nodes, with patience: they answer in a thread beside it."""
-        return {"interface": "virtual", "channel": self.channel, "node": 1, "timeout": 5.0}
+        return {"interface": "virtual", "channel": self.channel, "node": 1, "timeout": PATIENCE_S}
 
     @property
     def lock(self) -> threading.Lock:

@@ -80,10 +80,7 @@ def test_a_recover_that_fails_keeps_the_journal_and_its_progress(tmp_path: Path)
     bench = Bench(tmp_path)
     try:
         before = bench.pdos()
-        child = bench.start(*MAP)
-        bench.wire.at_download = lambda number: child.kill() if number == 6 else None
-        child.communicate(timeout=60)
-        bench.wire.at_download = lambda _number: None
+        bench.killed(6, *MAP)
         bench.wire.slowness_s = 1.0
         code, _, err = bench.run("recover", "--yes", "--timeout", "0.2")
         assert code == 7, err

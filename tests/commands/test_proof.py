@@ -191,7 +191,7 @@ def journals(folder: Path) -> list[Path]:
 
 
 def on_bus(wire: Wire, folder: Path) -> Bench:
-    return Bench((), {**wire.options, "yes": True, "timeout": 0.2, "journal": str(folder), "eds": generic()})
+    return Bench((), {**wire.options, "yes": True, "journal": str(folder), "eds": generic()})
 
 
 def generic() -> str:

@@ -23,7 +23,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def on_bus(wire: Wire, *, eds: bool = True) -> Bench:
     given = {"eds": str(family_eds("generic"))} if eds else {}
-    return Bench((), {**wire.options, "yes": True, "timeout": 2.0, **given})
+    return Bench((), {**wire.options, "yes": True, **given})
 
 
 @pytest.mark.parametrize("eds", [True, False])

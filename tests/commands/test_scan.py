@@ -93,7 +93,7 @@ class Slow(StrictDevice):
 
 def test_a_node_that_was_heard_has_the_time_out_to_answer() -> None:
     slow = Slow(read_eds(family_eds("generic")).dictionary, load_family("generic"), 3)
-    with Wire(slow) as wire, Bench((), {**wire.options, "timeout": 5.0}) as bench:
+    with Wire(slow) as wire, Bench((), dict(wire.options)) as bench:
         (row,) = bench.run("scan --json").document["nodes"]
     assert (row["node"], row["note"]) == (3, "")
     assert row["device_type"] is not None

@@ -5,12 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
-from tests.process import environment
-
-#: For what always comes; who waits in vain fails.
-PATIENCE_S = 60.0
+from tests.process import PATIENCE_S, environment
 
 
 def started(*words: str) -> subprocess.Popen[str]:
@@ -25,7 +23,8 @@ def children(pid: int) -> list[int]:
     """The process-IDs of the children of *pid*."""
     found: list[int] = []
     for task in Path(f"/proc/{pid}/task").iterdir():
-        found += map(int, (task / "children").read_text().split())
+        with suppress(FileNotFoundError, ProcessLookupError):  # a thread that has ended meanwhile
+            found += map(int, (task / "children").read_text().split())
     return found
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from tests.dvt.children import children, descriptors, is_running, started, wait_until_gone
 from tests.posix import SIGKILL, STOPPING, needs_own_python, needs_sessions, needs_signals
-from tests.process import environment
+from tests.process import PATIENCE_S, environment
 from tests.recovery.bench import MAP, STEPS, Bench
 
 pytestmark = [
@@ -63,15 +63,15 @@ def mapped(tmp_path: Path) -> object:
 def test_a_change_is_whole_after_tcls_process_was_killed_within_it(
     step: int, bench: Bench, mapped: object, tmp_path: Path
 ) -> None:
-    process = bench.start("run", script(tmp_path))
-
     def kill() -> None:
         (child,) = children(process.pid)
         os.kill(child, SIGKILL)
         wait_until_gone(child)
 
-    bench.wire.at_download = at(step, kill)
-    stdout, stderr = process.communicate(timeout=60)
+    with bench.wire.at_work:
+        process = bench.start("run", script(tmp_path))
+        bench.wire.at_download = at(step, kill)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1, stderr
     assert "Tcl's process ended before the script did" in stderr
     assert "it was killed by SIGKILL" in stderr
@@ -87,14 +87,15 @@ def test_a_signal_rolls_back_also_where_tcls_process_is_dead(
     number: signal.Signals, bench: Bench, tmp_path: Path
 ) -> None:
     before = bench.pdos()
-    process = bench.start("run", script(tmp_path))
 
     def kill_and_signal() -> None:
         os.kill(children(process.pid)[0], SIGKILL)
         process.send_signal(number)
 
-    bench.wire.at_download = at(3, kill_and_signal)
-    _, stderr = process.communicate(timeout=60)
+    with bench.wire.at_work:
+        process = bench.start("run", script(tmp_path))
+        bench.wire.at_download = at(3, kill_and_signal)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 128 + number, stderr
     assert bench.pdos() == before
     assert not bench.journals()
@@ -102,7 +103,6 @@ def test_a_signal_rolls_back_also_where_tcls_process_is_dead(
 
 def test_tcls_process_dies_with_ours_and_recover_finishes(bench: Bench, tmp_path: Path) -> None:
     before = bench.pdos()
-    process = bench.start("run", script(tmp_path))
     left: list[int] = []
 
     def kill() -> None:
@@ -110,8 +110,10 @@ def test_tcls_process_dies_with_ours_and_recover_finishes(bench: Bench, tmp_path
         process.kill()
         process.wait()
 
-    bench.wire.at_download = at(4, kill)
-    process.communicate(timeout=60)
+    with bench.wire.at_work:
+        process = bench.start("run", script(tmp_path))
+        bench.wire.at_download = at(4, kill)
+    process.communicate(timeout=PATIENCE_S)
     assert process.returncode == -SIGKILL
     wait_until_gone(left[0])
     assert len(bench.journals()) == 1
@@ -132,7 +134,7 @@ def test_nobody_is_left_computing(busy: str, number: signal.Signals, tmp_path: P
     (child,) = children(process.pid)
     assert is_running(child)
     process.send_signal(number)
-    process.communicate(timeout=60)
+    process.communicate(timeout=PATIENCE_S)
     assert process.returncode == (-9 if number is SIGKILL else 128 + number)
     wait_until_gone(child)
 
@@ -146,7 +148,7 @@ def test_tcls_process_killed_while_it_computes_is_an_error(number: signal.Signal
     assert process.stdout is not None
     assert process.stdout.readline() == "0x0000001E\n"
     os.kill(children(process.pid)[0], number)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1, stderr
     assert f"it was killed by {number.name}" in stderr
 
@@ -154,7 +156,6 @@ def test_tcls_process_killed_while_it_computes_is_an_error(number: signal.Signal
 @needs_sessions
 def test_it_has_its_pipes_only_and_no_terminal(bench: Bench, tmp_path: Path) -> None:
     """In the middle of a change: the bus is open, the lock is held and the journal written."""
-    process = bench.start("run", script(tmp_path))
     seen: list[dict[int, str]] = []
     sessions: list[int] = []
 
@@ -164,8 +165,10 @@ def test_it_has_its_pipes_only_and_no_terminal(bench: Bench, tmp_path: Path) -> 
         sessions.extend([os.getsid(child), child])
         os.kill(child, SIGKILL)
 
-    bench.wire.at_download = at(5, look)
-    process.communicate(timeout=60)
+    with bench.wire.at_work:
+        process = bench.start("run", script(tmp_path))
+        bench.wire.at_download = at(5, look)
+    process.communicate(timeout=PATIENCE_S)
     own, parents = seen
     assert any(what.startswith("socket:") for what in parents.values()), "the bus"
     pipes = [what for what in own.values() if what.startswith("pipe:")]
@@ -178,7 +181,7 @@ def test_it_has_its_pipes_only_and_no_terminal(bench: Bench, tmp_path: Path) -> 
 def test_it_imports_nothing_of_dvtcli_but_itself() -> None:
     done = subprocess.run(
         [sys.executable, "-c", "import sys, dvtcli.cli.dvt.tcl_child\nprint(*sys.modules)"],
-        capture_output=True, encoding="utf-8", env=environment(), check=True, timeout=60,
+        capture_output=True, encoding="utf-8", env=environment(), check=True, timeout=PATIENCE_S,
     )  # fmt: skip
     modules = set(done.stdout.split())
     ours = {

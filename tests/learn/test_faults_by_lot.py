@@ -14,6 +14,7 @@ from tests.learn.test_faults import FINE
 from tests.learn.test_killed import dump as held_by
 from tests.learn.test_learnt_families import FAMILIES, dump
 from tests.learn.virtual import own
+from tests.process import PATIENCE_S
 from tests.recovery.bench import Bench as Outside
 
 WORDS = {
@@ -55,7 +56,6 @@ def test_recover_puts_back_what_was_cut_short(family: str, end: str, step: int, 
     bench = Outside(tmp_path, family)
     try:
         before = held_by(bench)
-        child = bench.start("learn", "--yes")
 
         def cut_short(number: int) -> None:
             if number == step and end == "kill":
@@ -64,8 +64,10 @@ def test_recover_puts_back_what_was_cut_short(family: str, end: str, step: int, 
             elif number == step:
                 bench.wire.hang_up()
 
-        bench.wire.at_download = cut_short
-        _, stderr = child.communicate(timeout=240)
+        with bench.wire.at_work:
+            child = bench.start("learn", "--yes")
+            bench.wire.at_download = cut_short
+        _, stderr = child.communicate(timeout=PATIENCE_S)
         bench.wire.at_download = lambda _number: None
         if child.returncode:
             assert child.returncode == {"kill": -9, "cut": 7}[end], stderr

@@ -11,6 +11,7 @@ from dvtcli.domain.stamp import Stamp
 from dvtcli.simulator.device.refusal import Refusal
 from tests.learn.cells import some
 from tests.learn.test_learnt_families import OF_THE_DEVICE
+from tests.process import PATIENCE_S
 from tests.recovery.bench import Bench
 
 
@@ -89,9 +90,10 @@ def test_a_ctrl_c_puts_everything_back(bench: Bench) -> None:
     import signal
 
     before = dump(bench)
-    child = bench.start("learn", "--yes")
-    bench.wire.at_download = lambda number: child.send_signal(signal.SIGINT) if number == 50 else None
-    _, stderr = child.communicate(timeout=120)
+    with bench.wire.at_work:
+        child = bench.start("learn", "--yes")
+        bench.wire.at_download = lambda number: child.send_signal(signal.SIGINT) if number == 50 else None
+    _, stderr = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 130, stderr
     assert "rolled back" in stderr
     assert dump(bench) == before

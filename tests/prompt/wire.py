@@ -9,12 +9,14 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from select import select
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode
+from tests.process import PATIENCE_S
 
 _SEND = re.compile(rb"< send ([0-9A-Fa-f]+) [0-9A-Fa-f] ([0-9a-fA-F ]*)>")
 _SDO_DOWNLOAD, _SDO_UPLOAD = 1, 2
@@ -43,7 +45,8 @@ class Wire:
         self.at_nmt: Callable[[int], None] = lambda _command: None
         #: seconds that each SDO download takes
         self.slowness_s = 0.0
-        #: held while the node is at a frame: whoever looks at the device takes it first
+        #: held while the node is at a frame: whoever looks at the device takes it first, and who starts a process
+        #: until it is known what happens at which of its frames
         self.at_work = threading.RLock()
         self._node = SimulatedNode(self.device)
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -62,6 +65,11 @@ class Wire:
         assert self._connection is not None
         self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self._connection.shutdown(socket.SHUT_RD)  # the serving thread wakes and closes it
+
+    def await_frame(self) -> None:
+        """In the midst of a frame, wait until another one comes, which is not looked at yet."""
+        assert self._connection is not None
+        assert select([self._connection], [], [], PATIENCE_S)[0], "nothing comes"
 
     def close(self) -> None:
         self._listener.shutdown(socket.SHUT_RDWR)

@@ -10,6 +10,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests import process
 from tests.forked import Forked
+from tests.process import PATIENCE_S
 from tests.prompt.wire import Wire
 from tests.serve.served import bus_words
 
@@ -53,20 +54,21 @@ class Bench:
 
     def run(self, *words: str) -> tuple[int, str, str]:
         child = self.start(*words)
-        stdout, stderr = child.communicate(timeout=60)
+        stdout, stderr = child.communicate(timeout=PATIENCE_S)
         return child.returncode, stdout, stderr
 
     def killed(self, step: int, *words: str) -> None:
         """Run a line whose process is killed at its SDO download *step*, which the node takes all the same."""
-        child = self.start(*words)
 
         def kill(number: int) -> None:
             if number == step:
                 child.kill()
                 child.wait()
 
-        self.wire.at_download = kill
-        child.communicate(timeout=120)
+        with self.wire.at_work:
+            child = self.start(*words)
+            self.wire.at_download = kill
+        child.communicate(timeout=PATIENCE_S)
         assert child.returncode == -9
         self.wire.at_download = lambda _number: None
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.posix import NO_TERMINAL
-from tests.process import ROOT, documents, environment
+from tests.process import PATIENCE_S, ROOT, documents, environment
 from tests.recovery.bench import MAP, STEPS, Bench
 from tests.recovery.test_signals import PRE_OPERATIONAL, STATE, held, start
 
@@ -43,12 +43,13 @@ def test_a_terminal_that_is_closed_rolls_back_and_restores_the_nmt_state(
 ) -> None:
     (tmp_path / "x.dvt").write_text(" ".join(MAP))
     before = start(bench)
-    pid, terminal = pty.fork()
-    if pid == 0:
-        os.chdir(tmp_path)
-        program = [sys.executable, "-m", "dvtcli", *bench.words, "--yes", *words]
-        os.execve(sys.executable, program, {**environment(), "PYTHONPATH": str(ROOT)})  # noqa: S606
-    bench.wire.at_download = lambda number: os.close(terminal) if number == 4 else None
+    with bench.wire.at_work:
+        pid, terminal = pty.fork()
+        if pid == 0:
+            os.chdir(tmp_path)
+            program = [sys.executable, "-m", "dvtcli", *bench.words, "--yes", *words]
+            os.execve(sys.executable, program, {**environment(), "PYTHONPATH": str(ROOT)})  # noqa: S606
+        bench.wire.at_download = lambda number: os.close(terminal) if number == 4 else None
     _, status = os.waitpid(pid, 0)
     assert os.waitstatus_to_exitcode(status) == 129
     assert held(bench) == before
@@ -57,17 +58,17 @@ def test_a_terminal_that_is_closed_rolls_back_and_restores_the_nmt_state(
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_a_disk_that_is_full_at_the_end_of_a_change_undoes_nothing(bench: Bench, options: list[str]) -> None:
-    child = subprocess.Popen(
-        [sys.executable, "-m", "dvtcli", *bench.words, *MAP, *options],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=environment(),
-    )  # fmt: skip  # with pipes, which are never full
-
     def fill(number: int) -> None:
         if number == STEPS:
             resource.prlimit(child.pid, resource.RLIMIT_FSIZE, (0, 0))
 
-    bench.wire.at_download = fill
-    stdout, stderr = child.communicate(timeout=60)
+    with bench.wire.at_work:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bench.words, *MAP, *options], stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=environment(),
+        )  # fmt: skip  # with pipes, which are never full
+        bench.wire.at_download = fill
+    stdout, stderr = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 0, stderr
     assert "the state folder takes nothing more (File too large)" in stderr
     assert "unchanged" not in stdout + stderr
@@ -88,8 +89,6 @@ def test_a_disk_that_is_full_before_the_first_write_leaves_no_journal(bench: Ben
 
 
 def test_a_journal_that_cannot_be_removed_is_said_with_what_the_device_holds(bench: Bench) -> None:
-    child = bench.start(*MAP, "--json")
-
     def block(number: int) -> None:
         if number == STEPS:
             (path,) = bench.journals()
@@ -97,7 +96,8 @@ def test_a_journal_that_cannot_be_removed_is_said_with_what_the_device_holds(ben
             path.mkdir()
 
     bench.wire.at_download = block
-    stdout, stderr = child.communicate(timeout=60)
+    child = bench.start(*MAP, "--json")
+    stdout, stderr = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 1, stderr
     (error,) = documents(stdout)
     assert (error["error"], error["state"], error["exit_code"]) == ("journal_kept", "left_changed", 1)
@@ -119,7 +119,7 @@ def test_what_a_driver_raises_is_a_bug_and_never_success(
     ran = subprocess.run(
         [sys.executable, "-m", "dvtcli", *words, "--yes", *MAP, *options],
         env=environment() | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "RAISES": raises, "HOME": str(tmp_path)},
-        capture_output=True, encoding="utf-8", timeout=60, check=False,
+        capture_output=True, encoding="utf-8", timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert ran.returncode == 70, ran.stderr
     (kept,) = tmp_path.rglob("crash/dvtcli-crash-*.txt")

@@ -33,7 +33,7 @@ def test_the_next_one_says_what_was_interrupted_and_begins_anew(bench: Bench, nu
     bench.killed(number, "download", str(file), "--yes")
     with bench.wire.at_work:
         assert loader.program == (None if number == 40 else loader.program)
-    code, _, stderr = bench.run("read", "1000", "--timeout", "1")
+    code, _, stderr = bench.run("read", "1000")
     said = " ".join(stderr.split())
     assert code == 0, stderr
     assert f"the download of {file} into node 5 was not completed" in said

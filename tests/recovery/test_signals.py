@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +22,7 @@ import pytest
 
 from tests import process
 from tests.posix import SIGHUP
-from tests.process import environment
+from tests.process import PATIENCE_S, environment
 from tests.recovery.bench import MAP, STEPS, Bench
 from tests.serve.served import wait_for
 
@@ -47,7 +46,7 @@ def foreign(bench: Bench) -> Iterator[canopen.RemoteNode]:
     network.notifier = can.Notifier(bus, network.listeners, 0.1)
     try:
         node = network.add_node(canopen.RemoteNode(5, canopen.ObjectDictionary()))
-        node.sdo.RESPONSE_TIMEOUT = 5
+        node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
         yield node
     finally:
         network.notifier.stop()
@@ -81,7 +80,7 @@ def stopped(
     before, begun = bench.wire.downloads, threading.Event()
 
     def strike(at: int) -> None:
-        begun.wait(60)
+        begun.wait(PATIENCE_S)
         first = step if isinstance(step, int) else at - before
         if at == bench.wire.downloads and at - before in range(first, first + times):
             for name in closed if at - before == first else ():
@@ -95,7 +94,7 @@ def stopped(
     child = process.start([*bench.words, "--yes", *words], pipes=True)
     begun.set()
     stderr = b"" if "stderr" in closed else child.stderr.read()
-    child.wait(60)
+    child.wait(PATIENCE_S)
     child.stdout.close()
     child.stderr.close()
     bench.wire.at_download = bench.wire.at_nmt = lambda _number: None
@@ -256,11 +255,6 @@ def test_a_second_signal_before_the_answer_rolls_back_and_says_so(
     bench: Bench, tmp_path: Path, number: signal.Signals
 ) -> None:
     before, said = start(bench), tmp_path / "stderr"
-    with said.open("wb") as stderr_file:
-        child = subprocess.Popen(
-            [sys.executable, "-m", "dvtcli", *bench.words, *MAP, "--yes", "--timeout", "5"],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr_file, env=environment(),
-        )  # fmt: skip
     downloads = bench.wire.downloads
 
     def twice(at: int) -> None:
@@ -268,10 +262,15 @@ def test_a_second_signal_before_the_answer_rolls_back_and_says_so(
             child.send_signal(number)
             wait_for(lambda: "stopping at the next safe point" in said.read_text(), "its answer")
             child.send_signal(number)
-            time.sleep(0.5)  # the answer would be taken as it comes, and the signal as the roll-back's then
+            bench.wire.await_frame()  # it goes on without the answer, which it would take if it came now
 
-    bench.wire.at_download = twice
-    assert child.wait(60) == CODES[number], said.read_text()
+    with bench.wire.at_work, said.open("wb") as stderr_file:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bench.words, *MAP, "--yes"],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr_file, env=environment(),
+        )  # fmt: skip
+        bench.wire.at_download = twice
+    assert child.wait(PATIENCE_S) == CODES[number], said.read_text()
     stderr = said.read_text()
     assert "stopped at once, in step 4 of 8" in stderr
     assert "rolled back: everything is as it was" in stderr

@@ -17,7 +17,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def in_a_process(wire: Wire, *lines: str) -> list[dict[str, Any]]:
-    with Bench((), {**wire.options, "yes": True, "timeout": 0.2}) as bench:
+    with Bench((), {**wire.options, "yes": True}) as bench:
         ran = bench.script(*(f"{line} --json" for line in lines))
         assert ran.code == 0, ran
         return ran.documents
@@ -61,5 +61,5 @@ def test_it_is_no_change_that_undo_reverts() -> None:
             in_a_process(wire, line)
         (undone,) = in_a_process(wire, "undo")
         assert [step["after"] for step in undone["steps"]] == ["00 00"]
-        with Bench((), {**wire.options, "yes": True, "timeout": 0.2}) as bench:
+        with Bench((), {**wire.options, "yes": True}) as bench:
             assert bench.run("undo").code == 2

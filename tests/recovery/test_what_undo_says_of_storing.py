@@ -23,7 +23,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def said_last(wire: Wire, *lines: str) -> str:
-    with Bench((), {**wire.options, "yes": True, "timeout": 0.2}) as bench:
+    with Bench((), {**wire.options, "yes": True}) as bench:
         for line in lines:
             ran = bench.run(line)
             assert ran.code == 0, ran

@@ -14,7 +14,7 @@ import pytest
 from dvtcli.simulator.network.family_file import family_eds
 from tests.process import documents
 from tests.prompt.terminal import Terminal
-from tests.serve.served import Served, served, wait_for
+from tests.serve.served import PATIENCE_S, Served, served, wait_for
 
 #: an object of the generic node that takes a text of any length
 TEXT = 0x2002
@@ -39,7 +39,7 @@ def network(server: Served) -> Iterator[canopen.Network]:
 def node(network: canopen.Network) -> canopen.RemoteNode:
     """Node 1, as canopen knows it from the family's file."""
     node = network.add_node(canopen.RemoteNode(1, canopen.import_od(str(family_eds("generic")))))
-    node.sdo.RESPONSE_TIMEOUT = 5
+    node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
     return node
 
 

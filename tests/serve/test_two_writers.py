@@ -34,7 +34,7 @@ def node(server: Served) -> Iterator[canopen.RemoteNode]:
     network = canopen.Network(bus=bus)
     network.notifier = can.Notifier(bus, network.listeners, 0.1)
     node = network.add_node(canopen.RemoteNode(1, canopen.import_od(str(family_eds("generic")))))
-    node.sdo.RESPONSE_TIMEOUT = 5
+    node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
     yield node
     network.notifier.stop()
 

@@ -47,7 +47,7 @@ class Line:
         self.network.NOTIFIER_CYCLE = 0.02
         self.network.connect()
         self.sdo = self.network.add_node(canopen.RemoteNode(1, canopen.ObjectDictionary())).sdo
-        self.sdo.RESPONSE_TIMEOUT = 0.3
+        self.sdo.RESPONSE_TIMEOUT = 6
 
     def close(self) -> None:
         self.network.notifier.stop(0.2)
