@@ -18,7 +18,7 @@ from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.profile.toml import builtin_path
 from tests.commands.bench import Bench
-from tests.small_eds import U16, communication, plain, var
+from tests.small_eds import U16, U32, communication, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
 pytestmark = pytest.mark.drawn(12, "apply file")
@@ -180,6 +180,32 @@ def test_a_command_by_its_name_is_written_only_where_it_is_named_itself(tmp_path
         assert "2001:00 (holds 0, the file says 7) is the maker's own, and a command by its name" in cloned.stdout
         assert "1 setting of node 5 differs" in cloned.stdout.splitlines()[-1]
         assert (bench.run(f"diff {file}").code, bench.run(f"compare {file}").code) == (3, 3)
+
+
+def test_a_clone_that_is_not_the_same_is_not_done(tmp_path: Path) -> None:
+    eds, file, script = plain(), tmp_path / "node.dcf", tmp_path / "clone.dvt"
+    for index, name in ((0x2000, "Ramp"), (0x2001, "Factory reset")):
+        eds.variable(index, var(name, U16, 0))
+    eds.info |= {"VendorNumber": 0x301, "ProductNumber": 0x302}
+    eds.record(0x1018, "Identity", {n: var(f"Part {n}", U32, 0x300 + n, "ro") for n in (1, 2)})
+    (tmp_path / "plain.eds").write_text(eds.text(), encoding="utf-8")
+    with Bench((f"{tmp_path / 'plain.eds'}@5",)) as bench:
+        assert [bench.run(f"write {index} 7").code for index in (2000, 2001)] == [0, 0]
+        assert bench.run(f"export {file}").code == 0
+    last = f"1 setting of node 5 differs from {file} and is not written: --include 2001 writes it"
+    with Bench((f"{tmp_path / 'plain.eds'}@5",)) as bench:
+        assert bench.run(f"clone {file} --dry-run").code == 3
+        for writes in (1, 0):  # the second finds all of it written
+            assert bench.run(f"clone {file} --dry-run --json").document["writes"] == writes
+            cloned = bench.run(f"clone {file} --yes")
+            assert (cloned.code, last in cloned.stdout.splitlines()[-1]) == (3, True)
+            assert bench.run("read 2000 --json").document["value"] == 7
+        script.write_text(f"clone {file} --yes\nwrite 2000 8\n", encoding="utf-8")
+        ran = bench.run(f"run {script}")
+        assert (ran.code, bench.run("read 2000 --json").document["value"]) == (3, 7)
+        assert bench.run(f"apply {file} --yes").code == 0, "apply writes what it may"
+        assert bench.run(f"clone {file} --include 2001 --yes").code == 0
+        assert bench.run(f"compare {file}").code == 0
 
 
 def test_what_keeps_a_setting_is_said_alike_and_is_so(tmp_path: Path) -> None:

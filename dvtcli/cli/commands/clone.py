@@ -29,7 +29,8 @@ def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> Netwo
     Shows what is to be written and asks. Another product is refused (6), another revision asked about. As apply, and
     with the maker's own objects that the file has a value for and that no PDO can map. A node-ID, commands, outputs and
     passcodes are never written, what is a command by its name only where --include names that object; what is left out
-    is listed with why. With a fault the node is as it was.
+    is listed with why. A setting that differs and is not written ends it with 3: the node is no clone then. With a
+    fault the node is as it was.
 
     \b
     clone press.dcf --yes

@@ -165,7 +165,8 @@ class ConfiguredNode(ReadNode):
     ) -> NetworkApplied:
         """The same of a *file* about another device of the same product, with what it has of the maker's own objects.
 
-        Not of those that a PDO can map; never a node-ID, a command, an output or a passcode.
+        Not of those that a PDO can map; never a node-ID, a command, an output or a passcode. What comes back is
+        false where a setting differs that was not written: the node is no clone then.
         """
         return self._apply_file(file, include, is_clone=True, yes=yes, force=force)
 

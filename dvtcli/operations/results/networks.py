@@ -167,7 +167,8 @@ class NetworkApplied(Answer):
     """A plan that every node took and read back equal; *stored* are those that stored it then.
 
     *keep* says of each node that was written what keeps it there, empty where it does so by itself.
-    A setting that differs and that the plan does not write is so still: `plan.remains` counts them.
+    A setting that differs and that the plan does not write is so still: `plan.remains` counts them. Of a clone
+    (*is_clone*), which is to be the other device's equal, that is a difference of its own.
     """
 
     renderer: ClassVar = "network_lines:applied_lines"
@@ -177,6 +178,7 @@ class NetworkApplied(Answer):
     seconds: float
     stored: tuple[Stored, ...] = ()
     keep: Mapping[int, str] = field(default_factory=dict)
+    is_clone: bool = False
 
     def __bool__(self) -> bool:
         """Whether it is as it should be, and proved if that was asked for."""
@@ -184,8 +186,9 @@ class NetworkApplied(Answer):
 
     @property
     def exit_code(self) -> int:
-        """1 where a proof was asked for, and what it should have shown is not so, or not proven."""
-        return max((one.exit_code for one in self.stored), default=0)
+        """1 where a proof that was asked for failed, or what it should have shown is not so; 3 of an unlike clone."""
+        unlike = 3 if self.is_clone and self.plan.remains else 0
+        return max((one.exit_code for one in self.stored), default=0) or unlike
 
     @property
     def failure(self) -> Any:
