@@ -235,15 +235,29 @@ def test_rivals_are_named_and_one_is_chosen() -> None:
         assert "a.eds of the same vendor, product and revision says something else: b.eds is taken" in added.stdout
         assert "it is there as b.eds" in added.stdout
         assert (
-            "b.eds is taken, the one added or preferred last, and a.eds would fit as well: eds prefer FILE"
+            "b.eds is taken, the one added last, and a.eds would fit as well: eds prefer FILE decides"
             in bench.run("node").stderr
         )
         assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_b.eds")
+        assert "2: b.eds is taken before 1, 3 of its identity (the one added last" in bench.run("eds list").stdout
         assert bench.run("eds prefer a.eds").code == 0
         listed = bench.run("eds list --json").document["files"]
         assert [row["name"] for row in listed] == ["a.eds", "b.eds", "c.dcf"]
+        assert [(row["taken"], row["preferred"]) for row in listed] == [(True, True), (False, False), (False, False)]
+        assert "1: a.eds is taken before 2, 3 of its identity (preferred)" in bench.run("eds list").stdout
     with Bench((), {"node": 5, "yes": True}, bus=live(pump(5))) as bench:
-        assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_a.eds")
+        ran = bench.run("node --json")
+        assert (ran.document["nodes"][0]["eds"].endswith("_a.eds"), ran.stderr) == (True, ""), "it was decided"
+        assert ran.document["nodes"][0]["eds_why"].endswith("; preferred to others that fit as well")
+        assert bench.run("eds prefer c.dcf").code == 0
+    with Bench((), {"node": 5}, bus=live(pump(5))) as bench:
+        assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_c.dcf"), "also before an EDS"
+        write("d.eds", text(name="later"))
+        assert bench.run("eds add d.eds").code == 0
+    with Bench((), {"node": 5, "yes": True}, bus=live(pump(5))) as bench:
+        ran = bench.run("node --json")
+        assert ran.document["nodes"][0]["eds"].endswith("_d.eds")
+        assert "d.eds is taken, the one added last, and a.eds, b.eds would fit as well" in ran.stderr
         assert bench.run("eds remove 1").code == 0
         assert bench.run(f"eds remove {VENDOR:08x}-{PRODUCT:08x}").code == 0
         assert bench.run("eds list --json").document["files"] == []
@@ -548,3 +562,8 @@ def test_a_file_of_the_library_that_was_damaged_says_what_to_do() -> None:
         stored.write_text("no EDS any more", "ascii")
         ran = bench.run("read 1017")
         assert (ran.code, "`eds remove`" in ran.stderr, "--eds FILE" in ran.stderr) == (4, True, True), ran.stderr
+        scanned = bench.run("scan")
+        assert scanned.code == 0
+        assert "made.eds is not an EDS or DCF file" in scanned.stdout
+        assert "; `eds add` the file again, or `eds remove` it" in scanned.stdout
+        assert "made.eds is not an EDS or DCF file" in bench.run("scan --json").document["nodes"][0]["eds_note"]

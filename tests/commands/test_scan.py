@@ -120,3 +120,29 @@ def test_a_full_bus_loses_no_answer() -> None:
     assert all(row["vendor_id"] is not None and row["note"] == "" for row in rows)
     uploads = {key: count for key, count in asked.items() if key[1][:1] == b"\x40"}
     assert set(uploads.values()) == {1}
+
+
+def test_who_is_known_by_which_file_fits_a_terminal() -> None:
+    """Columns give way in turn, and what is not known is said in words."""
+    from dvtcli.cli.view.answers.node_lines import node_lines
+    from dvtcli.operations.results import NodeListing, NodeRow
+
+    who = (0x20192, 0xFB, 0x65520000, 1, 2)
+    rows = (
+        NodeRow(1, "PRE-OPERATIONAL", *who, "A long name of a device", "generic", f"{'0000000A-' * 2}0000000A_epos.eds"),
+        NodeRow(2, "OPERATIONAL", *who, "Gen4", "gen4", f"{'0000000A-' * 2}0000000A_a file with a long name.dcf"),
+        NodeRow(3, "state unknown", *who, "", "tmcm", ""),
+        NodeRow(4, "no heartbeat", *who, "", "generic", ""),
+        NodeRow(5, "STOPPED", note="node 5: no answer"),
+    )
+    for width in (80, 100):
+        lines = ["".join(map(_text, line)) for line in node_lines(NodeListing("can0", rows), width)]
+        assert all(len(line.rstrip()) <= width for line in lines[: len(rows) + 1]), lines
+        assert lines[1].rstrip().endswith("epos.eds")
+        assert "gen4: a" in lines[2]
+        assert [line.rstrip().rpartition("  ")[2] for line in lines[3:6]] == ["tmcm: no EDS", "no EDS", "-"]
+        assert lines[6] == "  no EDS is known of node 3, 4: `eds add FILE`, or --eds FILE"
+
+
+def _text(cell: object) -> str:
+    return cell if isinstance(cell, str) else str(getattr(cell, "text", ""))

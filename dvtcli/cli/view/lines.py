@@ -10,6 +10,8 @@ from dvtcli.domain.safe_text import safe
 
 #: Screens are at most this wide, whatever the terminal.
 MAX_WIDTH = 100
+#: A column that gives way keeps as many signs.
+_LEAST = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +29,12 @@ Line = str | Cell | Sequence[Cell]
 class Table:
     """Rows of cells in aligned columns; *right* names the columns that are aligned to the right.
 
-    *shrink* is the column that gives way where a row is wider than the screen.
+    *shrink* is the column that gives way where a row is wider than the screen, or several, in that order.
     """
 
     header: Sequence[str] = ()
     right: frozenset[int] = frozenset()
-    shrink: int | None = None
+    shrink: int | Sequence[int] | None = None
     indent: int = 2
     rows: list[Sequence[Cell]] = field(default_factory=list)
 
@@ -51,9 +53,11 @@ class Table:
         return [self._line(row, widths) for row in rows]
 
     def _fit(self, widths: list[int], width: int) -> None:
-        total = self.indent + sum(widths) + 2 * (len(widths) - 1)
-        if self.shrink is not None and self.shrink < len(widths) and total > width:
-            widths[self.shrink] = max(8, widths[self.shrink] - (total - width))
+        giving = (self.shrink,) if isinstance(self.shrink, int) else self.shrink or ()
+        for column in giving:
+            over = self.indent + sum(widths) + 2 * (len(widths) - 1) - width
+            if column < len(widths) and over > 0:
+                widths[column] = max(min(_LEAST, widths[column]), widths[column] - over)
 
     def _line(self, row: Sequence[Cell], widths: list[int]) -> list[Cell]:
         cells = [Cell(" " * self.indent)]

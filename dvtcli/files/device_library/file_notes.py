@@ -33,10 +33,14 @@ class Described:
 
 @dataclass(frozen=True, slots=True)
 class Remembered:
-    """Where a file came from, empty where nobody knows, and what is in it, None where that is to be read."""
+    """Where a file came from, empty where nobody knows, and what is in it, None where that is to be read.
+
+    *preferred*: somebody chose it before others of its identity.
+    """
 
     origin: str = ""
     described: Described | None = None
+    preferred: bool = False
 
 
 def about_place(one: StoredFile) -> Path:
@@ -53,15 +57,18 @@ def remembered(one: StoredFile) -> Remembered:
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return Remembered()
     try:
-        is_new = (note["dvtcli"], *note["file"]) == (__version__, *_state(one))
-        return Remembered(origin, _described(note["says"]) if is_new else None)
+        is_so = note["file"] == _state(one)
+        preferred = is_so and note.get("preferred") is True
+        is_known = is_so and note["dvtcli"] == __version__
+        return Remembered(origin, _described(note["says"]) if is_known else None, preferred)
     except (OSError, ValueError, KeyError, TypeError):
         return Remembered(origin)
 
 
-def note_about(one: StoredFile, origin: str, described: Described) -> str:
+def note_about(one: StoredFile, known: Remembered, described: Described) -> str:
     """The text of the note about *one* as the file is now; OSError where it is not there."""
-    note = {"dvtcli": __version__, "from": origin, "file": _state(one), "says": asdict(described)}
+    note = {"dvtcli": __version__, "from": known.origin, "file": _state(one), "says": asdict(described)}
+    note |= {"preferred": True} if known.preferred else {}
     return json.dumps(note, indent=1) + "\n"
 
 

@@ -2,15 +2,17 @@
 
 The policy: vendor and product are the same. Of revisions (CiA 301, 0x1018:03) the same one goes first; then one of the
 same major part (bits 16 to 31: the same CANopen behaviour), then a file that names none, then any other; of each the
-highest. Of one revision an EDS or XDD goes before the DCF or XDC of one node, then the one that was added last.
+highest. Of one revision the one that was preferred last goes first, where none was added since; then an EDS or XDD
+before the DCF or XDC of one node, then the one that was added last.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
+from dvtcli.files.device_library.file_notes import remembered
 from dvtcli.files.device_library.stored_files import StoredFile
 
 _MAJOR_SHIFT = 16
@@ -29,13 +31,14 @@ class Fit(IntEnum):
 class Match:
     """The *file* that is taken for a device of *revision* (None: it tells none), and its *rivals*.
 
-    These fit as well and say something else.
+    These fit as well, say something else, and nobody has chosen. *preferred*: somebody has chosen *file*.
     """
 
     file: StoredFile
     fit: Fit
     revision: int | None
     rivals: tuple[StoredFile, ...] = ()
+    preferred: bool = False
 
     @property
     def of_other_revision(self) -> bool:
@@ -45,6 +48,10 @@ class Match:
     @property
     def why(self) -> str:
         """Why it is taken, in words."""
+        return f"{self._fits}; preferred to others that fit as well" if self.preferred else self._fits
+
+    @property
+    def _fits(self) -> str:
         label, revision = self.file.label, f"0x{self.file.revision:08X}"
         if self.fit is Fit.EXACT:
             return f"vendor, product and revision {revision}"
@@ -73,8 +80,8 @@ class Match:
         if self.rivals:
             others = ", ".join(one.label for one in self.rivals)
             notes.append(
-                f"{self.file.label} is taken, the one added or preferred last, and {others} would fit as well: "
-                "eds prefer FILE takes another, eds remove FILE leaves one"
+                f"{self.file.label} is taken, the one added last, and {others} would fit as well: "
+                "eds prefer FILE decides, eds remove FILE leaves one"
             )
         return "; ".join(notes)
 
@@ -85,10 +92,22 @@ def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revisi
     if not fitting or not vendor_id:
         return None
     best = min(fitting, key=lambda one: _rank(one, revision))
-    equal = [one for one in fitting if _rank(one, revision) == _rank(best, revision)]
-    first, *others = sorted(equal, key=_newest, reverse=True)
-    rivals = tuple(one for one in others if _content(one) != _content(first)) if others else ()
-    return Match(first, _fit(first, revision), revision, rivals)
+    same = [one for one in fitting if one.revision == best.revision]
+    first, preferred = first_of(same)
+    others = [] if preferred else [one for one in same if one.is_of_one_node == first.is_of_one_node and one != first]
+    rivals = tuple(one for one in others if _content(one) != _content(first))
+    return Match(first, _fit(first, revision), revision, rivals, preferred)
+
+
+def first_of(same: Sequence[StoredFile]) -> tuple[StoredFile, bool]:
+    """The one of files of the *same* identity that is taken, and whether it is since somebody preferred it."""
+    if len(same) == 1:
+        return same[0], False
+    newest = max(same, key=_newest)
+    if remembered(newest).preferred:
+        return newest, True
+    first = min(sorted(same, key=_newest, reverse=True), key=lambda one: one.is_of_one_node)
+    return first, remembered(first).preferred
 
 
 def _fit(one: StoredFile, revision: int | None) -> Fit:
@@ -99,8 +118,8 @@ def _fit(one: StoredFile, revision: int | None) -> Fit:
     return Fit.SAME_MAJOR if one.revision >> _MAJOR_SHIFT == revision >> _MAJOR_SHIFT else Fit.OTHER
 
 
-def _rank(one: StoredFile, revision: int | None) -> tuple[int, int, bool]:
-    return (_fit(one, revision), -one.revision, one.is_of_one_node)
+def _rank(one: StoredFile, revision: int | None) -> tuple[int, int]:
+    return (_fit(one, revision), -one.revision)
 
 
 def _newest(one: StoredFile) -> tuple[int, str]:

@@ -30,8 +30,7 @@ class StoredFile:
     @property
     def label(self) -> str:
         """What it was called when it was added."""
-        found = _NAME.fullmatch(self.path.name)
-        return found[4] if found else self.path.name
+        return label_of(self.path.name)
 
     @property
     def identity(self) -> tuple[int, int, int]:
@@ -42,6 +41,12 @@ class StoredFile:
     def is_of_one_node(self) -> bool:
         """Whether it has the values of one node (DCF, XDC), and does not only say what such devices are like."""
         return self.path.name.lower().endswith(VALUE_SUFFIXES)
+
+
+def label_of(name: str) -> str:
+    """What a file called *name* was called when it was added; *name* where it is none of the library."""
+    found = _NAME.fullmatch(name)
+    return found[4] if found else name
 
 
 def folder() -> Path:

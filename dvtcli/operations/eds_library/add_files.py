@@ -14,7 +14,7 @@ from dvtcli.domain.object_dictionary import ERASED, DeviceInfo
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import must_be_whole, parse_device_file
-from dvtcli.files.device_library.file_notes import Described, about_place, note_about, remembered
+from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, note_about, remembered
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
 from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.operations.eds_library.sought_files import Sought, sought_files
@@ -148,7 +148,7 @@ def _keep(target: StoredFile, data: bytes, origin: str, dictionary: ObjectDictio
         raise UsageError(f"{where}: {failed.strerror or failed}", place=str(where)) from failed
     write_bytes(target.path, data)
     put_first(target)
-    remember(target, origin, dictionary)
+    remember(target, Remembered(origin), dictionary)
 
 
 def put_first(one: StoredFile) -> None:
@@ -163,8 +163,8 @@ def put_first(one: StoredFile) -> None:
         raise UsageError(f"{one.path}: {failed.strerror or failed}", place=str(one.path)) from failed
 
 
-def remember(one: StoredFile, origin: str, dictionary: ObjectDictionary) -> Described:
-    """Note what is in *one*, where a note can be written: without it the file is read when it is listed."""
+def remember(one: StoredFile, known: Remembered, dictionary: ObjectDictionary) -> Described:
+    """Note what is in *one*, beside what is *known* of it, where a note can be written: without it the file is read when it is listed."""
     info = dictionary.info
     found = Described(
         info.vendor_id, info.product_code, info.revision_number, info.vendor_name, info.product_name, len(dictionary)
@@ -172,5 +172,5 @@ def remember(one: StoredFile, origin: str, dictionary: ObjectDictionary) -> Desc
     place = about_place(one)
     with suppress(OSError, UsageError):
         place.parent.mkdir(exist_ok=True)
-        write_bytes(place, note_about(one, origin, found).encode())
+        write_bytes(place, note_about(one, known, found).encode())
     return found

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.object_dictionary import ERASED
 from dvtcli.errors import DvtcliError, UsageError
-from dvtcli.files.device_library.file_notes import Described, about_place, remembered
-from dvtcli.files.device_library.stored_files import StoredFile, folder, identity_word, stored_files
+from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, remembered
+from dvtcli.files.device_library.match import first_of
+from dvtcli.files.device_library.stored_files import StoredFile, folder, identity_word, stored_file, stored_files
 from dvtcli.operations.eds_library.add_files import put_first, remember
 from dvtcli.operations.results.library_files import LibraryListing, LibraryRow
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.operations.session.session import Session
 
 _IDENTITY = re.compile(r"[0-9A-F]{8}-[0-9A-F]{8}(-[0-9A-F]{8})?", re.IGNORECASE)
@@ -40,7 +43,7 @@ def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
 
 
 def prefer_file(session: Session, word: str) -> LibraryListing:
-    """Take the file that *word* names before others of its identity, as the one that was added last.
+    """Take the file that *word* names before others of its identity, until another one is added, and without a warning.
 
     UsageError for a word that names none, or several, and where that cannot be noted.
     """
@@ -57,7 +60,7 @@ def prefer_file(session: Session, word: str) -> LibraryListing:
 def _put_first(one: StoredFile) -> None:
     known = remembered(one)
     put_first(one)
-    _describe(one, known.origin)
+    _describe(one, replace(known, preferred=True))
 
 
 def _chosen(words: tuple[str, ...]) -> list[StoredFile]:
@@ -98,7 +101,8 @@ def _listing(session: Session, removed: tuple[str, ...] = (), preferred: str = "
     rows = []
     for number, one in enumerate(files):
         session.tell.progress("reading the library", number, len(files))
-        rows.append(_row(number + 1, one))
+        first, chosen = first_of([other for other in files if other.identity == one.identity])
+        rows.append(replace(_row(number + 1, one), taken=one == first, preferred=one == first and chosen))
     return LibraryListing(tuple(rows), str(folder()), removed, preferred, _strangers(len(files)), session.dry_run)
 
 
@@ -111,13 +115,30 @@ def _strangers(known: int) -> int:
         return 0
 
 
-def _row(number: int, one: StoredFile) -> LibraryRow:
+def problem_of(path: Path) -> str:
+    """Why the file of the library at *path* cannot be read; empty for nothing, and for a file that is none of it.
+
+    It is opened only where no note says what is in it as it is now.
+    """
+    if path.parent != folder():
+        return ""
+    said = _said(stored_file(path))
+    return said if isinstance(said, str) else ""
+
+
+def _said(one: StoredFile) -> Described | str:
+    """What is in the file, or why it cannot be read."""
     known = remembered(one)
     try:
-        said = known.described or _describe(one, known.origin)
+        return known.described or _describe(one, known)
     except DvtcliError as wrong:
-        text = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
-        return LibraryRow(number, *one.identity, one.label, str(one.path), origin=known.origin, problem=text)
+        return f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
+
+
+def _row(number: int, one: StoredFile) -> LibraryRow:
+    known, said = remembered(one), _said(one)
+    if isinstance(said, str):
+        return LibraryRow(number, *one.identity, one.label, str(one.path), origin=known.origin, problem=said)
     revision = 0 if said.revision in (None, ERASED) else said.revision
     by_hand = (said.vendor_id, said.product_code, revision) != one.identity
     return LibraryRow(
@@ -126,8 +147,8 @@ def _row(number: int, one: StoredFile) -> LibraryRow:
     )  # fmt: skip
 
 
-def _describe(one: StoredFile, origin: str) -> Described:
+def _describe(one: StoredFile, known: Remembered) -> Described:
     """What is in the file, read now, and noted for the next time."""
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
 
-    return remember(one, origin, read_dictionary(one.path))
+    return remember(one, known, read_dictionary(one.path))

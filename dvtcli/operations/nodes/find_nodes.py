@@ -66,14 +66,21 @@ def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
 
 
 def _with_file(session: Session, row: NodeRow) -> NodeRow:
-    """*row* with the file that will describe the node, by what it said; no file but a family's is opened for it."""
+    """*row* with the file that will describe the node, by what it said, and what is wrong with it.
+
+    Of the library only a file is opened that was changed since it was added.
+    """
+    from dvtcli.operations.eds_library.list_files import problem_of
+
     if row.note:
         return row
     chosen = session.network.files.choice(row.node, SaidOfItself(row))
     if chosen is None:
         return row
     session.network.files.was_said(chosen.note)
-    return replace(row, source=chosen.path.name, eds_why=chosen.why, eds_note=chosen.note)
+    wrong = problem_of(chosen.path)
+    note = f"{wrong}; `eds add` the file again, or `eds remove` it" if wrong else chosen.note
+    return replace(row, source=chosen.path.name, eds_why=chosen.why, eds_note=note)
 
 
 @contextmanager

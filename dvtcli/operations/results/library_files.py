@@ -95,6 +95,7 @@ class LibraryRow:
     """A file of the library, by its *number* in the list: what it is found by, what it is, and where it came from.
 
     *revision* 0 is none. *by_hand*: it does not name that identity itself. *problem*: why it cannot be read.
+    *taken*: it is the one that is taken of all of its identity; *preferred*: since somebody chose it before others.
     """
 
     number: int
@@ -109,6 +110,13 @@ class LibraryRow:
     origin: str = ""
     by_hand: bool = False
     problem: str = ""
+    taken: bool = True
+    preferred: bool = False
+
+    @property
+    def identity(self) -> tuple[int, int, int]:
+        """Vendor, product, revision."""
+        return (self.vendor_id, self.product_code, self.revision)
 
     def document(self) -> Document:
         """One file of `dvtcli.eds-library/1`."""
@@ -125,6 +133,8 @@ class LibraryRow:
             "from": self.origin,
             "by_hand": self.by_hand,
             "problem": self.problem,
+            "taken": self.taken,
+            "preferred": self.preferred,
         }
 
 

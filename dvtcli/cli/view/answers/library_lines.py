@@ -52,7 +52,7 @@ def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
         yield [Cell(f"it is in {_at_home(result.folder)}", "dim")]
         return
     header = ("#", "VENDOR-PRODUCT-REVISION", "OBJECTS", "DEVICE", "FILE", "FROM")
-    table = Table(header, frozenset({0, 2}), shrink=3)
+    table = Table(header, frozenset({0, 2}), shrink=(3, 5, 4))
     for row in result.rows:
         identity = identity_word((row.vendor_id, row.product_code, row.revision))
         objects = "-" if row.objects is None else str(row.objects)
@@ -64,9 +64,20 @@ def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
             yield [Cell(f"  {row.number}: {row.problem}", "red")]
         elif row.by_hand:
             yield [Cell(f"  {row.number}: {row.name} names another identity itself, or none: bound by hand", "dim")]
+    yield from _first_of_several(result)
     yield [Cell(f"{plural(len(result.rows), 'file')} in {_at_home(result.folder)}", "dim")]
     if result.strangers:
         yield [Cell(f"{plural(result.strangers, 'file')} there no `eds add` put there: not looked at", "yellow")]
+
+
+def _first_of_several(result: LibraryListing) -> Iterator[Line]:
+    """Which file is taken where several are of one identity, and why."""
+    for row in result.rows:
+        others = [other for other in result.rows if other.identity == row.identity and other is not row]
+        if row.taken and others:
+            numbers = ", ".join(str(other.number) for other in others)
+            why = "preferred" if row.preferred else "the one added last, or no DCF: `eds prefer` decides"
+            yield [Cell(f"  {row.number}: {row.name} is taken before {numbers} of its identity ({why})", "dim")]
 
 
 def _changed(result: LibraryListing) -> Iterator[Line]:

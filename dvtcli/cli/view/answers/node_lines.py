@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from dvtcli.cli.view.columns import clipped
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.several import plural
 
 if TYPE_CHECKING:
@@ -17,6 +19,10 @@ _STATE_STYLES = {
     NmtState.PRE_OPERATIONAL.label: "yellow",
     NmtState.STOPPED.label: "red",
 }
+#: states that leave room beside them; the first as the prompt says it
+_SHORT = {NmtState.PRE_OPERATIONAL.label: "PRE-OP", "state unknown": "unknown"}
+#: A node's name has this many columns at least, and more where a screen is wider than these.
+_NAME, _BESIDE_NAME = 8, 72
 
 
 def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
@@ -24,11 +30,12 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
     if result.detail and result.rows:
         yield from _node_detail(result.rows[0])
         return
-    table = Table(("NODE", "STATE", "DEVICE TYPE", "VENDOR", "PRODUCT", "NAME", "PROFILE"), frozenset({0}), shrink=5)
+    table = Table(("NODE", "STATE", "TYPE", "VENDOR", "PRODUCT", "NAME", "KNOWN BY"), frozenset({0}), shrink=(6, 5))
     for row in result.rows:
         table.add(
-            str(row.node), Cell(row.state, _STATE_STYLES.get(row.state, "")), _word(row.device_type),
-            _word(row.vendor_id), _word(row.product_code), row.name or "-", row.profile or "-",
+            str(row.node), Cell(_SHORT.get(row.state, row.state), _STATE_STYLES.get(row.state, "")),
+            _word(row.device_type), _word(row.vendor_id), _word(row.product_code),
+            clipped(row.name or "-", max(_NAME, width - _BESIDE_NAME)), _known_by(row),
         )  # fmt: skip
     if result.rows:
         yield from table.lines(width)
@@ -44,8 +51,21 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
     )
 
 
+def _known_by(row: NodeRow) -> Cell:
+    """The file that names the node's objects, behind the profile that has rules of its own for it."""
+    from dvtcli.files.device_library.stored_files import label_of
+
+    if not row.source and not row.profile:
+        return Cell("-")
+    profile = "" if row.profile in ("", GENERIC.name) else f"{row.profile}: "
+    return Cell(f"{profile}{label_of(row.source)}") if row.source else Cell(f"{profile}no EDS", "yellow")
+
+
 def _files_of_others(result: NodeListing) -> Iterator[Line]:
-    """What to know of the nodes' files, once for all nodes of which it is so."""
+    """What to know of the nodes' files, once for all nodes of which it is so, and of which there is none."""
+    unknown = [str(row.node) for row in result.rows if not row.source and not row.note]
+    if unknown:
+        yield [Cell(f"  no EDS is known of node {', '.join(unknown)}: `eds add FILE`, or --eds FILE", "dim")]
     said: dict[str, list[str]] = {}
     for row in result.rows:
         if row.eds_note:
