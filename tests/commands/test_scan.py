@@ -129,7 +129,7 @@ def test_who_is_known_by_which_file_fits_a_terminal() -> None:
 
     who = (0x20192, 0xFB, 0x65520000, 1, 2)
     rows = (
-        NodeRow(1, "PRE-OPERATIONAL", *who, "A long name of a device", "generic", f"{'0000000A-' * 2}0000000A_epos.eds"),
+        NodeRow(1, "PRE-OPERATIONAL", *who, "A long device name", "generic", f"{'0000000A-' * 2}0000000A_epos.eds"),
         NodeRow(2, "OPERATIONAL", *who, "Gen4", "gen4", f"{'0000000A-' * 2}0000000A_a file with a long name.dcf"),
         NodeRow(3, "state unknown", *who, "", "tmcm", ""),
         NodeRow(4, "no heartbeat", *who, "", "generic", ""),

@@ -36,3 +36,28 @@ def test_columns_of_a_table_stand_below_each_other() -> None:
     table.add("current", "i16")
     lines = ["".join(cell.text for cell in line) for line in table.lines()]
     assert [columns(line[: line.index(word)]) for line, word in zip(lines[1:], ("u16", "i16"), strict=True)] == [11, 11]
+
+
+@given(st.lists(st.text("abc電 ", min_size=1, max_size=30), min_size=1, max_size=4), st.integers(30, 60))
+def test_a_last_column_that_wraps_loses_no_word(reasons: list[str], width: int) -> None:
+    table = Table(("COB-ID", "BECAUSE"), shrink=1, wraps=True)
+    for reason in reasons:
+        table.add("0x189", reason.replace("  ", " "))
+    lines = ["".join(cell.text for cell in line) for line in table.lines(width)]
+    assert all(columns(line) <= width or "…" in line for line in lines)
+    words = " ".join(lines[1:]).replace("0x189", "").split()
+    if not any("…" in line for line in lines):
+        assert words == " ".join(reasons).split()
+    assert [line.startswith("  0x189") for line in lines[1:]].count(True) == len(reasons)
+
+
+def test_columns_give_way_in_turn() -> None:
+    for width, seen in (
+        (80, ["a" * 30, "b" * 30]),
+        (60, ["a" * 22 + "…", "b" * 30]),
+        (40, ["a" * 7 + "…", "b" * 24 + "…"]),
+    ):
+        table = Table(shrink=(0, 2))
+        table.add("a" * 30, "-", "b" * 30)
+        (line,) = ("".join(cell.text for cell in line) for line in table.lines(width))
+        assert [part for part in line.split() if part != "-"] == seen, width

@@ -26,3 +26,14 @@ def clipped(text: str, width: int, mark: str = "…") -> str:
     while columns(kept) > room:
         kept = kept[:-1]
     return kept + mark[: max(1, width)]
+
+
+def broken(text: str, width: int) -> list[str]:
+    """*text* as lines of at most *width* columns, broken between words; a word that is wider stands alone, whole."""
+    lines: list[str] = []
+    for word in text.split():
+        if lines and columns(f"{lines[-1]} {word}") <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines or [""]

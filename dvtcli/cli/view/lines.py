@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from dvtcli.cli.view.columns import clipped, columns
+from dvtcli.cli.view.columns import broken, clipped, columns
 from dvtcli.domain.safe_text import safe
 
 #: Screens are at most this wide, whatever the terminal.
@@ -29,13 +29,15 @@ Line = str | Cell | Sequence[Cell]
 class Table:
     """Rows of cells in aligned columns; *right* names the columns that are aligned to the right.
 
-    *shrink* is the column that gives way where a row is wider than the screen, or several, in that order.
+    *shrink* is the column that gives way where a row is wider than the screen, or several, in that order. The last
+    column *wraps* where that is said, instead of being cut.
     """
 
     header: Sequence[str] = ()
     right: frozenset[int] = frozenset()
     shrink: int | Sequence[int] | None = None
     indent: int = 2
+    wraps: bool = False
     rows: list[Sequence[Cell]] = field(default_factory=list)
 
     def add(self, *cells: str | Cell) -> None:
@@ -50,7 +52,15 @@ class Table:
         most = max((len(row) for row in rows), default=0)
         widths = [max((columns(row[i].text) for row in rows if i < len(row)), default=0) for i in range(most)]
         self._fit(widths, width)
-        return [self._line(row, widths) for row in rows]
+        return [self._line(part, widths) for row in rows for part in self._parts(row, widths)]
+
+    def _parts(self, row: Sequence[Cell], widths: list[int]) -> Iterator[Sequence[Cell]]:
+        """*row*, or as many rows as its last cell needs."""
+        if not self.wraps or len(row) < len(widths):
+            yield row
+            return
+        for number, text in enumerate(broken(row[-1].text, widths[-1])):
+            yield [*(Cell("") if number else cell for cell in row[:-1]), Cell(text, row[-1].style)]
 
     def _fit(self, widths: list[int], width: int) -> None:
         giving = (self.shrink,) if isinstance(self.shrink, int) else self.shrink or ()

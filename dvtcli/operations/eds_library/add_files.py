@@ -164,7 +164,10 @@ def put_first(one: StoredFile) -> None:
 
 
 def remember(one: StoredFile, known: Remembered, dictionary: ObjectDictionary) -> Described:
-    """Note what is in *one*, beside what is *known* of it, where a note can be written: without it the file is read when it is listed."""
+    """Note what is in *one*, beside what is *known* of it, where a note can be written.
+
+    Without one the file is read when it is listed.
+    """
     info = dictionary.info
     found = Described(
         info.vendor_id, info.product_code, info.revision_number, info.vendor_name, info.product_name, len(dictionary)

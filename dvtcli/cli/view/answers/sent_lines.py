@@ -25,7 +25,7 @@ def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:
     """How many frames were sent, and how late, and what was left out; under --dry-run a table of what would be sent."""
     if result.dry_run:
         yield f"dry run: nothing was sent of {plural(result.outcome.wanted, 'frame')}"
-        table = Table(("COB-ID", "WHAT", "FRAMES", "ASKED BECAUSE"), frozenset({2}), shrink=3)
+        table = Table(("COB-ID", "WHAT", "FRAMES", "ASKED BECAUSE"), frozenset({2}), shrink=3, wraps=True)
         for row in result.frames:
             can_id = f"0x{row.can_id:0{8 if row.extended else 3}X}"
             what = f"{row.label}{f', node {row.node}' if row.node else ''}{', remote' if row.remote else ''}"
