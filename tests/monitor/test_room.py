@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 
 import pytest
@@ -12,9 +13,10 @@ from dvtcli.cli.monitor.room import cut, filled, least_and_most
 from dvtcli.cli.monitor.screen import Moment, View, picture
 from dvtcli.cli.monitor.watch_screen import Board, watch_picture
 from dvtcli.cli.view.lines import Cell
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.decoder import Signal
+from dvtcli.watch.decoder import Decoder, Signal
 from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.watched_object import WatchedObject
 from tests.monitor.test_model import BEGIN_S, decoder
@@ -78,3 +80,21 @@ def test_what_is_cut_ends_with_a_mark_in_ascii_too() -> None:
     assert cut(line, 5, plain=False) == [Cell("  25", "bold"), Cell("…", "dim")]
     assert cut(line, 5, plain=True) == [Cell("  ..", "bold"), Cell(".", "dim")]
     assert (filled("Speed", 7, plain=True), filled("Velocity", 7, plain=True)) == ("Speed  ", "Velo...")
+
+
+@given(
+    st.dictionaries(
+        st.integers(1, 127), st.text("abc ", min_size=1, max_size=40).map(lambda name: f"x{name}x"), min_size=1
+    ),
+    st.integers(24, 130),
+    st.booleans(),
+)
+def test_every_node_is_on_the_line_of_nodes_or_counted(names: dict[int, str], width: int, plain: bool) -> None:
+    store = FrameStore(Decoder({}, names))
+    store.states.update(dict.fromkeys(list(names)[::2], NmtState.PRE_OPERATIONAL))
+    line = "".join(cell.text for cell in picture(store, View(plain=plain), MOMENT, width, 12)[1])
+    assert len(line) <= width
+    shown = [int(number) for number in re.findall(r"(?:^|   )(\d+) x", line)]
+    more = re.search(r"(?:\+|^)(\d+) nodes?$", line)
+    assert shown == sorted(names)[: len(shown)]
+    assert len(shown) + (int(more[1]) if more else 0) == len(names), line

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.room import cut, filled, least_and_most
+from dvtcli.cli.monitor.room import counted, cut, filled, least_and_most, wide
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.shown_value import value_text
@@ -33,6 +33,8 @@ SPARK, LONG_SPARK, GRAPH_S = 8, 60, 60.0
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
 #: of a bus's name so many columns stay, however much there is to say of its state
 SHORTEST_NAME = 12
+#: columns of each node's name in the line of nodes, as many as there is room for
+_NAMES = (60, 30, 20, 14, 10)
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 
 _STATE_STYLES: dict[NmtState | None, str] = {NmtState.OPERATIONAL: "green", None: ""}
@@ -76,7 +78,7 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     events = events[len(events) - min(len(events), max(0, height // 4)) :]
     above = [head_line("MONITOR", moment, _state(store, view, moment), width)]
     if view.mode != GRAPH and height >= ABOVE_FROM:
-        above += [_nodes_line(store, moment), _heads()]
+        above += [_nodes_line(store, view, moment, width), _heads()]
     room = max(0, height - 1 - len(above) - len(events))
     body = _graph(store, view, moment, width, room) if view.mode == GRAPH else _table(store, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
@@ -138,17 +140,28 @@ def _business(store: FrameStore, moment: Moment) -> list[Cell]:
     return cells if share is None else [*cells, Cell(f"load {share:.0%}  ", "yellow" if share > HIGH_LOAD else "")]
 
 
-def _nodes_line(store: FrameStore, moment: Moment) -> list[Cell]:
-    """The nodes that are heard or known, with their names and states, and which one is being read."""
+def _nodes_line(store: FrameStore, view: View, moment: Moment, width: int) -> list[Cell]:
+    """The nodes that are heard or known, with their names and states, and which one is being read.
+
+    Where they are too many their names get shorter; of whom there is no room the number is said.
+    """
     names, heard = store.decoder.names, {row.service.node for row in store.rows.values()}
-    cells = []
-    if moment.reading is not None:
-        cells.append(Cell(f"reading the mapping of node {moment.reading}...  ", "cyan"))
-    for node_id in sorted({node for node in heard if node is not None} | set(names)):
-        state = store.states.get(node_id)
-        cells.append(Cell(f"{node_id} {names[node_id]}" if node_id in names else f"node {node_id}", "bold"))
-        cells.append(Cell(f" {state.label}   " if state is not None else "   ", _STATE_STYLES.get(state, "yellow")))
-    return cells or [Cell("no node is heard", "dim")]
+    reading = f"reading the mapping of node {moment.reading}...  " if moment.reading is not None else ""
+    shown = sorted({node for node in heard if node is not None} | set(names))
+    room = width - len(reading)
+    for most in _NAMES:
+        nodes = [_node_cells(node_id, names.get(node_id, ""), store.states.get(node_id), most) for node_id in shown]
+        if wide(nodes, plain=view.plain) <= room:
+            break
+    said = counted(nodes, room, plain=view.plain) or [Cell("no node is heard", "dim")]
+    return [Cell(reading, "cyan"), *said] if reading else said
+
+
+def _node_cells(node_id: int, name: str, state: NmtState | None, most: int) -> list[Cell]:
+    """A node with its name, of at most *most* columns, and its state."""
+    label = f"{node_id} {clipped(name, most)}" if name else f"node {node_id}"
+    said = f" {state.label}   " if state is not None else "   "
+    return [Cell(label, "bold"), Cell(said, _STATE_STYLES.get(state, "yellow"))]
 
 
 def _heads() -> list[Cell]:

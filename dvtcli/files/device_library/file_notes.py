@@ -58,7 +58,7 @@ def remembered(one: StoredFile) -> Remembered:
         return Remembered()
     try:
         is_so = note["file"] == _state(one)
-        preferred = is_so and note.get("preferred") is True
+        preferred = is_so and note["preferred"] is True
         is_known = is_so and note["dvtcli"] == __version__
         return Remembered(origin, _described(note["says"]) if is_known else None, preferred)
     except (OSError, ValueError, KeyError, TypeError):
@@ -67,8 +67,13 @@ def remembered(one: StoredFile) -> Remembered:
 
 def note_about(one: StoredFile, known: Remembered, described: Described) -> str:
     """The text of the note about *one* as the file is now; OSError where it is not there."""
-    note = {"dvtcli": __version__, "from": known.origin, "file": _state(one), "says": asdict(described)}
-    note |= {"preferred": True} if known.preferred else {}
+    note = {
+        "dvtcli": __version__,
+        "from": known.origin,
+        "file": _state(one),
+        "says": asdict(described),
+        "preferred": known.preferred,
+    }
     return json.dumps(note, indent=1) + "\n"
 
 
