@@ -190,12 +190,12 @@ class Physical:
         return self._whole(match, *number) if whole else float((number[0] - self.offset) / self.factor)
 
     def _by_word(self, text: str) -> int | None:
-        """The raw value whose word is *text*, to the letter or but for blanks and capitals."""
+        """The raw value whose word is *text*, to the letter; or but for blanks and capitals, which a number is not."""
         shown = _WITH_RAW.fullmatch(text)
         told = None if shown is None else _number(shown["raw"])
         if shown and told is not None and _spelling(self.values.get(told, "")) == _spelling(shown["word"]) != "":
             return told
-        wanted = _spelling(text)
+        wanted = _spelling(text) if _number(text) is None else ""
         named = [raw for raw, word in self.values.items() if word == text and text] or [
             raw for raw, word in self.values.items() if wanted and _spelling(word) == wanted
         ]

@@ -7,7 +7,7 @@ from contextlib import suppress
 from fractions import Fraction
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dvtcli.domain.physical import Physical, State
@@ -114,6 +114,7 @@ def test_the_sign_of_the_only_word_counts_too() -> None:
     one = Physical("V", values={500: "+10 V"})
     assert (one.to_raw("-10 V"), one.to_raw("+10 V")) == (-10, 500)
     assert Physical(values={7: "1.5"}).to_raw("1.5", whole=False) is None
+    assert Physical(values={0: "+1,", 2: "-1."}).to_raw("+1") is None
 
 
 def test_words_that_are_one_but_for_their_spelling_are_told_apart_by_it() -> None:
@@ -125,6 +126,7 @@ def test_words_that_are_one_but_for_their_spelling_are_told_apart_by_it() -> Non
 
 
 @given(st.dictionaries(st.integers(0, 99), st.text("+-<>1 aA_.,", max_size=4), max_size=6), st.integers(0, 99))
+@example({0: "+1,"}, 1)
 def test_a_word_never_writes_another_ones_value(values: dict[int, str], raw: int) -> None:
     meaning = Physical(values=values)
     word = values.get(raw, "+1")

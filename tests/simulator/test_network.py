@@ -29,7 +29,7 @@ class Bench:
     def send(self, can_id: int, data: str = "") -> None:
         self.ours.send(can.Message(arbitration_id=can_id, data=bytes.fromhex(data), is_extended_id=False))
 
-    def hear(self, can_id: int, seconds: float = 2.0) -> str | None:
+    def hear(self, can_id: int, seconds: float = PATIENCE_S) -> str | None:
         """The data of the next frame with *can_id*, None where none comes in time."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
@@ -183,7 +183,7 @@ def test_stock_client_remaps_a_pdo(node: canopen.RemoteNode, bench: Bench) -> No
     node.network.subscribe(0x181, listen)
     node.nmt.state = "OPERATIONAL"
     node.network.sync.transmit()
-    assert heard.wait(2)
+    assert heard.wait(PATIENCE_S)
     assert received == [b"\x00\x0a"]
 
 
