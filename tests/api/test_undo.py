@@ -14,7 +14,7 @@ import dvtcli
 from dvtcli import errors
 from dvtcli.results import Message
 from dvtcli.testing import ServedBus
-from tests.process import environment
+from tests.process import PATIENCE_S, environment
 
 pytestmark = pytest.mark.drawn(2, "undo")
 
@@ -33,6 +33,7 @@ def timer(served: ServedBus, node_id: int = 5, number: int = 1) -> int:
         network.notifier = can.Notifier(bus, network.listeners)
         try:
             node = network.add_node(node_id, canopen.ObjectDictionary())
+            node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
             return int.from_bytes(node.sdo.upload(0x1800 + number - 1, 5), "little")
         finally:
             network.notifier.stop()

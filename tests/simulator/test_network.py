@@ -135,7 +135,9 @@ def node(bench: Bench) -> Iterator[canopen.RemoteNode]:
     network = canopen.Network(bench.ours)
     network.NOTIFIER_CYCLE = 0.05
     network.connect()
-    yield network.add_node(canopen.RemoteNode(1, canopen.ObjectDictionary()))
+    node = network.add_node(canopen.RemoteNode(1, canopen.ObjectDictionary()))
+    node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
+    yield node
     network.notifier.stop(0.2)
 
 
