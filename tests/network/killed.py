@@ -65,11 +65,15 @@ def _look(chain: Chain, home: Path, look: Callable[[Chain], None]) -> None:
     other = home.parent / "after"
     for folder in (home, chain.folder):
         shutil.copytree(folder, other / folder.name)
+    for lock in (other / home.name).rglob("*.lock"):  # it notes where the journal is
+        lock.write_text(lock.read_text().replace(str(chain.folder), str(other / chain.folder.name)))
     for name in HOMES:
         os.environ[name] = str(other / home.name)
     chain.folder = other / chain.folder.name
     layouts = chain.bus.layouts
     chain.bus = type(chain.bus)(list(chain.devices.values()), [])
     chain.bus.layouts |= layouts
-    look(chain)
-    shutil.rmtree(other)
+    try:
+        look(chain)
+    finally:
+        shutil.rmtree(other)

@@ -108,7 +108,8 @@ def test_a_large_network_is_recovered_wherever_it_was_killed(tmp_path: Path, pyt
     count, home = pytestconfig.getoption("--nodes"), tmp_path / "home"
     chain, file = many(tmp_path, count, store=True)
     before = chain.held()
-    chosen = part(range(1, 37 * count + 1), 2, pytestconfig, "many nodes")
+    kills = pytestconfig.getoption("--kills")
+    chosen = part(range(1, 37 * count + 1), kills, pytestconfig, "many nodes")
     wrong: dict[int, str] = {}
 
     def look(after: Chain) -> None:

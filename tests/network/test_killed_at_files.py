@@ -1,0 +1,153 @@
+"""`apply` of three nodes with stores, ended before any file of its own is renamed or removed: one way for all of them.
+
+Not at a frame, as elsewhere, but between two files: the journal of one node is there and that of the next is not yet,
+or not any more. Whoever comes after finds every node as it was, or every node as the file says.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dvtcli.operations.recover.recover_change import recover
+from tests.faults.matrix import Snapshot
+from tests.network.bench import Chain, Heard
+from tests.network.killed import Watched, afterwards
+from tests.network.test_network_faults import OPERATIONAL, STEPS, storing
+from tests.sample import part
+
+_listeners: list[Callable[[Path], None]] = []
+
+
+def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+    if event in ("os.rename", "os.remove") and _listeners:
+        _listeners[-1](Path(os.fsdecode(arguments[0])))
+
+
+@contextmanager
+def at_files(below: Path, act: Callable[[int], None]) -> Iterator[list[str]]:
+    """Call *act* with their number so far before a file *below* a folder is renamed or removed; their names."""
+    if not hasattr(sys, "_dvtcli_tests_hear_files"):
+        sys.addaudithook(_heard)  # stays for good: nothing takes one away
+        sys._dvtcli_tests_hear_files = True  # type: ignore[attr-defined]
+    names: list[str] = []
+
+    def heard(path: Path) -> None:
+        if below not in path.parents:
+            return
+        names.append(path.name)
+        _listeners.append(lambda _path: None)  # what *act* does with files is not meant
+        try:
+            act(len(names))
+        finally:
+            _listeners.pop()
+
+    _listeners.append(heard)
+    try:
+        yield names
+    finally:
+        _listeners.remove(heard)
+
+
+def network(home: Path, name: str, bus: type[Heard] = Heard) -> Chain:
+    """The traction chain, whose files are in a folder of that *name*."""
+    (home.parent / name).mkdir()
+    home.mkdir(exist_ok=True)
+    return Chain(home.parent / name, bus=bus)
+
+
+def recovered(after: Chain, *ends: dict[int, Snapshot]) -> None:
+    """Recover what waits; every node is as in one of *ends* then, and nothing waits any more."""
+    with after.session(node=None) as session:
+        recover(session)
+    held = after.held()
+    assert held in ends, [[held[node_id] == end[node_id] for node_id in held] for end in ends]
+    if held == ends[0]:
+        assert after.states() == OPERATIONAL
+    assert after.plan().interrupted == ()
+
+
+@pytest.mark.counted
+def test_no_node_is_left_alone_wherever_apply_ends(home: Path, pytestconfig: pytest.Config) -> None:
+    """Before as many of its files as `--kills` says."""
+    chain = network(home, "counted")
+    with at_files(home.parent, lambda _number: None) as names:
+        chain.apply(storing(chain.folder))
+    most, done = len(names), chain.held()
+    chain = network(home, "files")
+    before, file = chain.held(), storing(chain.folder)
+    chosen = part(range(1, most + 1), pytestconfig.getoption("--kills"), pytestconfig, "files")
+    wrong: dict[int, str] = {}
+
+    def look(after: Chain) -> None:
+        recovered(after, before, done)
+        after.apply(file)
+        assert after.held() == done
+
+    def at_file(number: int) -> None:
+        if number in chosen and (failed := afterwards(chain, home, look)):
+            wrong[number] = failed
+
+    with at_files(home.parent, at_file) as names:
+        chain.apply(file)
+    assert wrong == {}
+    assert len(names) == most
+
+
+@pytest.mark.counted
+def test_nor_wherever_the_recover_after_it_ends(home: Path, pytestconfig: pytest.Config) -> None:
+    """`apply` ends at a write, one for three of `--kills`, then `recover` before each of its files."""
+    chain = network(home, "files", Watched)
+    assert isinstance(chain.bus, Watched)
+    before = chain.held()
+    count = max(1, pytestconfig.getoption("--kills") // 3)
+    chosen = part(range(1, len(STEPS) + 1), count, pytestconfig, "recover files")
+    wrong: dict[int, str] = {}
+
+    def look(after: Chain) -> None:
+        own_home, failed = after.folder.parent / home.name, dict[int, str]()
+
+        def at_file(number: int) -> None:
+            if said := afterwards(after, own_home, lambda last: recovered(last, before)):
+                failed[number] = said
+
+        with at_files(own_home.parent, at_file) as names:
+            recovered(after, before)
+        assert names, "what waited was a file"
+        assert failed == {}
+
+    def on_write(number: int) -> None:
+        if number in chosen and (failed := afterwards(chain, home, look)):
+            wrong[number] = failed
+
+    chain.bus.on_write = on_write
+    chain.apply()
+    assert wrong == {}
+
+
+def test_recover_finds_the_journals_of_another_folder(home: Path) -> None:
+    """Killed with one `--journal`, recovered with another one: each node's lock notes where its journal is."""
+    chain = network(home, "files", Watched)
+    assert isinstance(chain.bus, Watched)
+    before, failed = chain.held(), list[str]()
+
+    def look(after: Chain) -> None:
+        own = after.journals()
+        assert len(own) == len(before)
+        after.folder = home.parent / "another"
+        recovered(after, before)
+        assert not any(one.exists() for one in own)
+
+    def on_write(number: int) -> None:
+        if number == len(STEPS) // 2:
+            failed.append(afterwards(chain, home, look))
+
+    chain.bus.on_write = on_write
+    chain.apply()
+    assert failed == [""]
