@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.gateway_answers import Dialect
+from dvtcli.domain.gateway.gateway_answers import Dialect, Failed, format_answer
 from dvtcli.domain.gateway.line_words import LONGEST_LINE
 from dvtcli.errors import BusUnavailable, SafetyRefusal
 from dvtcli.operations.gateway.serve_gateway import gateway
@@ -62,6 +62,11 @@ def test_errors_have_the_standards_numbers() -> None:
         assert client.ask("9 r 0x1000 0").startswith("ERROR:103 #")
         client.say(b"4 r 0x1017 0 u16\n# nothing\n\n4 r 0x1017 0 u16\n")
         assert (client.line(), client.line()) == ("500", "500")
+
+
+def test_what_is_not_ascii_is_said_by_what_looks_like_it() -> None:
+    said = format_answer(1, Failed(0x06090030, "bits 0\u201330 of a COB-ID\u2026 in \u00b5s\x1b\u96fb"), Dialect.HASH)
+    assert said == "[1] ERROR:0x06090030 #bits 0-30 of a COB-ID... in us??"
 
 
 def test_who_is_not_there_is_not_told_and_not_ok() -> None:

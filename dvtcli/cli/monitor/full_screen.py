@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
-from dvtcli.cli.view.glyphs import ascii_only
+from dvtcli.domain.glyphs import ascii_only
 from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:

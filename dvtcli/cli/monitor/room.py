@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from dvtcli.cli.view.columns import clipped, columns
-from dvtcli.cli.view.glyphs import ascii_only
 from dvtcli.cli.view.lines import Cell
+from dvtcli.domain.glyphs import ascii_only
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.prompt.events import SHORT_STATES
 from dvtcli.cli.prompt.fitting import BETWEEN, Part, fitted
 from dvtcli.cli.prompt.syntax import syntax
-from dvtcli.cli.view.glyphs import ascii_only
 from dvtcli.domain.emergency_codes import emergency_text
+from dvtcli.domain.glyphs import ascii_only
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.safe_text import safe
 from dvtcli.errors import DvtcliError

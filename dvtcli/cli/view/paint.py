@@ -8,9 +8,9 @@ from typing import TextIO
 import click
 
 from dvtcli.cli.view.columns import columns
-from dvtcli.cli.view.glyphs import ascii_only, in_encoding
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.wrap import wrapped
+from dvtcli.domain.glyphs import ascii_only, in_encoding
 from dvtcli.domain.safe_text import safe
 
 

@@ -10,6 +10,7 @@ from enum import Enum
 
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.gateway.error_numbers import GatewayError
+from dvtcli.domain.glyphs import ascii_only
 
 
 class Dialect(Enum):
@@ -60,5 +61,5 @@ def format_answer(sequence: int | None, answer: Answer, dialect: Dialect = Diale
 
 
 def _one_line(text: str) -> str:
-    """*text* as it may stand in a line: printable ASCII, and not too long."""
-    return "".join(char if 0x20 <= ord(char) < 0x7F else "?" for char in text)[:_LONGEST_TEXT].strip()
+    """*text* as it may stand in a line: printable ASCII, others by their look-alikes, and not too long."""
+    return "".join(char if 0x20 <= ord(char) < 0x7F else "?" for char in ascii_only(text))[:_LONGEST_TEXT].strip()
