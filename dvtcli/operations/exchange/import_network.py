@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
 from dvtcli.domain.network.found_links import found_links
 from dvtcli.domain.network.heartbeats import watched_ms
-from dvtcli.domain.network.wanted_state import FileWord, NetworkWish
+from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
@@ -23,10 +22,12 @@ from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.network.write_network import write_network
 from dvtcli.files.profile.library import profile_of
-from dvtcli.operations.exchange.export_network import Exported, exported, network_place
+from dvtcli.operations.exchange.export_network import network_place
+from dvtcli.operations.exchange.exported_node import beside, exported_node
+from dvtcli.operations.exchange.exported_pdos import Exported, exported
 from dvtcli.operations.exchange.listed_files import listed_files, nodelist_in
 from dvtcli.operations.nodes.find_nodes import find_nodes
-from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
+from dvtcli.operations.opening.simulated_nodes import read_dictionary
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, write_whole
 
@@ -145,7 +146,7 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
         try:
             node = session.node(node_id)
             held = node.pdos()
-            found = exported(node, held, _memory(node))
+            found = exported_node(session, node, held, path)
         except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
             if session.base.nodes:
                 raise
@@ -153,7 +154,7 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
             continue
         if node.dictionary is None:
             unnamed.append(str(node_id))
-        yield _Found(_as_chosen(session, found, path), held, _memory(node))
+        yield _Found(found, held, _memory(node))
     if unnamed:
         who = f"node {', '.join(unnamed)}"
         notes.append(f"{who}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
@@ -174,21 +175,6 @@ def _ids(session: Session, notes: list[str]) -> Iterator[int]:
             yield row.node
 
 
-def _as_chosen(session: Session, found: Exported, path: Path) -> Exported:
-    """*found*, with the EDS and the profile that somebody chose, so that names are looked up as they were."""
-    eds = session.options.eds
-    dcf = None if eds is None else _beside(file_or_family(eds), path)
-    return replace(found, wish=replace(found.wish, dcf=dcf, profile=session.options.profile))
-
-
-def _beside(eds: Path, path: Path) -> FileWord:
-    """Where *eds* is, seen from the folder of the network file *path*."""
-    try:
-        return FileWord(Path(os.path.relpath(eds, path.parent)).as_posix())
-    except ValueError:  # on another drive
-        return FileWord(eds.absolute().as_posix())
-
-
 def _of_file(one: _Described, path: Path, notes: list[str]) -> _Found:
     held: dict[Pdo, PdoConfig] = {}
     lacked = _lacked(one)
@@ -203,7 +189,7 @@ def _of_file(one: _Described, path: Path, notes: list[str]) -> _Found:
         except SdoAborted:
             continue  # it has neither COB-ID nor mapping: no such PDO
     found = exported(one, held, one.values)
-    return _Found(replace(found, wish=replace(found.wish, dcf=_beside(one.path, path))), held, one.values)
+    return _Found(replace(found, wish=replace(found.wish, dcf=beside(one.path, path))), held, one.values)
 
 
 def _lacked(one: _Described) -> list[Pdo]:

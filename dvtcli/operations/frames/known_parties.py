@@ -63,7 +63,7 @@ class KnownParties:
     def _know_file(self, file: str) -> None:
         from dvtcli.operations.frames.file_layouts import file_layouts
 
-        self.decoder.add(file_layouts(file))
+        self.decoder.add(file_layouts(file, self._session.tell))
         if Path(file).suffix.lower() in _NETWORK:
             from dvtcli.operations.network.described_network import described_network
 

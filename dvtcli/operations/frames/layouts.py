@@ -52,7 +52,7 @@ def live_decoders(
     if dbc is not None:
         from dvtcli.operations.frames.file_layouts import file_layouts
 
-        known.add(file_layouts(dbc))
+        known.add(file_layouts(dbc, session.tell))
     for node_id in () if dbc is not None and not nodes else nodes or _present(session):
         yield node_id, Decoder(known.layouts, names)
         try:

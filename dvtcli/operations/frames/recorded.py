@@ -24,7 +24,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
     if dbc is not None:
         from dvtcli.operations.frames.file_layouts import file_layouts
 
-        return Decoder(file_layouts(dbc))
+        return Decoder(file_layouts(dbc, session.tell))
     if base.eds is not None:
         return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile)
     if base.sim or base.nodes or nodes or session.is_open:

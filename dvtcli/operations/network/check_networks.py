@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
+from dvtcli.operations.network.unknown_names import unknown_names
 from dvtcli.operations.results.checked_files import FileRule
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.operations.wanted.network_wish import read_wish
@@ -87,27 +88,9 @@ def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Netw
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
     notes = tuple(
         (one.mark.line, one.mark.column, one.times, one.text)
-        for one in (*wish.notes, *_unknown(file, wish), *_described(file, wish))
+        for one in (*wish.notes, *unknown_names(file, wish), *_described(file, wish))
     )
     return NetworkReport(file, asked_rules(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
-
-
-def _unknown(file: str, wish: NetworkWish) -> Iterator[FileNote]:
-    """A note for each node whose names nothing says the objects of, at the first of them."""
-    from dvtcli.domain.network.wanted_state import FileNote
-    from dvtcli.operations.meanings.named_objects import is_name
-    from dvtcli.operations.network.described_network import simulated_word
-
-    for node in wish.nodes:
-        words = [word for pdo in node.pdos for word in pdo.mapping or ()]
-        words += [one.object for one in node.values]
-        names = [word for word in words if is_name(word.text)]
-        if names and simulated_word(file, node) is None:
-            text = (
-                f"nothing here says which object {names[0].text!r} of node {node.node_id} is: `plan` needs its `dcf:`, "
-                "its `profile:`, or `eds add` of a file with its identity"
-            )
-            yield FileNote(text, names[0].mark, len(names))
 
 
 def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:

@@ -1,0 +1,146 @@
+"""A node, or a file that describes one, as a node of a network file. Writes nothing to a node."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish, WantedIdentity
+from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.object_syntax import MappedObject, resolve_entry
+from dvtcli.domain.profile import BitPolicy
+from dvtcli.domain.several import several
+from dvtcli.operations.exchange.exported_objects import exported_objects, exported_watches
+from dvtcli.operations.exchange.exported_pins import exported_pins
+
+if TYPE_CHECKING:
+    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.ports import SdoReader
+    from dvtcli.domain.profile import DeviceProfile
+
+
+class Holder(Protocol):
+    """What holds PDOs: a node, or a file that says what one holds."""
+
+    @property
+    def node_id(self) -> int:
+        """Its node-ID."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """What the device is called."""
+        ...
+
+    @property
+    def dictionary(self) -> ObjectDictionary | None:
+        """Its object dictionary."""
+        ...
+
+    @property
+    def profile(self) -> DeviceProfile:
+        """Its family's profile."""
+        ...
+
+    def identity(self) -> dict[str, int | None]:
+        """What 0x1018 says of it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """A node as a network file has it: what its PDOs say, what is remarked of their words, and what is no whole PDO."""
+
+    wish: NodeWish
+    remarks: dict[tuple[int, str], str]
+    left_out: tuple[str, ...]
+
+    @property
+    def left_out_note(self) -> str:
+        """What is to be said of what was left out; empty for nothing."""
+        if not self.left_out:
+            return ""
+        verb = "is no whole PDO" if len(self.left_out) == 1 else "are no whole PDOs"
+        return f"left out: {several(self.left_out)} {verb}, or multiplexed; `pdo` shows what is held"
+
+
+def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *, with_names: bool = True) -> Exported:
+    """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of the rest.
+
+    Without *with_names* objects are numbers, and their names are remarked.
+    """
+    remarks: dict[str, str] = {}
+    wishes = tuple(
+        _pdo(holder, pdo, config, remarks, with_names=with_names) for pdo, config in held.items() if is_whole(config)
+    )
+    objects = sorted(exported_objects(values, holder.dictionary), key=lambda one: (one.index, one.sub_index))
+    wish = NodeWish(
+        _name(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
+        watches=tuple(exported_watches(values)), pins=tuple(exported_pins(values, holder.profile.vpdo)),
+    )  # fmt: skip
+    left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
+    return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
+
+
+def is_whole(config: PdoConfig) -> bool:
+    """Whether a network file can say all of it: it is no MPDO, nothing of it is unknown, and each entry has bits."""
+    has_bits = all(1 <= entry.bits <= MAX_PDO_BITS for entry in config.mapping)
+    return config.mpdo is None and not config.inconsistency and has_bits
+
+
+def _name(holder: Holder) -> str:
+    """The node's name in the file: what its device is called, and its node-ID, so that two of a kind differ."""
+    word = re.sub(r"[^a-z0-9_]", "", normalised(holder.title).replace(".", "_"))
+    return f"{word}_{holder.node_id}" if word and word[0].isalpha() else f"node_{holder.node_id}"
+
+
+def _identity(holder: Holder) -> WantedIdentity:
+    """Which kind of device it is: another one of the same kind may have the file, too."""
+    found = holder.identity()
+    return WantedIdentity(found["vendor"] or None, found["product"] or None)
+
+
+def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str], *, with_names: bool) -> PdoWish:
+    held = config.communication
+    cob_id = held.cob_id
+    named = bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
+    unlike_others = cob_id.rtr_allowed and holder.profile.rtr_bit[pdo.direction] is BitPolicy.SET
+    return PdoWish(
+        pdo,
+        enabled=cob_id.valid,
+        cob_id=cob_id.can_id if named else None,
+        extended=cob_id.extended and named,
+        rtr_allowed=cob_id.rtr_allowed if not cob_id.rtr_allowed or unlike_others else None,
+        transmission_type=held.transmission_type,
+        inhibit_time=held.inhibit_time if pdo.is_tpdo else None,
+        event_timer=held.event_timer,
+        sync_start_value=held.sync_start_value if pdo.is_tpdo else None,
+        mapping=tuple(_entry(holder, entry, remarks, with_names=with_names) for entry in config.mapping),
+    )
+
+
+def _entry(holder: Holder, entry: PdoMappingEntry, remarks: dict[str, str], *, with_names: bool) -> FileWord:
+    """The entry by its object's name where that means it alone, else by its number; the other one is its remark."""
+    name = "" if holder.dictionary is None else holder.dictionary.display_name(entry.index, entry.sub_index)
+    word = "" if entry.is_dummy or not with_names else _named(holder, name, entry)
+    remarks[word or str(entry)] = f"skips {entry.bits} bits" if entry.is_dummy else str(entry) if word else name
+    return FileWord(word or str(entry))
+
+
+def _named(holder: Holder, name: str, entry: PdoMappingEntry) -> str:
+    """The name as one word, where the device's file knows the object by it, with the length that is mapped."""
+    word = normalised(name)
+    if not re.fullmatch(r"[a-z_][a-z0-9_]*", word) or holder.dictionary is None:
+        return ""
+    try:
+        found = resolve_entry(word, holder.dictionary, holder.profile.aliases)
+    except ValueError:
+        return ""  # the name of several objects
+    alone = found == MappedObject(entry.index, entry.sub_index)
+    described = holder.dictionary.entry(entry.index, entry.sub_index)
+    return word if alone and described is not None and described.bits == entry.bits else ""

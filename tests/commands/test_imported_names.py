@@ -1,0 +1,100 @@
+"""What `import` and `export` write is read without the bus: names only where something the file leads to knows them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.files.device_file import read_device_file
+from dvtcli.files.network.read_network import read_network_file
+from dvtcli.operations.network.unknown_names import unknown_names
+from dvtcli.simulator.device.family import Family
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_names
+from tests.commands.bench import Bench
+from tests.commands.bus import device
+from tests.commands.test_eds_library import PRODUCT, VENDOR, live, write
+from tests.small_eds import U8, plain, var
+
+
+@pytest.fixture(autouse=True)
+def _ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def offline() -> Bench:
+    return Bench(())
+
+
+def text(revision: int) -> str:
+    """The EDS of a pump with an object whose name means it alone."""
+    eds = plain()
+    eds.info = {"VendorNumber": VENDOR, "ProductNumber": PRODUCT, "RevisionNumber": revision, "ProductName": "pump"}
+    eds.variable(0x2100, var("Pressure", U8, 0, "ro", 1))
+    held = (VENDOR, PRODUCT, revision, 7)
+    eds.record(
+        0x1018, "Identity", {n: {**eds.objects[0x1018][1][n], "DefaultValue": one} for n, one in enumerate(held, 1)}
+    )
+    return eds.text()
+
+
+def pump(node_id: int) -> StrictDevice:
+    """One of revision 0x00010001, as it is met on a bus."""
+    write("made.eds", text(0x10001))
+    return StrictDevice(read_device_file(Path("made.eds")).dictionary, Family(), node_id)
+
+
+def frame_of(offline: Bench, frame: str) -> str:
+    """How the imported file decodes one *frame*."""
+    write("run.log", f"(0.000000) can0 {frame}\n")
+    ran = offline.run("decode run.log -d net.yaml")
+    assert (ran.code, ran.stderr) == (0, "")
+    return ran.stdout
+
+
+@pytest.mark.parametrize("family", sorted(family_names()))
+def test_no_name_of_a_family_is_unknown_without_the_bus(family: str, offline: Bench) -> None:
+    """Also of a family without a vendor-ID, which nothing but its name tells."""
+    with Bench((), bus=live(device(family, 9))) as bench:
+        for line in ("import net.yaml", "node 9", "export one.yaml", "plan net.yaml --exit-code"):
+            assert bench.run(line).code == 0
+    for file in ("net.yaml", "one.yaml"):
+        assert not list(unknown_names(file, read_network_file(Path(file))))
+        assert "nothing here says" not in offline.run(f"check {file}").stdout
+
+
+def test_a_served_generic_device_is_decoded_by_its_family(offline: Bench) -> None:
+    with Bench((), bus=live(device("generic", 9))) as bench:
+        assert bench.run("import net.yaml").code == 0
+    assert "Statusword" in frame_of(offline, "189#3712")
+    write("run.log", "(0.000000) can0 189#3712\n")
+    assert "Statusword" in offline.run("decode run.log -d net.yaml --csv").stdout.splitlines()[0]
+
+
+@pytest.mark.parametrize(("added", "named"), [((0x10001,), True), ((0x10001, 0x20000), False)])
+def test_objects_are_numbers_where_the_file_would_lead_to_another_revision(
+    added: tuple[int, ...], named: bool, offline: Bench
+) -> None:
+    with Bench((), bus=live(pump(5))) as bench:
+        for revision in added:
+            write(f"r{revision:X}.eds", text(revision))
+            assert bench.run(f"eds add r{revision:X}.eds").code == 0
+        assert bench.run("map 5:tpdo1 2100").code == 0
+        assert bench.run("import net.yaml").code == 0
+        assert bench.run("plan net.yaml --exit-code").code == 0
+    (node,) = read_network_file(Path("net.yaml")).nodes
+    (word,) = node.pdos[0].mapping or ()
+    assert (word.text == "2100:00/8") is not named
+    assert ("# 2100:00/8" in Path("net.yaml").read_text("utf-8")) is named
+    assert "Pressure" in frame_of(offline, "185#07")
+
+
+def test_decode_says_why_a_name_is_unknown(offline: Bench) -> None:
+    write("net.yaml", "pump: {node_id: 5, tpdo: {1: {enabled: true, mapping: [statusword]}}}\n")
+    write("run.log", "(0.000000) can0 185#3712\n")
+    for words in ("decode run.log", "decode --csv run.log", "plot run.log statusword"):
+        said = offline.run(f"{words} -d net.yaml").stderr
+        assert "net.yaml:1:" in said
+        assert "nothing here says which object 'statusword' of node 5 is: its `dcf:`" in said
