@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 from tests.process import ROOT
 
@@ -37,9 +38,11 @@ class Row:
         return f"| {' | '.join(map(str, cells))} | {self.failed}".rstrip()
 
 
-def rooms() -> list[str]:
-    """The folders of tests."""
-    return sorted(path.name for path in (ROOT / "tests").iterdir() if list(path.glob("**/test_*.py")))
+def rooms(within: Path = ROOT / "tests") -> list[str]:
+    """The folders of tests: `device`, and, of a folder that only holds such folders, `commands/lss`."""
+    if next(within.glob("test_*.py"), None):
+        return [within.relative_to(ROOT / "tests").as_posix()]
+    return [room for path in sorted(within.iterdir()) if path.is_dir() for room in rooms(path)]
 
 
 def measured(room: str, options: list[str]) -> Row:

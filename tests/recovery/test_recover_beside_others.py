@@ -15,7 +15,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.commands.test_verify_restarts import Restarting, restarting
+from tests.commands.network.test_verify_restarts import Restarting, restarting
 
 TPDO1 = Pdo.parse("tpdo1")
 

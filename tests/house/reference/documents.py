@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from tests.commands.test_recording_commands import ramp
+from tests.commands.frames.test_recording_commands import ramp
 from tests.console import workplace
 from tests.house.reference.markdown import cell, code, fenced, table
 from tests.house.reference.product import family_eds, split

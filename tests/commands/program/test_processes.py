@@ -112,7 +112,7 @@ def test_usage_errors_are_documents_too() -> None:
         (["-n", "1", "-i", "nosuch", "pdo"], 5),
         (["-n", "1", "-i", "socketcan", "-c", "nosuch0", "pdo"], 5),
         (["--sim", "gen4", "--eds", "nofile.eds", "pdo"], 2),
-        (["--sim", "gen4", "--eds", "tests/commands/help_examples.toml", "pdo"], 4),
+        (["--sim", "gen4", "--eds", "tests/commands/program/help_examples.toml", "pdo"], 4),
         (["--sim", "gen4", "--profile", "nosuch", "pdo"], 2),
         (["--sim", "gen4", "--timeout", "never", "pdo"], 2),
         (["--sim", "gen4", "restore"], 6),

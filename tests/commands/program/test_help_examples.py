@@ -17,7 +17,7 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
-from tests.commands.test_recording_commands import DBC, ramp
+from tests.commands.frames.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples
 from tests.process import ROOT, environment, start
 from tests.small_eds import plain, var

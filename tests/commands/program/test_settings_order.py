@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.settings_bench import Place, place
+from tests.commands.program.settings_bench import Place, place
 from tests.process import documents
 from tests.prompt.conftest import Open, open_terminal
 

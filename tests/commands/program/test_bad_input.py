@@ -103,7 +103,7 @@ WRONG = [
     ("run tests", 2, "Is a directory"),
     ("verify nofile.dcf", 2, "neither a PDO nor a file"),
     ("eds check nofile.eds", 2, "No such file"),
-    ("eds show tests/commands/help_examples.toml", 4, "is not an EDS"),
+    ("eds show tests/commands/program/help_examples.toml", 4, "is not an EDS"),
     ("save nowhere/x.dvt", 2, ""),
     ("nmt sleep", 2, "'start', 'stop'"),
     ("nmt start 128", 2, "1…127"),
@@ -218,7 +218,7 @@ def test_a_pdo_parameter_of_another_length_is_refused_also_without_a_file(descri
 
 def test_a_file_is_no_object() -> None:
     with Bench() as bench:
-        no_eds = "tests/commands/help_examples.toml"
+        no_eds = "tests/commands/program/help_examples.toml"
         for line, file in [(f"eds show {no_eds}", "help_examples.toml:1"), ("run nofile.dvt", "nofile.dvt")]:
             error = bench.run(f"{line} --json").document
             assert (error["object"], error["file"]) == (None, file), line

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.settings_bench import STRANGER, WHY_NOT, Place, place
+from tests.commands.program.settings_bench import STRANGER, WHY_NOT, Place, place
 from tests.process import documents
 
 pytestmark = [

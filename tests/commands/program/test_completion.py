@@ -12,7 +12,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from tests.posix import needs_shell
-from tests.process import documents, dvtcli, environment, run
+from tests.process import ROOT, documents, dvtcli, environment, run
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
 
 
@@ -74,8 +74,7 @@ def program(tmp_path: Path) -> Path:
 
 def shell(program: Path, words: list[str], start: str) -> Terminal:
     folder = program.parent
-    root = str(Path(__file__).resolve().parents[2])
-    variables = {"PATH": f"{folder}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": root, "INPUTRC": "/dev/null"}
+    variables = {"PATH": f"{folder}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT), "INPUTRC": "/dev/null"}
     terminal = Terminal(folder, command=words, environment=variables, columns=100)
     terminal.type(f"{start}\r")
     return terminal
