@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.command_object import is_command
+from dvtcli.domain.named_process_data import is_named_as_process_data
 from dvtcli.domain.object_dictionary import Access, normalised
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Range, within
@@ -36,19 +36,30 @@ class NotWritten(StrEnum):
     SAFETY = "belongs to safety (EN 50325-5)"
     REQUEST = "is a request, which acts at once and keeps nothing"
     COMMAND = "is a command or a target"
+    TAKEN = "is what an enabled RPDO takes: process data"
     OUTPUT = "is an output"
     PRESET = "sets what is measured now"
     PASSCODE = "is part of a login"
     NODE_ID = "is a node-ID or a bit rate: `lss` changes those"
     BEHAVIOUR = "is asked or written by dvtcli for another purpose (the device's profile)"
-    RPDO_MAPPABLE = "is what an RPDO can take: process data"
+    RPDO_MAPPABLE = "is what an RPDO can take: process data, or a setting"
+    MAKERS_RPDO = "is the maker's own, and an RPDO can take it: nobody names it as configuration"
+    NAMED_PROCESS_DATA = "is the maker's own, and a command, a target or a value by its name: a guess"
     NAMED_COMMAND = "is the maker's own, and a command by its name"
     MAKERS = "is the maker's own, and nobody names it as configuration"
 
     @property
     def is_lifted_by_include(self) -> bool:
         """Whether it may be written all the same where somebody names it himself; a command one by one."""
-        return self in (NotWritten.MAKERS, NotWritten.NAMED_COMMAND, NotWritten.RPDO_MAPPABLE)
+        return self in (
+            NotWritten.MAKERS, NotWritten.MAKERS_RPDO, NotWritten.NAMED_COMMAND, NotWritten.NAMED_PROCESS_DATA,
+            NotWritten.RPDO_MAPPABLE,
+        )  # fmt: skip
+
+    @property
+    def may_be_setting(self) -> bool:
+        """Whether it may be configuration all the same, which a comparison counts and a DCF of a node says."""
+        return self.is_lifted_by_include and self is not NotWritten.NAMED_PROCESS_DATA
 
 
 _ERROR_HISTORY, _STAMP, _DEVICE_TYPE = 0x1003, 0x1020, 0x1000
@@ -140,7 +151,7 @@ class Configuration:
     def _never(self, entry: OdEntry) -> NotWritten | None:
         """Why nobody writes it, named or not."""
         if (entry.index, entry.sub_index) in self.taken:
-            return NotWritten.COMMAND
+            return NotWritten.TAKEN
         return _by_standard(entry.index) or self._by_profiles(entry) or _by_access(entry) or self._by_name(entry)
 
     def _by_profiles(self, entry: OdEntry) -> NotWritten | None:
@@ -169,24 +180,30 @@ class Configuration:
         return NotWritten.NODE_ID if _NAMED_NODE_ID.search(name) else None
 
     def _of_maker(self, entry: OdEntry) -> NotWritten | None:
-        if is_command(entry.index, entry) or _is_taken_by_rpdos(entry):
-            return NotWritten.COMMAND
+        is_command = is_named_as_command(normalised(entry.name), self._full_name(entry))
+        if _is_mappable(entry) and (is_command or is_named_as_process_data(self._names(entry))):
+            return NotWritten.NAMED_PROCESS_DATA
+        if _is_taken_by_rpdos(entry):  # a current limit or a gain, too: makers let RPDOs take much
+            return NotWritten.MAKERS_RPDO
         pins = {group.index for group in self.profile.vpdo.values()}
         if entry.index in pins or within(entry.index, self.profile.configuration):
             return None
-        if is_named_as_command(normalised(entry.name), self._full_name(entry)):
+        if is_command:
             return NotWritten.NAMED_COMMAND
         return None if (entry.index, entry.sub_index) in self.named else NotWritten.MAKERS
 
     def _is_included(self, entry: OdEntry, why: NotWritten) -> bool:
-        if why is NotWritten.NAMED_COMMAND:
+        if why in (NotWritten.NAMED_COMMAND, NotWritten.NAMED_PROCESS_DATA):
             return (entry.index, entry.index) in self.included
         return within(entry.index, self.included)
 
     def _full_name(self, entry: OdEntry) -> str:
         """Its own name and the one with its object's, as `normalised`."""
+        return normalised(self._names(entry))
+
+    def _names(self, entry: OdEntry) -> str:
         whole = "" if self.dictionary is None else self.dictionary.display_name(entry.index, entry.sub_index)
-        return normalised(f"{entry.name} {whole}")
+        return f"{entry.name} {whole}"
 
 
 _ONE_BY_ONE = {
@@ -244,3 +261,8 @@ def _is_taken_by_rpdos(entry: OdEntry) -> bool:
     if entry.access is Access.RWW:
         return entry.pdo_mapping is not False
     return bool(entry.pdo_mapping) and entry.access in (Access.RW, Access.WO)
+
+
+def _is_mappable(entry: OdEntry) -> bool:
+    """Whether an RPDO can take it, or a TPDO send it."""
+    return bool(entry.pdo_mapping) or _is_taken_by_rpdos(entry)

@@ -44,8 +44,7 @@ NEVER = [
     (entry(0x1017, access="wo"), Why.WRITE_ONLY), (entry(0x1017, object_flags=1), Why.FLAGGED),
     (entry(0x1A00, 1, "ro"), Why.READ_ONLY), (entry(0x1A00, 1, object_flags=1), Why.FLAGGED),
     (entry(0x5000, 1), Why.PASSCODE), (entry(0x5000, 2), Why.PASSCODE), (entry(0x5000, 3), Why.PASSCODE),
-    (entry(0x2810), Why.BEHAVIOUR), (entry(0x2000, mapped=True), Why.COMMAND),
-    (entry(0x2000, access="rww"), Why.COMMAND),
+    (entry(0x2810), Why.BEHAVIOUR),
 ]  # fmt: skip
 
 
@@ -86,11 +85,48 @@ def test_an_object_of_the_maker_is_written_where_somebody_names_it() -> None:
     assert Configuration(LOCKED).why_not(entry(0x3000, 1)) is None  # a virtual PDO's pin
 
 
+@pytest.mark.parametrize("one", [entry(0x2000, mapped=True), entry(0x2000, access="rww")], ids=["mapped", "rww"])
+def test_what_an_rpdo_can_take_of_the_maker_may_be_a_setting(one: OdEntry) -> None:
+    for known in (Configuration(LOCKED), Configuration(LOCKED, named={(0x2000, 0)})):
+        assert known.why_not(one) is Why.MAKERS_RPDO
+    assert Why.MAKERS_RPDO.may_be_setting
+    assert Configuration(LOCKED, included=EVERYTHING).why_not(one) is None
+    assert Configuration(LOCKED, included=EVERYTHING, taken={(0x2000, 0)}).why_not(one) is Why.TAKEN
+
+
+PROCESS_DATA = [
+    "Torque set-point", "StatusWord left", "Velocity actual value", "Key switch", "Steer switch inner left",
+    "Pump switch 7", "Command argument", "TargetVelocity", "Physical outputs", "Output 3", "Analog output B",
+    "Throttle input voltage", "Received PV1", "Drehzahlsollwert", "Jog", "Factory reset",
+]  # fmt: skip
+SETTINGS = [
+    "Nominal current", "Output current limit", "Current controller P gain", "Maximum speed in forward direction",
+    "Velocity loop max. output", "Home position", "Target reached window", "Output limit", "Measured value filter",
+    "Limit switch polarity", "Digital output function", "Command timeout", "Switch debounce time", "Sollwertbegrenzung",
+    "Variable 7", "",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "is_process_data"), [*((name, True) for name in PROCESS_DATA), *((name, False) for name in SETTINGS)]
+)
+def test_what_a_pdo_can_carry_of_the_maker_is_process_data_by_its_name(name: str, is_process_data: bool) -> None:
+    for access in (Access.RWW, Access.RWR, Access.RW):
+        one = OdEntry(0x2000, 0, name, U32, access, pdo_mapping=True)
+        whole, alone = ((first, 0x2000) for first in (0x1000, 0x2000))
+        assert (Configuration(GENERIC).why_not(one) is Why.NAMED_PROCESS_DATA) is is_process_data
+        assert (Configuration(GENERIC, included=[whole]).why_not(one) is None) is not is_process_data
+        assert Configuration(GENERIC, included=[alone]).why_not(one) is None
+    assert not Why.NAMED_PROCESS_DATA.may_be_setting
+    unmapped = OdEntry(0x2000, 0, name, U32, Access.RW, pdo_mapping=False)
+    assert Configuration(GENERIC).why_not(unmapped) in (Why.MAKERS, Why.NAMED_COMMAND)
+
+
 def test_what_an_rpdo_can_take_is_written_only_where_somebody_names_it() -> None:
     taken = entry(0x6083, mapped=True)
     assert Configuration(GENERIC).why_not(taken) is Why.RPDO_MAPPABLE
     assert Configuration(GENERIC, included=((0x6083, 0x6083),)).why_not(taken) is None
-    assert Configuration(GENERIC, included=EVERYTHING, taken={(0x6083, 0)}).why_not(taken) is Why.COMMAND
+    assert Configuration(GENERIC, included=EVERYTHING, taken={(0x6083, 0)}).why_not(taken) is Why.TAKEN
 
 
 @pytest.mark.parametrize(

@@ -27,10 +27,10 @@ def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> Netwo
     """Write to the selected node what FILE (a DCF, an XDC or a backup's .jsonl) says that another one held.
 
     Shows what is to be written and asks. Another product is refused (6), another revision asked about. As apply, and
-    with the maker's own objects that the file has a value for and that no PDO can map. A node-ID, commands, outputs and
-    passcodes are never written, what is a command by its name only where --include names that object; what is left out
-    is listed with why. A setting that differs and is not written ends it with 3: the node is no clone then. With a
-    fault the node is as it was.
+    with the maker's own objects that the file has a value for and that no PDO can map; --include names those that one
+    could. A node-ID, commands, outputs and passcodes are never written, what is a command by its name only where
+    --include names that object; what is left out is listed with why. A setting that differs and is not written ends it
+    with 3: the node is no clone then. With a fault the node is as it was.
 
     \b
     clone press.dcf --yes

@@ -13,7 +13,7 @@ from dvtcli.operations.results.documents import CASES, Answer, Document, hex_byt
 class ObjectDifference:
     """One *object* with its *name*: what it held *before*, by the first side, and *after*, by the second one.
 
-    None where a side does not know; *why* says why then.
+    None where a side does not know; *why* says why then, or why it is no setting.
     """
 
     object: str

@@ -140,7 +140,7 @@ def entry_of(dictionary: ObjectDictionary | None, place: ObjectAddress) -> OdEnt
 
 def is_setting(why: NotWritten | None) -> bool:
     """Whether an object that is not written for this reason (None: it is) is configured all the same, by somebody."""
-    return why is None or why.is_lifted_by_include or why in (NotWritten.FLAGGED, NotWritten.SAFETY)
+    return why is None or why.may_be_setting or why in (NotWritten.FLAGGED, NotWritten.SAFETY)
 
 
 def kind_of(known: Configuration, entry: OdEntry) -> Kind:
@@ -170,7 +170,8 @@ def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all
         count += kind is Kind.SETTING
         if not same_value(entry.data_type, wanted, held.data):
             name = _name(place, second.dictionary, first.dictionary)
-            found[kind].append(ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, held.why))
+            why = _why_apart(place, second, entry) if kind is Kind.APART and held.data is not None else held.why
+            found[kind].append(ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, why))
     if not count:
         raise _nothing_compared(first, second)
     return WholeCompared(
@@ -178,6 +179,11 @@ def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all
         tuple(found[Kind.APART]), _unsaid(first, second, node), _unlike(first, second),
         unread=tuple(unread), shows_all=shows_all,
     )  # fmt: skip
+
+
+def _why_apart(place: ObjectAddress, second: _Second, entry: OdEntry) -> str:
+    """Why the object at *place* is no setting, in words that follow its name."""
+    return "changes by itself" if place in second.changing else str(second.known.why_not(entry) or "")
 
 
 def _nothing_compared(first: HeldDevice, second: _Second) -> UsageError:

@@ -50,7 +50,7 @@ def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice
 def is_exported(one: ReadObject, known: Configuration) -> bool:
     """Whether a DCF says what the object holds: configuration, the maker's too, or what its file has a value for."""
     why = known.why_not(one.entry)
-    return why is None or why.is_lifted_by_include or one.entry.value is not None
+    return why is None or why.may_be_setting or one.entry.value is not None
 
 
 def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfText, Path]:

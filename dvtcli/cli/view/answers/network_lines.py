@@ -93,7 +93,7 @@ def _aside(plan: NetworkPlan) -> Iterator[Line]:
     """That the file says more than what is written of it."""
     if count := sum(len(_not_written(node)) for node in plan.nodes):
         more = "1 more is" if count == 1 else f"{count} more are"
-        yield [Cell("  ! ", "yellow"), Cell(f"{more} not written, and may differ: dvtcli compare {plan.file}")]
+        yield [Cell("  ! ", "yellow"), Cell(f"{more} not written, and may differ: dvtcli compare {plan.file} --all")]
 
 
 def _not_written(node: NodePlan) -> list[str]:
@@ -207,7 +207,7 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
     by_why: dict[str, list[str]] = {}
     for one in node.left_out:
         if not one.remains:
-            by_why.setdefault(one.why, []).append(one.object)
+            by_why.setdefault(one.why, []).append(f"{one.object}{_values(node, one)}")
     silent = by_why.pop(NotWritten.READ_ONLY, [])
     for why, places in by_why.items():
         yield [Cell("  ! ", "yellow"), Cell(f"not written: {several(places)} {why}")]
@@ -217,12 +217,16 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
 
 def _otherwise(node: NodePlan, one: LeftOut) -> Line:
     """A setting in which the node differs from the file, and why it stays so."""
-    values = ""
-    if one.held is not None and one.said is not None:
-        index, sub_index = (int(part, 16) for part in one.object.split(":"))
-        step, known = Step(index, sub_index, one.held, one.said, ""), node.understood.get(one.object)
-        values = f" (holds {step_text(step, one.held, known)}, the file says {step_text(step, one.said, known)})"
-    return [Cell("  ! ", "yellow"), Cell(f"differs, not written: {one.object}{values} {one.why}")]
+    return [Cell("  ! ", "yellow"), Cell(f"differs, not written: {one.object}{_values(node, one)} {one.why}")]
+
+
+def _values(node: NodePlan, one: LeftOut) -> str:
+    """What the node holds of an object and what the file says, where both are known."""
+    if one.held is None or one.said is None:
+        return ""
+    index, sub_index = (int(part, 16) for part in one.object.split(":"))
+    step, known = Step(index, sub_index, one.held, one.said, ""), node.understood.get(one.object)
+    return f" (holds {step_text(step, one.held, known)}, the file says {step_text(step, one.said, known)})"
 
 
 def _object(node: NodePlan, step: Step) -> Line:

@@ -33,6 +33,7 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
         if found and result.shows_all:
             yield [Cell(f"{label}:", "dim")]
             yield from _rows(result, found, width)
+            yield from _reasons(found)
         elif found:
             verb = "is no setting" if len(found) == 1 else "are no settings"
             yield f"{label:<11} {several(one.object for one in found)} {verb}: not counted; --all shows them"
@@ -42,6 +43,16 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
     if result.unsaid:
         silent = "one of them" if result.node is None else result.first
         yield f"            {silent} says nothing of {plural(result.unsaid, 'more setting')}: not compared"
+
+
+def _reasons(found: Iterable[ObjectDifference]) -> Iterator[Line]:
+    """Why they are no settings, where that is known: some of it is a guess."""
+    by_why: dict[str, list[str]] = {}
+    for one in found:
+        if one.why and one.after is not None:
+            by_why.setdefault(one.why, []).append(one.object)
+    for why, places in by_why.items():
+        yield [Cell(f"            {several(places)} {why}", "dim")]
 
 
 def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) -> Iterable[Line]:
