@@ -32,7 +32,7 @@ NO_SETTING = frozenset(
 LIFTED = frozenset(one for one in NotWritten if one.is_lifted_by_include)
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(st.data())
 def test_what_a_node_holds_otherwise_is_a_difference_or_named(data: st.DataObject) -> None:
     family = data.draw(st.sampled_from(FAMILIES))
