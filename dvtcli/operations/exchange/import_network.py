@@ -114,14 +114,25 @@ def _written(path: Path, file: str, title: str, found: list[_Found], notes: list
     write_whole(path, write_network(NetworkWish(wishes, links.links), title, remarks))
     pdos = sum(len(wish.pdos) for wish in wishes)
     counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
-    said = [f"{file}: {counts}. Check it: dvtcli check {shlex.quote(file)}", *(f"note: {note}" for note in notes)]
+    errors = _errors(file)
+    judged = f"{plural(errors, 'error')} by `check`, to be mended first" if errors else "Check it"
+    said = [f"{file}: {counts}. {judged}: dvtcli check {shlex.quote(file)}", *(f"note: {note}" for note in notes)]
     rows = (
         ("file", file),
         ("nodes", [_row(one) for _, one in sorted(nodes.items())]),
         ("links", len(links.links)),
+        ("errors", errors),
         ("notes", notes),
     )
     return Facts("import", rows, tuple(said))
+
+
+def _errors(file: str) -> int:
+    """How many errors `check` finds in the file that was written: of what devices hold not all can be written again."""
+    from dvtcli.operations.network.check_networks import CheckWishes, check_networks
+
+    (report,) = check_networks((file,), CheckWishes(as_findings=True)).reports
+    return report.count()["error"]
 
 
 def _row(one: _Found) -> dict[str, object]:

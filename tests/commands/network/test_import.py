@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -155,3 +156,23 @@ def test_a_network_without_nodes_is_no_answer(tmp_path: Path) -> None:
     with Bench((), {"interface": "virtual", "channel": "nobody", "timeout": 0.05}) as bench:
         assert bench.run(f"import {tmp_path / 'net.yaml'}").code == 5
         assert not (tmp_path / "net.yaml").exists()
+
+
+def test_what_check_finds_in_the_new_file_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("eds").mkdir()
+    eds = PACKAGE / "families" / "generic" / "generic.eds"
+    text = eds.read_text("utf-8")
+    enabled = re.sub(r"(?i)=\$NODEID\s*\+\s*0x(40000)?180\b", "=0x181", text)
+    assert enabled != text
+    for node_id in (1, 2):
+        Path(f"eds/{node_id}.eds").write_text(enabled, "utf-8")
+    with Bench(()) as bench:
+        ran = bench.run("import net.yaml eds")
+        checked = bench.run("check net.yaml --json")
+        errors = checked.document["files"][0]["count"]["error"]
+        assert (ran.code, checked.code, errors > 0) == (0, 4, True), ran
+        assert f"{errors} error{'s' * (errors > 1)} by `check`, to be mended first: dvtcli check net.yaml" in ran.stdout
+        assert bench.run("import net.yaml eds --json --yes").document["errors"] == errors
+    with Bench(("gen4@1",)) as bench:
+        assert "Check it: dvtcli check live.yaml" in bench.run("import live.yaml").stdout
