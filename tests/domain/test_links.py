@@ -86,6 +86,8 @@ def test_what_is_not_clear_is_refused(sent: str, heard: str, rule: str) -> None:
     found = link(sent, heard)
     assert [one.rule for one in found.findings] == [rule]
     assert found.mapping == ()
+    if rule in ("link-length", "link-place"):
+        assert "in the network file" in str(found.findings[0].hint), "whoever wrote a file types no command"
 
 
 def test_a_node_does_not_hear_itself() -> None:

@@ -205,13 +205,14 @@ def _no_place(producer: LinkSide, consumer: LinkSide, objects: list[PdoMappingEn
     layout = several(f"{entry.object}/{entry.bits}" for entry in producer.config.mapping)
     what = f"{consumer.name(odd)}, {odd.bits} bits," if odd else f"not all {len(objects)} objects of {consumer}"
     verb = "has no place" if odd else "have a place"
-    hint = f"map {consumer} OBJECT… --off with objects of these lengths"
+    hint = f"give {consumer} objects of these lengths: map {consumer} OBJECT… --off, or mapping in the network file"
     return error("link-length", str(consumer), f"{what} {verb} in {producer}, which sends {layout}", hint=hint)
 
 
 def _ambiguous(producer: LinkSide, consumer: LinkSide, heard: PdoMappingEntry, sent: list[PdoMappingEntry]) -> Finding:
     text = f"{consumer.name(heard)} of {consumer} could hear {producer.name(sent[0])} or {producer.name(sent[1])}"
-    hint = f"say where it is: map {consumer} dummy/BITS {heard.object} --off, all {producer.config.bits} bits of it"
+    where = f"map {consumer} dummy/BITS {heard.object} --off, or mapping: [dummy/BITS, …] in the network file"
+    hint = f"say where it is: {where}, all {producer.config.bits} bits of it"
     return error("link-place", str(consumer), text, hint=hint)
 
 

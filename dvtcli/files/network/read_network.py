@@ -63,7 +63,7 @@ def _network(root: Branch, log: FileLog) -> NetworkWish:
     node_ids = _node_ids(named, master, log)
     around = Surroundings(node_ids, master, multiplier)
     nodes = tuple(_read_all(named, around, log))
-    if not named:
+    if not named and log.is_silent:
         log.complain(root.mark, "no node is in this file")
     links = tuple(read_links(found["links"], node_ids, log)) if "links" in found else ()
     return NetworkWish(tuple(sorted(nodes, key=lambda node: node.node_id)), links, master, said, log.notes())
@@ -102,7 +102,11 @@ def _top_level(leaf: Leaf, value: Tree, nodes: Named, log: FileLog, *, only_node
 def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:
     if not isinstance(value, Branch):
         log.complain(value.mark, f"keys and values of node {leaf.text[:40]} belong here, not {leaves.shown(value)}")
-    elif leaf.text.isdecimal() or not leaf.text.strip() or ":" in leaf.text:
+    elif leaf.text.isdecimal():
+        log.complain(
+            leaf.mark, f"{leaf.text[:40]!r} is no name: call the node by a word, and give it node_id: {leaf.text[:40]}"
+        )
+    elif not leaf.text.strip() or ":" in leaf.text:
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is no name: a node is called by a word without a colon")
     elif leaf.text in nodes:
         log.complain(leaf.mark, f"node {leaf.text[:40]} stands twice (first at line {nodes[leaf.text][0].mark.line})")

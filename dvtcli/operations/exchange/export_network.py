@@ -25,9 +25,12 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     """Write every PDO of the node with *node_id* (None: the selected one), as it is now, to the network file *file*.
 
     Asks before it overwrites. What is no whole PDO, or an MPDO, is left out and said. UsageError for another suffix,
-    or where the file cannot be written.
+    where no node is selected, or the file cannot be written.
     """
     path = network_place(file, "export {}/NAME.yaml")
+    if node_id is None and session.selected_id() is None:
+        hint = f"-n ID names it, or `node ID`; `import {shlex.quote(file)}` writes all nodes of the network"
+        raise UsageError("export writes one node to a network file, and none is selected", hint=hint)
     node = session.node(node_id)
     found = exported_node(session, node, node.pdos(), path)
     ask_before_overwriting(session, path)

@@ -11,6 +11,7 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.files.network.read_network import read_network_file
 from dvtcli.operations.meanings.named_objects import entry_at
 from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
 
 
 def exported(bench: Bench, file: Path) -> NodeWish:
@@ -79,3 +80,11 @@ def test_with_several_nodes_it_says_which_one_it_wrote(tmp_path: Path) -> None:
     with Bench(("gen4@1", "tmcm@5")) as bench:
         ran = bench.run(f"export {tmp_path / 'a.yaml'}")
     assert "This is node 1 only: -n 5 exports another, `import FILE.yaml` all nodes." in ran.stdout
+
+
+def test_where_no_node_is_selected_import_is_named(tmp_path: Path) -> None:
+    with Wire(device("generic")) as wire, Bench((), {**wire.options, "node": None}) as bench:
+        ran = bench.run(f"export {tmp_path / 'all.yaml'}")
+        assert (ran.code, "none is selected" in ran.stderr) == (2, True)
+        assert "import" in ran.stderr
+        assert bench.run("node 1").code == bench.run(f"export {tmp_path / 'all.yaml'}").code == 0

@@ -74,6 +74,17 @@ def test_a_saved_plan_is_applied_once_and_refused_where_it_is_stale(bench: Bench
     assert bench.run(f"diff {file}").code == 0
 
 
+def test_a_pdo_that_gets_a_mapping_and_stays_off_is_said_to(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "off.yaml"
+    path.write_text("n: {node_id: 1, tpdo: {1: {mapping: [6041]}, 4: {mapping: [6041]}}}\n")
+    assert bench.run("set tpdo1 --off").code == bench.run("enable tpdo4").code == 0
+    shown = bench.run(f"plan {path}").stdout.splitlines()
+    assert [line for line in shown if "TPDO" in line] == ["  ~ TPDO4"]
+    path.write_text("n: {node_id: 1, tpdo: {1: {mapping: [606C]}, 4: {mapping: [606C]}}}\n")
+    shown = bench.run(f"plan {path}").stdout.splitlines()
+    assert [line for line in shown if "TPDO" in line] == ["  ~ TPDO1  stays off", "  ~ TPDO4"]
+
+
 BESIDE = """nodes:
   first: {node_id: 5, tpdo: {1: {cob_id: 0x1A0}}}
   second: {node_id: 6, heartbeat_producer: 700, tpdo: {1: {transmission: 255}}}

@@ -246,7 +246,8 @@ def _pdo(node: NodePlan, change: PdoChange, width: int) -> Iterator[Line]:
             Cell(f"{change.label}  enabled on the node, not in the file: goes off (prune)"),
         ]
         return
-    yield [Cell(f"  {sign} ", style), Cell(change.label)]
+    stays_off = not change.before.enabled and not change.after.enabled
+    yield [Cell(f"  {sign} ", style), Cell(change.label), Cell("  stays off" if stays_off else "", "dim")]
     table = Table(indent=6, shrink=3)
     for key, was, will in differing(change):
         if key == "map":
