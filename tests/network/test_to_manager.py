@@ -138,3 +138,14 @@ def test_a_program_does_the_same() -> None:
         bus.apply("net.yaml", to_manager=10, yes=True)
         assert bus.plan("net.yaml", to_manager=10)
         assert bus.node(10).read((0x1F22, 5)).raw == concise_dcf("net.yaml", 5).data
+
+
+def test_a_node_that_only_its_device_tells_is_known_as_plan_knows_it() -> None:
+    Path("net.yaml").write_text("drive: {node_id: 4, tpdo: {1: {enabled: true, mapping: [statusword]}}}\n", "utf-8")
+    with Bench((manager(), "generic@4"), {"yes": True}) as bench:
+        ran = bench.run("apply net.yaml --to-manager 10")
+        assert (ran.code, "left out" in ran.stderr) == (0, False), ran.stderr
+        assert any((one.index, one.data) == (0x1A00, bytes([1])) for one in concise_entries(held(bench, 0x1F22, 4)))
+    with Bench((manager(),), {"yes": True}) as bench:
+        ran = bench.run("apply net.yaml --to-manager 10")
+        assert (ran.code, "is left out: no EDS is known of it" in ran.stderr) == (2, True)

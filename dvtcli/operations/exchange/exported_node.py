@@ -12,7 +12,7 @@ from dvtcli.domain.network.wanted_state import FileWord
 from dvtcli.operations.exchange.exported_pdos import Exported, exported
 from dvtcli.operations.network.described_network import simulated_word
 from dvtcli.operations.opening.simulated_nodes import SIMULATED, file_or_family
-from dvtcli.simulator.network.family_file import family_eds, family_names
+from dvtcli.simulator.network.family_file import family_eds, family_names, family_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -30,7 +30,7 @@ def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], p
     told = session.network.files.choice(node.node_id)
     if told is None or _leads_to(path, found, told.path):
         return found
-    family = next((name for name in family_names() if family_eds(name) == told.path), None)
+    family = family_of(told.path)
     if family is not None or told.why == SIMULATED:
         named = _named(found, FileWord(family) if family else beside(told.path, path), session.options.profile)
         if _leads_to(path, named, told.path):

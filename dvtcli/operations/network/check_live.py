@@ -5,7 +5,7 @@ Judges nothing itself: the rules are in `domain/network/check`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -28,10 +28,13 @@ from dvtcli.operations.network.check_networks import (
     findings_of,
 )
 from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
+from dvtcli.operations.network.words_on_bus import words_on_bus
 from dvtcli.operations.results.checked_networks import NetworkReport, NetworksChecked
+from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.heard_traffic import HeardTraffic
+    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.operations.session.session import Session
 
 #: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
@@ -41,22 +44,59 @@ _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
 
 def check_all(session: Session, files: Sequence[str], wishes: CheckWishes) -> NetworksChecked:
-    """Look at each of *files*, at the nodes on the bus, and hold the files against those."""
-    of_files = check_networks(files, wishes).reports if files else ()
-    return NetworksChecked((*of_files, *check_live(session, wishes, files).reports))
+    """Look at each of *files*, at the nodes on the bus, and hold the files against those.
+
+    One judge for both: the bus's bit rate counts for the files, too, and nodes that these lead to no EDS for are
+    described as on the bus. What is found in a file is not said of the bus a second time.
+    """
+    if not files:
+        return check_live(session, wishes)
+    refuse_without_bus(session)
+    wishes = replace(wishes, bit_rate=_bit_rate(session, wishes))
+    on_bus = {file: words_on_bus(session, file, wish) for file in files if (wish := _read(file)) is not None}
+    of_files = check_networks(files, wishes, on_bus).reports
+    of_bus, *against = check_live(session, wishes, files, on_bus).reports
+    return NetworksChecked((*of_files, _not_said(of_bus, of_files), *against))
 
 
-def check_live(session: Session, wishes: CheckWishes | None = None, files: Sequence[str] = ()) -> NetworksChecked:
+def _read(file: str) -> NetworkWish | None:
+    try:
+        return read_wish(file)
+    except (InputFileError, UsageError):
+        return None  # its own report says so
+
+
+def _bit_rate(session: Session, wishes: CheckWishes) -> int:
+    return wishes.bit_rate or session.wire.bitrate or session.options.bitrate or USUAL_BIT_RATE
+
+
+def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> NetworkReport:
+    """*of_bus* without what *of_files* say in the same words, and with how many that are."""
+    said = {(one.rule, one.text) for report in of_files for one in report.findings}
+    new = tuple(one for one in of_bus.findings if (one.rule, one.text) not in said)
+    return replace(of_bus, findings=new, said=len(of_bus.findings) - len(new))
+
+
+def check_live(
+    session: Session,
+    wishes: CheckWishes | None = None,
+    files: Sequence[str] = (),
+    on_bus: Mapping[str, Mapping[int, str]] | None = None,
+) -> NetworksChecked:
     """Look at the nodes on the bus as they are, those known and those heard; and hold *files* against them.
 
     A report of the bus, and one a file: whether its nodes are there and are the devices that it says, and whether a
-    manager there expects or downloads something else. A file that cannot be read is left out. UsageError without a bus,
-    or for a rule that there is not; NoAnswer where no node tells what it holds.
+    manager there expects or downloads something else. A file that cannot be read is left out; *on_bus* has for each
+    what describes nodes besides. UsageError without a bus, or for a rule that there is not; NoAnswer where no node
+    tells what it holds.
     """
     wishes = wishes or CheckWishes()
     rules = chosen_rules(wishes)
     refuse_without_bus(session)
-    networks = {file: state for file in dict.fromkeys(files) if (state := _described(file)) is not None}
+    told = on_bus or {}
+    networks = {
+        file: state for file in dict.fromkeys(files) if (state := _described(file, told.get(file, {}))) is not None
+    }
     traffic = heard_traffic(session, _seconds(session, wishes))
     ids = {node.node_id for network in networks.values() for node in network.nodes}
     live, bus = live_state(session, traffic, ids), session.wire
@@ -66,7 +106,7 @@ def check_live(session: Session, wishes: CheckWishes | None = None, files: Seque
             f"no node answers on {bus.name}: nothing was checked", why=f"{plural(frames, 'frame')} heard",
             hint="is it the right bus, and are its nodes on? `scan` asks every node-ID; `bitrate` listens",
         )  # fmt: skip
-    bit_rate = wishes.bit_rate or bus.bitrate or session.options.bitrate or USUAL_BIT_RATE
+    bit_rate = _bit_rate(session, wishes)
     of_bus = NetworkReport(
         bus.name,
         asked_rules(rules),
@@ -90,18 +130,18 @@ def _heard(traffic: HeardTraffic | None) -> tuple[float, int] | None:
     return None if traffic is None else (traffic.seconds, traffic.frames)
 
 
-def _described(file: str) -> NetworkState | None:
+def _described(file: str, on_bus: Mapping[int, str]) -> NetworkState | None:
     """What *file* makes, without its links where those cannot be made; None where it makes nothing."""
     from dvtcli.operations.network.described_network import described_network
 
     try:
-        return described_network(file, for_rules=True)
+        return described_network(file, for_rules=True, on_bus=on_bus)
     except (RuleError, UsageError):
         pass
     except InputFileError:
         return None
     try:
-        return described_network(file, for_rules=True, with_links=False)
+        return described_network(file, for_rules=True, with_links=False, on_bus=on_bus)
     except DvtcliError:
         return None
 

@@ -5,7 +5,7 @@ Judges nothing itself: the rules are in `domain/network/check`, and those of `ma
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
@@ -49,8 +49,10 @@ class CheckWishes:
     for_s: float | None = None
 
 
-def check_networks(files: Sequence[str], wishes: CheckWishes | None = None) -> NetworksChecked:
-    """Look at each of *files*: what the rules found.
+def check_networks(
+    files: Sequence[str], wishes: CheckWishes | None = None, on_bus: Mapping[str, Mapping[int, str]] | None = None
+) -> NetworksChecked:
+    """Look at each of *files*: what the rules found; *on_bus* has for each what describes nodes besides, by node-ID.
 
     What cannot be read is a finding where several files are looked at, so that the others are, too; of one file it is
     InputFileError with all that is wrong in it, or UsageError where it is not there. UsageError for a rule that there
@@ -59,7 +61,8 @@ def check_networks(files: Sequence[str], wishes: CheckWishes | None = None) -> N
     wishes = wishes or CheckWishes()
     rules, names = chosen_rules(wishes), tuple(dict.fromkeys(files))
     report = _report if len(names) == 1 and not wishes.as_findings else _report_anyway
-    return NetworksChecked(tuple(report(file, wishes, rules) for file in names))
+    told = on_bus or {}
+    return NetworksChecked(tuple(report(file, wishes, rules, told.get(file, {})) for file in names))
 
 
 def chosen_rules(wishes: CheckWishes) -> tuple[LintRule, ...]:
@@ -81,14 +84,14 @@ def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
-def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> NetworkReport:
+def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]) -> NetworkReport:
     """What there is to say of *file*; InputFileError or UsageError where it cannot be read."""
     wish = read_wish(file)
-    findings = tuple(_judged(file, wish, wishes, rules))
+    findings = tuple(_judged(file, wish, wishes, rules, on_bus))
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
     notes = tuple(
         (one.mark.line, one.mark.column, one.times, one.text)
-        for one in (*wish.notes, *unknown_names(file, wish), *_described(file, wish))
+        for one in (*wish.notes, *unknown_names(file, wish, on_bus), *_described(file, wish))
     )
     return NetworkReport(file, asked_rules(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
 
@@ -104,10 +107,12 @@ def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
             yield FileNote(f"node {node.node_id}: {remark}", node.mark)
 
 
-def _report_anyway(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> NetworkReport:
+def _report_anyway(
+    file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]
+) -> NetworkReport:
     """The same, with findings of what cannot be read."""
     try:
-        return _report(file, wishes, rules)
+        return _report(file, wishes, rules, on_bus)
     except (InputFileError, UsageError) as failed:
         found = tuple(_unreadable(failed, file))
         asked = tuple(dict.fromkeys((FILE_RULES[0], *rules)))
@@ -124,7 +129,9 @@ def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
         yield NetworkFinding(one.line, "error", name, "", one.text, one.column, end, complaint=one)
 
 
-def _judged(file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Iterator[NetworkFinding]:
+def _judged(
+    file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]
+) -> Iterator[NetworkFinding]:
     """What the rules say of the network that *file* makes; where that cannot be made, why, and of it without links."""
     from dvtcli.domain.network.check.checked_network import CheckedNetwork
     from dvtcli.operations.network.described_network import described_network
@@ -132,12 +139,12 @@ def _judged(file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[Lint
     bit_rate = wishes.bit_rate or USUAL_BIT_RATE
     names = {rule.name for rule in rules}
     try:
-        yield from findings_of(CheckedNetwork(described_network(file, for_rules=True), bit_rate), rules)
+        yield from findings_of(CheckedNetwork(described_network(file, for_rules=True, on_bus=on_bus), bit_rate), rules)
     except (RuleError, UsageError) as refused:
         if FILE_RULES[1].name in names:
             yield from _refused(wish, refused)
         try:
-            state = described_network(file, for_rules=True, with_links=False)
+            state = described_network(file, for_rules=True, with_links=False, on_bus=on_bus)
         except (RuleError, UsageError):
             return
         yield from findings_of(CheckedNetwork(state, bit_rate), rules)

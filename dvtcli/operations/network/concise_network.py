@@ -5,6 +5,7 @@ Writes nothing to a node.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from dvtcli.domain.network.wanted_state import WantedIdentity
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.operations.network.described_network import simulated_word
+from dvtcli.operations.network.described_network import simulated_word, words_of
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
@@ -75,13 +76,18 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Teller | None = 
     return next(one for one in _concise(file, read, tell).nodes if one.node_id == chosen.node_id)
 
 
-def concise_dcfs(file: str, tell: Teller | None = None) -> ConciseNetwork:
-    """The concise DCF of every node of the network *file* that something describes. Raises as `concise_dcf`."""
-    return _concise(file, read_wish(file), tell)
+def concise_dcfs(file: str, tell: Teller | None = None, on_bus: Mapping[int, str] | None = None) -> ConciseNetwork:
+    """The concise DCF of every node of the network *file* that something describes, also what *on_bus* has for it.
+
+    Raises as `concise_dcf`.
+    """
+    return _concise(file, read_wish(file), tell, on_bus)
 
 
-def _concise(file: str, read: NetworkWish, tell: Teller | None) -> ConciseNetwork:
-    words = {one.node_id: word for one in read.nodes if (word := simulated_word(file, one))}
+def _concise(
+    file: str, read: NetworkWish, tell: Teller | None, on_bus: Mapping[int, str] | None = None
+) -> ConciseNetwork:
+    words = words_of(file, read, on_bus)
     wish = read.of(words.keys())
     anyone = replace(wish, nodes=tuple(replace(one, identity=WantedIdentity()) for one in wish.nodes))
     options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()))

@@ -39,16 +39,22 @@ if TYPE_CHECKING:
 
 
 def described_network(
-    file: str, tell: Teller | None = None, *, for_rules: bool = False, with_links: bool = True
+    file: str,
+    tell: Teller | None = None,
+    *,
+    for_rules: bool = False,
+    with_links: bool = True,
+    on_bus: Mapping[int, str] | None = None,
 ) -> NetworkState:
     """What the nodes of the network *file* hold once it is applied to devices that are as new.
 
     A node is what its `dcf` describes, else its `profile`'s family, else the family or the file of `eds add` that its
-    identity is of. Of one that is none of these only what the file says is known. InputFileError with all that the file
-    cannot mean, RuleError where what it wants cannot be made. Without *with_links* its links are left out.
+    identity is of, else what *on_bus* has for its node-ID. Of one that is none of these only what the file says is
+    known. InputFileError with all that the file cannot mean, RuleError where what it wants cannot be made. Without
+    *with_links* its links are left out.
     """
     read = read_wish(file) if with_links else replace(read_wish(file), links=())
-    words = {node.node_id: word for node in read.nodes if (word := simulated_word(file, node))}
+    words = words_of(file, read, on_bus)
     wish = _with_untold_links(read, words.keys())
     known = tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes if node.node_id in words)
     links = tuple(link for link in wish.links if _is_told(link, words.keys()))
@@ -60,6 +66,13 @@ def described_network(
     untold = [node for node in wish.nodes if node.node_id not in words]
     nodes = sorted([*met, *map(told_state, untold)], key=lambda one: one.node_id)
     return replace(state, nodes=tuple(nodes), untold=tuple(node.node_id for node in untold))
+
+
+def words_of(file: str, wish: NetworkWish, on_bus: Mapping[int, str] | None = None) -> dict[int, str]:
+    """What `--sim` takes for the nodes of *wish* that something describes; what *file* says goes before *on_bus*."""
+    told = on_bus or {}
+    found = {node.node_id: simulated_word(file, node) or told.get(node.node_id) for node in wish.nodes}
+    return {node_id: word for node_id, word in found.items() if word is not None}
 
 
 def _is_told(link: LinkWish, told: Collection[int]) -> bool:

@@ -1,7 +1,8 @@
 """From a network file to what its CANopen manager is to download to each node that boots (CiA 302-3, 0x1F22).
 
 Beside it stand date and time (0x1F26, 0x1F27): a manager leaves out the download to a node whose 0x1020 has them.
-Writes nothing: the answer is a plan for the manager, as any other. Does not look at the nodes themselves.
+Writes nothing: the answer is a plan for the manager, as any other. Nodes that the file leads to no EDS for are asked
+who they are; what they hold is not looked at.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.changes.change import names
 from dvtcli.operations.network.concise_network import concise_dcfs
+from dvtcli.operations.network.words_on_bus import words_on_bus
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import value_change
+from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -40,10 +43,11 @@ _ITSELF = "it is the manager, which downloads nothing to itself"
 def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     """What has to be written for the node *manager* to download, to each node of the network *file*, what that says.
 
-    Reads the manager alone. Nodes that nothing describes are left out, and said. UsageError where *manager* keeps no
+    Reads the manager alone, and who those nodes are that the file leads to no EDS for. Nodes that nothing describes are
+    left out, and said. UsageError where *manager* keeps no
     concise DCFs, or no node is left; else as `concise_dcf`, and RuleError with all that the rules refuse.
     """
-    found = concise_dcfs(file, session.tell)
+    found = concise_dcfs(file, session.tell, words_on_bus(session, file, read_wish(file)))
     mine = [one for one in found.nodes if one.node_id != manager]
     aside = {(one.node_id, one.name): _NOBODY for one in found.untold}
     aside |= {(one.node_id, one.name): _ITSELF for one in found.nodes if one not in mine}

@@ -44,7 +44,7 @@ class NetworkReport(Judged):
     *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,
     column, times, text. With *strict* a warning is as bad as an error. *unread* is the exit code of a
     file that could not be read, 0 of one that was. *heard* is how long (s) a bus was listened to, and how many frames
-    others sent meanwhile.
+    others sent meanwhile. *said* findings of a bus are those of a file before it, and stand there.
     """
 
     made_by: ClassVar = "check"
@@ -60,6 +60,7 @@ class NetworkReport(Judged):
     unread: int = 0
     heard: tuple[float, int] | None = None
     bus: str = ""
+    said: int = 0
 
     @property
     def exit_code(self) -> int:
@@ -77,6 +78,7 @@ class NetworkReport(Judged):
             "notes": [dict(zip(("line", "column", "times", "text"), note, strict=True)) for note in self.notes],
             "rules": len(self.rules),
             "count": self.count(),
+            "said": self.said,
             "findings": [finding.document() for finding in self.findings],
         }
 

@@ -112,6 +112,13 @@ def _choose_files(session: Session, file: str, node: NodeWish) -> None:
         session.tell.note(f"{place}: there is no {named}: what is known of node {node.node_id} otherwise counts")
 
 
+def is_wanted(node: Node, wanted: WantedIdentity) -> bool:
+    """Whether *node* is no other device than the one *wanted*."""
+    held = node.identity()
+    parts = ((getattr(wanted, name), held[name]) for name in ("vendor", "product", "revision", "serial"))
+    return all(number is None or number == told for number, told in parts)
+
+
 def unlike_wanted(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:
     """What says that *node* is another device than the one *wanted*, or than its EDS is about."""
     held = node.identity()

@@ -33,6 +33,11 @@ def family_eds(name: str) -> Path:
     return family_path(chosen, f"{chosen}.eds")
 
 
+def family_of(eds: Path) -> str | None:
+    """The family whose own EDS the file *eds* is; None where it is none's."""
+    return next((name for name in family_names() if family_eds(name) == eds), None)
+
+
 @cache
 def load_family(name: str) -> Family:
     """Read family *name*; KeyError where there is no such family, InputFileError where its file is wrong."""

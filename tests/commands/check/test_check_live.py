@@ -164,3 +164,28 @@ def test_a_node_of_the_file_that_is_not_there_is_an_error(tmp_path: Path) -> Non
     file.write_text("drive: {node_id: 1, profile: gen4}\nspare: {node_id: 9, profile: generic}\n")
     code, (_, _, against) = _check(_bus("gen4@1"), f"check {file} --live --json --rule not-on-the-bus", *RUNS[:2])
     assert (code, [(one["node"], one["severity"]) for one in against["findings"]]) == (3, [(9, "error")])
+
+
+def test_what_file_and_bus_have_in_common_is_said_once_and_alike(tmp_path: Path) -> None:
+    """The name is one that only the device tells; the bit rate is the bus's, 125 kbit/s."""
+    file = tmp_path / "net.yaml"
+    file.write_text("nodes: {drive: {node_id: 9, tpdo: {1: {enabled: true, mapping: [statusword]}}}}\n")
+    bus = _bus("generic@9")
+    code, (of_file, of_bus, against) = _check(bus, f"check {file} --live --json")
+    assert (code, of_file["notes"]) == (0, [])
+    mine = [one["text"] for one in of_file["findings"] if one["rule"] == "unbounded-event-pdo"]
+    assert any("TPDO1" in text for text in mine)
+    alone = _check(bus, "check --json")[1][0]
+    texts = {one["text"] for one in of_file["findings"]}
+    assert texts & {one["text"] for one in alone["findings"]}
+    assert not texts & {one["text"] for one in of_bus["findings"]}
+    assert of_bus["said"] + len(of_bus["findings"]) == len(alone["findings"])
+    assert (of_file["said"], against["said"]) == (0, 0)
+
+
+def test_a_name_on_another_device_than_the_file_says_stays_unknown(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    drive = "{node_id: 9, identity: {product: 0x77}, tpdo: {1: {enabled: true, mapping: [statusword]}}}"
+    file.write_text(f"nodes: {{drive: {drive}}}\n")
+    of_file = _check(_bus("generic@9"), f"check {file} --live --json")[1][0]
+    assert "nothing here says" in of_file["notes"][0]["text"]

@@ -48,6 +48,8 @@ def _sum(report: NetworkReport) -> Line:
         return f"{report.path}: not checked; {found}"
     if report.bus:
         return f"{report.path} against {report.bus}: {plural(len(report.nodes), 'node')}; {found or 'no error'}"
+    if report.said:
+        found = f"{found + ', and ' if found else ''}{report.said} as said of the file"
     heard = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
     nodes = plural(len(report.nodes), "node")
     return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{heard}; {found or 'no error'}"
