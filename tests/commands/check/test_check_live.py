@@ -170,12 +170,11 @@ def test_what_file_and_bus_have_in_common_is_said_once_and_alike(tmp_path: Path)
     """The name is one that only the device tells; the bit rate is the bus's, 125 kbit/s."""
     file = tmp_path / "net.yaml"
     file.write_text("nodes: {drive: {node_id: 9, tpdo: {1: {enabled: true, mapping: [statusword]}}}}\n")
-    bus = _bus("generic@9")
-    code, (of_file, of_bus, against) = _check(bus, f"check {file} --live --json")
+    code, (of_file, of_bus, against) = _check(_bus("generic@9"), f"check {file} --live --json")
     assert (code, of_file["notes"]) == (0, [])
     mine = [one["text"] for one in of_file["findings"] if one["rule"] == "unbounded-event-pdo"]
     assert any("TPDO1" in text for text in mine)
-    alone = _check(bus, "check --json")[1][0]
+    alone = _check(_bus("generic@9"), "check --json")[1][0]
     texts = {one["text"] for one in of_file["findings"]}
     assert texts & {one["text"] for one in alone["findings"]}
     assert not texts & {one["text"] for one in of_bus["findings"]}
