@@ -14,8 +14,10 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_names
 from tests.commands.bench import Bench
 from tests.commands.bus import device
-from tests.commands.test_eds_library import PRODUCT, VENDOR, live, write
 from tests.small_eds import U8, plain, var
+from tests.virtual_time import VirtualTimeBus
+
+VENDOR, PRODUCT = 0x1234, 0x55
 
 
 @pytest.fixture(autouse=True)
@@ -26,6 +28,14 @@ def _ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def offline() -> Bench:
     return Bench(())
+
+
+def write(name: str, content: str) -> None:
+    Path(name).write_text(content, "utf-8")
+
+
+def live(one: StrictDevice) -> VirtualTimeBus:
+    return VirtualTimeBus((one,), simulated=False)
 
 
 def text(revision: int) -> str:
