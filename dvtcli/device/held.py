@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import GROUPS
+from dvtcli.device.process_data import is_no_setting
 from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.wish import Place
-from dvtcli.domain.command_object import is_command
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange
 from dvtcli.domain.several import several
@@ -38,7 +38,8 @@ class Held:
         written, notes = _written(node)
         values: dict[Place, bytes] = {}
         unread: dict[Place, str] = {}
-        for place in (place for place in written if not _is_command(node, place)):
+        commands = [place for place in written if is_no_setting(node, place)]
+        for place in (place for place in written if place not in commands):
             try:
                 values[place] = node.sdo.upload(*place)
             except SdoAborted as aborted:
@@ -46,9 +47,9 @@ class Held:
                     notes += (f"not compared: {aborted.text}",)
                 else:
                     unread[place] = aborted.text
-        commands = [f"0x{index:04X}:{sub:02X}" for index, sub in written if _is_command(node, (index, sub))]
         if commands:
-            notes += (f"not compared: {several(commands)}, since a command or a target is no setting",)
+            names = several(f"0x{index:04X}:{sub:02X}" for index, sub in commands)
+            notes += (f"not compared: {names}, since a command or a target is no setting",)
         return cls(node.pdos(), values, notes, unread)
 
     def of_group(self, sub_index: int) -> dict[Place, bytes]:
@@ -85,7 +86,3 @@ def _values_of(node: Node, plan: Plan) -> Iterator[Place]:
             place = (change.step.index, change.step.sub_index)
             if Pdo.at(place[0]) is None and not node.saves(place):
                 yield place
-
-
-def _is_command(node: Node, place: Place) -> bool:
-    return is_command(place[0], node.dictionary.entry(*place) if node.dictionary else None)

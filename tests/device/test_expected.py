@@ -82,6 +82,15 @@ def test_single_objects_count_unless_they_move_or_cannot_be_read(node: Node) -> 
     expected.require(node, "a cat")
 
 
+def test_what_an_rpdo_could_take_counts_as_long_as_none_takes_it(node: Node) -> None:
+    taken = next(entry for entry in node.pdo(Pdo.parse("rpdo1")).mapping if entry.index >= 0x6000)
+    expected = Expected()
+    expected.changed(written(node, (taken.index, taken.sub_index), 0x1234))
+    expected.require(node, "a cat")
+    expected.changed(written(node, (0x6072, 0), 0x1234))
+    assert refused(expected, node).place == "6072:00"
+
+
 def test_a_node_without_a_dictionary_has_no_object_that_moves() -> None:
     node = Node(DirectBus.of(booted()), NODE)
     expected = Expected()

@@ -145,3 +145,15 @@ def test_what_changes_by_itself_is_no_setting_where_an_rpdo_could_take_it(tmp_pa
         assert (document["equal"], apart) == (True, [("3001:01", "changes by itself")])
         for line in ("diff", "verify"):
             assert bench.run(f"{line} {file}").code == 0, line
+
+
+@pytest.mark.parametrize(("faults", "code"), [((), 0), (("stores-nothing",), 1)])
+def test_a_proof_compares_what_an_rpdo_could_take_and_none_takes(
+    faults: tuple[str, ...], code: int, tmp_path: Path
+) -> None:
+    with Bench((drive(tmp_path),), {"fault": faults, "yes": True}) as bench:
+        for line in ("write 3001:1 1111", "write 30A0:2 43", "write 2022 5"):
+            assert bench.run(line).code == 0, line
+        proved = bench.run("store --prove")
+        assert (proved.code, "3001:01: is 0x00001298" in proved.stdout) == (code, bool(faults)), proved.stdout
+        assert "not compared: 0x30A0:02, 0x2022:00, since a command or a target" in proved.stdout

@@ -109,6 +109,7 @@ def still_there(node: KnownPdos, wish: Wish) -> Wish:
 
 
 def moves(node: KnownPdos, index: int, sub_index: int) -> bool:
-    """Whether an object is a command or a target, which the machine changes all the time: an RPDO can take it."""
-    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
-    return entry is not None and bool(entry.pdo_mapping) and entry.access.writable
+    """Whether an object is process data, which the machine changes all the time; none is known without a file."""
+    from dvtcli.device.process_data import is_process_data
+
+    return node.dictionary is not None and is_process_data(node, (index, sub_index))
