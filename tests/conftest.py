@@ -56,9 +56,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Three for each core, and two more: half of a test is waiting for a process or a time-out."""
+    """Three for each core, and two more: half of a test is waiting for a process or a time-out.
+
+    Two for each where some tests are named: each worker reads the product and the tests first, which is more than the
+    tests of a room that only computes.
+    """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return 3 * cores + 2
+    return 3 * cores + 2 if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 2 * cores
 
 
 def pytest_collection(session: pytest.Session) -> None:
