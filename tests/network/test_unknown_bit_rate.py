@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 
 import pytest
 
+from dvtcli.operations.exchange.import_network import import_network
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -36,6 +37,7 @@ DOES: dict[str, Callable[[Session, str], object]] = {
     "plan": planned,
     "diff": lambda session, file: planned(session, file, tells=True),
     "apply": applied,
+    "import": lambda session, file: import_network(session, file.replace("net", "live")),
     "verify": lambda session, file: verify(session, no_script, file=file),
 }
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +19,7 @@ from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import plural, several
-from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.network.write_network import write_network
@@ -30,6 +32,7 @@ from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.opening.simulated_nodes import read_dictionary
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, write_whole
+from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -153,10 +156,15 @@ def _watches(consumer: SdoReader, producer: SdoReader, producer_id: int) -> bool
 def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
     """Every node that answers; one that is there and does not is said."""
     unnamed: list[str] = []
-    for node_id in _ids(session, notes):
+    ids = list(_ids(session, notes))
+    tell_unknown_bit_rate(session, len(ids))
+    silent = _look_ahead(session, ids)
+    for node_id in ids:
         try:
+            if node_id in silent:
+                raise silent[node_id]
             node = session.node(node_id)
-            held = node.pdos()
+            held = dict(node.known_pdos())
             found = exported_node(session, node, held, path)
         except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
             if session.base.nodes:
@@ -169,6 +177,28 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
     if unnamed:
         who = f"node {', '.join(unnamed)}"
         notes.append(f"{who}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
+
+
+def _look_ahead(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
+    """Read what is exported of the nodes *ids*, side by side where nothing runs; of those that cannot be met, why not.
+
+    Anything else that cannot be read is told where it is needed.
+    """
+    nodes: list[Node] = []
+    silent: dict[int, DvtcliError] = {}
+    for node_id in ids:
+        try:
+            nodes.append(session.node(node_id))
+        except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
+            silent[node_id] = failed
+
+    def read(node: Node) -> None:
+        with suppress(DvtcliError):
+            exported(node, node.pdos(), node.memory)
+
+    for fault in session.bus.side_by_side([partial(read, node) for node in nodes]):
+        raise fault
+    return silent
 
 
 def _memory(node: Node) -> SdoReader:
