@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.errors import DvtcliError, Interrupted, LeftChanged, NoAnswer
+from dvtcli.operations.exchange.import_network import import_network
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
 from tests.network.bench import CHAIN, FILE, Chain
@@ -40,6 +41,19 @@ def test_the_same_is_done_in_less_time(home: Path) -> None:
         assert made.journals() == []
         assert made.bus.layouts <= ideal()[1]
     (one, one_s), (together, together_s) = ends
+    assert one == together
+    assert together_s < 0.7 * one_s
+
+
+def test_an_import_reads_the_same_in_less_time(home: Path) -> None:
+    read = []
+    for name, bus in (("one", OneByOne), ("all", Watched)):
+        made, file = chain(home, name, bus=bus), home.parent / "import.yaml"
+        began_s = made.bus.now_s()
+        with made.session(node=tuple(CHAIN)) as session:
+            import_network(session, str(file))
+        read.append((file.read_text("utf-8"), made.bus.now_s() - began_s))
+    (one, one_s), (together, together_s) = read
     assert one == together
     assert together_s < 0.7 * one_s
 
