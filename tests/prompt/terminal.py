@@ -24,8 +24,12 @@ from tests.process import start
 PATIENCE_S = process.PATIENCE_S
 #: a program that wrote nothing for so long (s) has drawn its screen
 QUIET_S = 0.05
-#: a screen that never rests, as a monitor's, is looked at after this long (s)
+#: a screen that never rests, as a monitor's, is looked at between two drawings after this long (s)
 RESTLESS_S = 1.0
+#: a program whose cursor is hidden for so long (s) is in the middle of no drawing: it shows none at all
+CURSORLESS_S = 5.0
+#: how a line ends in which something may be typed: at a prompt, behind a backslash, at a question
+ASKS = (">", "  ...", "[y/N]")
 
 UP, DOWN, TAB, ENTER, ESCAPE = "\x1b[A", "\x1b[B", "\t", "\r", "\x1b"
 CTRL_C, CTRL_D, CTRL_R, F1 = "\x03", "\x04", "\x12", "\x1bOP"
@@ -133,14 +137,18 @@ class Terminal:
         self.child.send(keys)
 
     def run(self, line: str) -> None:
-        """Type *line* and Enter once it stands there: a person does not type faster than the terminal shows."""
+        """Type *line* where one is asked for, and Enter once it stands there.
+
+        A person does not type faster than the terminal shows; what is typed while a command runs is thrown away.
+        """
+        self.until(lambda: self.cursor_line.endswith(ASKS), f"a place to type {line!r} at")
         self.type(line)
         self.until(lambda: line[-20:] in self.cursor_line, f"{line!r} on the line")
         self.type(ENTER)
 
-    def wait(self, text: str) -> None:
-        """Wait until the screen shows *text*."""
-        self.until(lambda: text in self.text, repr(text))
+    def wait(self, *texts: str) -> None:
+        """Wait until the screen shows all of *texts* at once."""
+        self.until(lambda: all(text in self.text for text in texts), " and ".join(map(repr, texts)))
 
     def row(self, *texts: str) -> str:
         """Wait until one row of the screen holds all of *texts*; that row, the first such."""
@@ -181,9 +189,10 @@ class Terminal:
 
     def _rest(self) -> None:
         """Read until a drawing is complete: its cursor is shown again and nothing more comes."""
-        end_s = time.monotonic() + RESTLESS_S
-        while time.monotonic() < end_s and not self.child.eof():
-            if not self._read() and not self.screen.cursor.hidden:
+        began_s = time.monotonic()
+        while not self.child.eof():
+            comes, rested_s = self._read(), time.monotonic() - began_s
+            if rested_s > CURSORLESS_S if self.screen.cursor.hidden else not comes or rested_s > RESTLESS_S:
                 return
 
     def _read(self) -> bool:

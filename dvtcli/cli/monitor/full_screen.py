@@ -56,25 +56,36 @@ def has_full_screen(session: Conversation) -> bool:
 def show(session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None) -> None:
     """Show *screen* until a key, Ctrl-C or the end of *duration_s*; DvtcliError as its `gather` raises it."""
     try:
-        with _held_interrupts(), session.output.held():
-            _application(session, screen, keys, duration_s).run()
+        with _held_signals() as came, session.output.held():
+            _application(session, screen, keys, duration_s, came).run()
     finally:
         screen.leave()
 
 
 @contextmanager
-def _held_interrupts() -> Iterator[None]:
-    """Keep SIGINT out of prompt_toolkit's starting and ending, where it breaks the event loop."""
-    before = signal.signal(signal.SIGINT, lambda _number, _frame: None)
+def _held_signals() -> Iterator[list[int]]:
+    """Keep signals out of prompt_toolkit: what one raises in the middle of a drawing leaves the screen as it is.
+
+    The list has those that came. SIGINT leaves the screen, and only it; the others stop dvtcli as ever at the end.
+    """
+    numbers = [getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")]
+    handled = [number for number in numbers if number is not None and callable(signal.getsignal(number))]
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda at, _frame: came.append(at)) for number in handled}
     try:
-        yield
+        yield came
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in came:
+            if number != signal.SIGINT:
+                signal.raise_signal(number)
 
 
 def _application(
-    session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None
+    session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None, came: list[int]
 ) -> Application[None]:
+    """*screen* as prompt_toolkit shows it, until one of its keys or a signal that *came*."""
     from prompt_toolkit import Application
     from prompt_toolkit.layout import FormattedTextControl, Layout, Window
     from prompt_toolkit.output import ColorDepth
@@ -96,7 +107,7 @@ def _application(
         except DvtcliError as failed:  # raised here it would stay inside of prompt_toolkit's event loop
             application.exit(exception=failed)
             return
-        if until_s is not None and monotonic() >= until_s:
+        if came or (until_s is not None and monotonic() >= until_s):
             application.exit()
 
     application: Application[None] = Application(
