@@ -37,9 +37,8 @@ def ready(terminal: Terminal) -> None:
 def done(terminal: Terminal, line: str, *shown: str) -> None:
     """Run *line*, which answers everything of *shown*."""
     terminal.run(line)
-    for text in shown:
-        terminal.wait(text)
     ready(terminal)
+    terminal.wait(*shown)
 
 
 def timer(server: Served) -> str:

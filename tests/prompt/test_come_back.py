@@ -36,7 +36,7 @@ def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(tmp_path:
     with served(tmp_path, "gen4@5", port=server.port):
         terminal.wait("is back after")
         terminal.wait_prompt(prompt(server, "PRE-OP*> "))
-        assert "GONE" not in terminal.toolbar
+        terminal.until(lambda: "F1 help" in terminal.toolbar and "GONE" not in terminal.toolbar, "the toolbar")
         terminal.run("verify")
         terminal.wait("does not hold any more what was set and not stored: TPDO1")
         terminal.wait("TPDO1  event timer is 0, expected 70")

@@ -32,7 +32,8 @@ def test_the_simulated_node_is_chosen_and_kept(open_terminal: Open, tmp_path: Pa
     terminal.type(f"{number}\r")
     answer(terminal, "Save as default in dvtcli.toml? [y/N]", "help")
     terminal.wait("y and Enter is yes")
-    answer(terminal, "Save as default in dvtcli.toml? [y/N]", "y")
+    terminal.until(lambda: terminal.text.count("Save as default in dvtcli.toml? [y/N]") == 2, "the question again")
+    terminal.type("y\r")
     terminal.wait_prompt()
     terminal.type(CTRL_D)
     assert terminal.ended() == 0
@@ -86,6 +87,7 @@ def test_control_c_and_control_d_leave_without_anything(open_terminal: Open, tmp
 def test_a_configured_bus_asks_nothing(open_terminal: Open) -> None:
     terminal = open_terminal(environment={"CAN_INTERFACE": "virtual", "CAN_CHANNEL": "first-start"})
     terminal.wait("virtual:first-start")
+    terminal.wait_prompt("first-start> ")
     assert "Use which?" not in terminal.text
 
 
@@ -98,7 +100,7 @@ def test_without_a_terminal_nobody_is_asked(tmp_path: Path) -> None:
 
 def test_a_named_bus_is_called_by_its_name(open_terminal: Open, tmp_path: Path) -> None:
     (tmp_path / "dvtcli.toml").write_text('[bus.bench]\nsim = "gen4"\n')
-    terminal = open_terminal("--bus", "bench")
+    terminal = open_terminal("--bus", "bench", columns=200, rows=60)
     terminal.wait_prompt("bench/1 PRE-OP> ")
-    terminal.type("doctor\r")
-    terminal.wait("chosen by [bus.bench]")
+    terminal.run("doctor")
+    terminal.row("opened, chosen by [bus.bench]")

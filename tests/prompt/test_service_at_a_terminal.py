@@ -38,21 +38,18 @@ def test_a_service_call_from_finding_the_node_to_watching_it(tmp_path: Path, ope
     terminal.wait_prompt(before)
 
     terminal.run("lss scan")
-    terminal.wait("1 node without a node-ID")
-    told(terminal, "0x00000F50", "none", prompt=before)
+    told(terminal, "1 node without a node-ID", "0x00000F50", "none", prompt=before)
     (hint,) = [row.strip() for row in terminal.lines if row.startswith("  lss node-id 5 ")]
     answered(terminal, hint, "(before: none)", "until it is stored", prompt=before)
     answered(terminal, "lss store 5 --prove", "stored, proved by a reset", prompt=before)
     terminal.run("scan")
-    terminal.wait("2 nodes on sim")
-    told(terminal, "0x00030191", prompt=before)
+    told(terminal, "2 nodes on sim", "0x00030191", prompt=before)
 
     terminal.run("node 5")
     told(terminal, "device type 0x00030191", prompt=after)
     answered(terminal, "download fw.bin", "2,048 bytes in", "as profile loader expects", prompt=after)
     terminal.run("faults")
-    terminal.wait("error register 0x05")
-    told(terminal, "voltage inside the device", prompt=after)
+    told(terminal, "error register 0x05", "voltage inside the device", prompt=after)
 
     terminal.run("watch 1001 6000:01 6200:01 --every 50ms")
     shown = {"5:1001:00": "generic error, voltage", "5:6000:01": "input 1, input 3", "5:6200:01": "none"}

@@ -51,7 +51,7 @@ def test_a_prompt_goes_on_after_the_link_was_down(tmp_path: Path, open_terminal:
         terminal.wait("type it again when the bus is back")
         ip("set", "vcan0", "up")
         terminal.wait("socketcan:vcan0 is back after")
-        terminal.until(lambda: "GONE" not in terminal.toolbar, "the toolbar")
+        terminal.until(lambda: "F1 help" in terminal.toolbar and "GONE" not in terminal.toolbar, "the toolbar")
         terminal.run("read 1018:1")
         terminal.wait("0x0000001E")
 

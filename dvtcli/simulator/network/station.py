@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.simulated_faults import Fault
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
-#: how long the next frame of a block transfer is waited for (s)
-_PATIENCE_S = 1.0
+#: how long the next frame of a block transfer is waited for (s): a client on a busy computer may take seconds
+_PATIENCE_S = 10.0
 LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
 
 
