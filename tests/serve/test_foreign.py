@@ -12,7 +12,7 @@ import canopen
 import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
-from tests.process import PATIENCE_S, documents
+from tests.process import documents
 from tests.prompt.terminal import Terminal
 from tests.serve.served import PATIENCE_S, Served, served, wait_for
 
