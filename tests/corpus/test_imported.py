@@ -38,6 +38,16 @@ def test_what_import_writes_is_taken(path: Path, tmp_path: Path) -> None:
     is_taken(path, tmp_path)
 
 
+def test_what_import_writes_of_a_device_on_the_bus_plans_empty(path: Path, tmp_path: Path) -> None:
+    """Also where nobody set SYNC, emergencies and heartbeats: the file says what is held, and `check` takes it."""
+    with Bench((f"{path}@5",)) as bench:
+        imported = bench.run(f"import {tmp_path / 'net.yaml'}")
+        assert imported.code == 0, imported.stderr
+        planned = bench.run(f"plan {tmp_path / 'net.yaml'} --json")
+        assert (planned.code, planned.document.get("writes")) == (0, 0), planned
+        assert bench.run(f"check {tmp_path / 'net.yaml'} --rule network-file").code == 0
+
+
 def test_a_pdo_with_an_entry_of_no_bits_is_left_out_and_told(tmp_path: Path) -> None:
     eds = plain()
     eds.record(0x1400, "RPDO1", communication("$NODEID+0x200"))

@@ -26,7 +26,7 @@ def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], p
     Its EDS and its profile are named where somebody chose them, or where nothing else in the file leads to that EDS.
     Where that cannot be said either, objects are numbers, and their names are remarked.
     """
-    found = _named(exported(node, held, node.memory), _chosen(session, path), session.options.profile)
+    found = _named(exported(node, held, node.memory, whole=True), _chosen(session, path), session.options.profile)
     told = session.network.files.choice(node.node_id)
     if told is None or _leads_to(path, found, told.path):
         return found
@@ -35,7 +35,7 @@ def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], p
         named = _named(found, FileWord(family) if family else beside(told.path, path), session.options.profile)
         if _leads_to(path, named, told.path):
             return named
-    numbered = exported(node, held, node.memory, with_names=False)
+    numbered = exported(node, held, node.memory, with_names=False, whole=True)
     return _named(numbered, found.wish.dcf, found.wish.profile)
 
 

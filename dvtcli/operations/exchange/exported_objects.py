@@ -1,16 +1,16 @@
-"""What a node does with heartbeats, guarding, SYNC and the time stamp, as keys of a network file. Writes nothing.
+"""What a node does with heartbeats, guarding, SYNC, emergencies, time stamp, as a network file says it. Writes nothing.
 
 Does not know PDOs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_slots
 from dvtcli.device.read_pdos import read_optional
-from dvtcli.domain.network.wanted_state import HeartbeatWatch, ObjectWish
+from dvtcli.domain.network.wanted_state import FileWord, HeartbeatWatch, ObjectWish, ValueWish
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.network_keys import OF, Where
 
@@ -18,34 +18,91 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import SdoReader
 
+_CONSUMER = 0x1016
+#: what has no key of its own: index and size in bytes, and what it is
+_WITHOUT_KEY = {
+    (0x1014, 4): "COB-ID of EMCY",
+    (0x1015, 2): "inhibit time of EMCY, 100 µs",
+    (0x1019, 1): "overflow of SYNC's counter",
+}
 #: what objects hold where nobody set them (CiA 301, 7.5.2.5 to 7.5.2.15), and a file need not say
 _USUAL = {0x1005: (0x80, 0x8000_0080), 0x1006: (0,), 0x100C: (0,), 0x100D: (0,), 0x1012: (0x100, 0x8000_0100)}
 
 
-def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None) -> Iterator[ObjectWish]:
-    """0x1017 where the node has it, and those of the others that hold something else than they usually do."""
+def exported_objects(
+    values: SdoReader, dictionary: ObjectDictionary | None, *, whole: bool = False
+) -> Iterator[ObjectWish]:
+    """0x1017 where the node has it, and those of the others that hold something else than they usually do.
+
+    Of a node on a bus all that can be read and set, *whole*: the file is the record of what it held.
+    """
     for key in OF[Where.NODE].values():
         if key.object is None:
             continue
         index, sub_index, size = key.object
-        try:
-            held = read_optional(values, index, sub_index, size)
-        except SdoAborted:
-            continue  # what cannot be read is not compared either
-        described = dictionary.entry(index, sub_index) if dictionary else None
-        fixed = described is not None and not described.access.writable
-        if held is not None and held not in _USUAL.get(index, ()) and not fixed:
+        held = _held(values, index, sub_index, size)
+        if held is None or _is_fixed(dictionary, index, sub_index):
+            continue
+        usual = held in _USUAL.get(index, ())
+        if not usual or (whole and _is_described(dictionary, index, sub_index)):
             yield ObjectWish(key.name, index, sub_index, held.to_bytes(size, "little"))
+
+
+def exported_values(
+    values: SdoReader, dictionary: ObjectDictionary | None, watches: Collection[HeartbeatWatch]
+) -> Iterator[tuple[ValueWish, str]]:
+    """What a node holds of emergencies, the counter of SYNC, and entries of 0x1016 besides *watches*, with its sense.
+
+    These have no key of their own. Not what the node's EDS does not have: nobody could check that without the node.
+    """
+    for (index, size), sense in _WITHOUT_KEY.items():
+        held = _held(values, index, 0, size)
+        if held is not None and _is_settable(dictionary, index, 0):
+            text = f"0x{held:X}" if size == 4 else str(held)
+            yield ValueWish(FileWord(f"{index:04X}:00"), FileWord(text)), sense
+    left = {(one.producer, one.time_ms) for one in watches}
+    for sub_index, value in _slots(values).items():
+        producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
+        if (producer, time_ms) in left:
+            left.remove((producer, time_ms))
+        elif _is_settable(dictionary, _CONSUMER, sub_index):
+            sense = "watches nobody" if not value else "as it was held"
+            yield ValueWish(FileWord(f"{_CONSUMER:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
+
+
+def _held(values: SdoReader, index: int, sub_index: int, size: int) -> int | None:
+    """What is held; None where it is not there, or cannot be read: then it is not compared either."""
+    try:
+        return read_optional(values, index, sub_index, size)
+    except SdoAborted:
+        return None
+
+
+def _slots(values: SdoReader) -> dict[int, int]:
+    try:
+        return heartbeat_slots(values)
+    except SdoAborted:
+        return {}
+
+
+def _is_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: int) -> bool:
+    described = dictionary.entry(index, sub_index) if dictionary else None
+    return described is not None and not described.access.writable
+
+
+def _is_described(dictionary: ObjectDictionary | None, index: int, sub_index: int) -> bool:
+    """Whether the node's EDS has it; true without one."""
+    return dictionary is None or dictionary.entry(index, sub_index) is not None
+
+
+def _is_settable(dictionary: ObjectDictionary | None, index: int, sub_index: int) -> bool:
+    return _is_described(dictionary, index, sub_index) and not _is_fixed(dictionary, index, sub_index)
 
 
 def exported_watches(values: SdoReader) -> Iterator[HeartbeatWatch]:
     """The entries of 0x1016 that are in use, one a producer, in order of node-ID."""
-    try:
-        slots = heartbeat_slots(values)
-    except SdoAborted:
-        return
     found: dict[int, int] = {}
-    for value in slots.values():
+    for value in _slots(values).values():
         producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
         if time_ms and 1 <= producer <= 127:
             found.setdefault(producer, time_ms)

@@ -13,7 +13,7 @@ from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.domain.several import several
-from dvtcli.operations.exchange.exported_objects import exported_objects, exported_watches
+from dvtcli.operations.exchange.exported_objects import exported_objects, exported_values, exported_watches
 from dvtcli.operations.exchange.exported_pins import exported_pins
 
 if TYPE_CHECKING:
@@ -69,19 +69,25 @@ class Exported:
         return f"left out: {several(self.left_out)} {verb}, or multiplexed; `pdo` shows what is held"
 
 
-def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *, with_names: bool = True) -> Exported:
+def exported(
+    holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *, with_names: bool = True, whole: bool = False
+) -> Exported:
     """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of the rest.
 
-    Without *with_names* objects are numbers, and their names are remarked.
+    Without *with_names* objects are numbers, and their names are remarked. With *whole* what is as usual is said, too.
     """
     remarks: dict[str, str] = {}
     wishes = tuple(
         _pdo(holder, pdo, config, remarks, with_names=with_names) for pdo, config in held.items() if is_whole(config)
     )
-    objects = sorted(exported_objects(values, holder.dictionary), key=lambda one: (one.index, one.sub_index))
+    found = exported_objects(values, holder.dictionary, whole=whole)
+    objects = sorted(found, key=lambda one: (one.index, one.sub_index))
+    watches = tuple(exported_watches(values))
+    others = dict(exported_values(values, holder.dictionary, watches)) if whole else {}
+    remarks |= {one.object.text: sense for one, sense in others.items()}
     wish = NodeWish(
-        _name(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
-        watches=tuple(exported_watches(values)), pins=tuple(exported_pins(values, holder.profile.vpdo)),
+        _name(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects), values=tuple(others),
+        watches=watches, pins=tuple(exported_pins(values, holder.profile.vpdo)),
     )  # fmt: skip
     left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
     return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
