@@ -23,6 +23,10 @@ from dvtcli.domain.ports import CanopenBus
 
 #: interfaces that hand our own frames back only with receive_own_messages
 _NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})
+#: what python-can says where the first frames came in one read with a server's last answer, which it wants alone, and
+#: how often a server is asked again then
+_FRAMES_TOO_SOON = "got: '< ok ><"
+_TRIES = 8
 
 
 def open_bus(
@@ -92,6 +96,12 @@ def open_listening(
 
 def _open(config: Mapping[str, object]) -> can.BusABC:
     options: dict[str, Any] = {**config, "ignore_config": True}
+    for _ in range(_TRIES - 1):
+        try:
+            return can.Bus(**options)
+        except can.CanError as error:
+            if _FRAMES_TOO_SOON not in str(error):
+                raise
     return can.Bus(**options)
 
 

@@ -10,8 +10,9 @@ import can
 
 from dvtcli.bus.carrier import Carrier
 
-#: how long a server may take to accept (s); python-can itself would try for 10 s, in a busy loop
-PROBE_S = 1.0
+#: how long a server may take to accept (s): a system with no room for a connection is asked again after 1 s, and after
+#: 3 s; python-can itself would try for 10 s, in a busy loop
+PROBE_S = 4.0
 #: a server whose machine is gone, or a way to it, is noticed after some 20 s without a sign of it: how long nothing has
 #: to come before it is asked (s), how often (s), and how many questions have to be left without an answer
 _KEEP_ALIVE = (("TCP_KEEPIDLE", 10), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3))

@@ -12,6 +12,7 @@ import dvtcli
 from dvtcli import errors
 from dvtcli.operations.api.hints import in_python
 from dvtcli.testing import ServedBus, serve
+from tests.process import PATIENCE_S
 
 #: a call -> the argument that its error names
 WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
@@ -160,7 +161,7 @@ def test_hints_are_python() -> None:
 def test_another_bus_of_this_program_is_no_other_process(dvtcli_serve: Callable[..., ServedBus]) -> None:
     served = dvtcli_serve("gen4@5")
     said: list[errors.DvtcliError] = []
-    with served.connect() as other:
+    with served.connect(timeout_s=PATIENCE_S) as other:
 
         def write_too(_: object) -> None:
             if not said:
@@ -168,7 +169,7 @@ def test_another_bus_of_this_program_is_no_other_process(dvtcli_serve: Callable[
                     other.node(5).set("tpdo1", timer_ms=20)
                 said.append(raised.value)
 
-        with served.connect(on_progress=write_too) as bus:
+        with served.connect(timeout_s=PATIENCE_S, on_progress=write_too) as bus:
             bus.node(5).set("tpdo1", timer_ms=10)
     assert said[0].text.startswith("another Bus of this program is changing node 5")
     assert said[0].hint == "try again when its call has ended"

@@ -21,7 +21,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import ServedBus
 from tests.commands.bench import Bench
 from tests.posix import SIGKILL
-from tests.process import environment
+from tests.process import PATIENCE_S, environment
 
 
 def test_a_map_answers_what_the_command_answers() -> None:
@@ -81,17 +81,19 @@ import dvtcli, os, signal
 def kill(step):
     if step.done == 3:
         os.kill(os.getpid(), signal.SIGKILL)
-bus = dvtcli.connect(**{settings}, on_progress=kill)
+bus = dvtcli.connect(**{settings}, timeout_s={patience_s}, on_progress=kill)
 bus.node(5).map("tpdo1", "6041/16", "606C/32")
 """
-    with served.connect() as bus:
+    with served.connect(timeout_s=PATIENCE_S) as bus:
         before = bus.node(5).pdo("tpdo1").config
         assert bus.node(5).recover(yes=True) is None
     done = subprocess.run(
-        [sys.executable, "-c", killed.format(settings=served.settings)], env=environment(), check=False
+        [sys.executable, "-c", killed.format(settings=served.settings, patience_s=PATIENCE_S)],
+        env=environment(),
+        check=False,
     )
     assert done.returncode == -SIGKILL
-    with served.connect() as bus:
+    with served.connect(timeout_s=PATIENCE_S) as bus:
         node = bus.node(5)
         with pytest.raises(errors.SafetyRefusal, match="interrupted"):
             node.set("tpdo2", event=True)
@@ -390,14 +392,14 @@ def test_what_stood_or_fell_together_is_recovered_on_every_node(dvtcli_serve: Ca
     served = dvtcli_serve("gen4@1", "gen4@3")
     killed = f"""
 import dvtcli, os, signal
-bus = dvtcli.connect(**{served.settings})
+bus = dvtcli.connect(**{served.settings}, timeout_s={PATIENCE_S})
 bus._session.whole.begin("x.dvt")
 bus.node(1).disable("tpdo1")
 bus.node(3).disable("tpdo1")
 os.kill(os.getpid(), signal.SIGKILL)
 """
     subprocess.run([sys.executable, "-c", killed], env=environment(), check=False)
-    with served.connect() as bus:
+    with served.connect(timeout_s=PATIENCE_S) as bus:
         assert not any(bus.node(node_id).pdo("tpdo1").config.enabled for node_id in (1, 3))
         done = bus.node(3).recover(yes=True)
         assert done is not None
@@ -408,22 +410,22 @@ os.kill(os.getpid(), signal.SIGKILL)
 def test_a_node_that_restarts_while_another_is_recovered_is_put_back_again(
     dvtcli_serve: Callable[..., ServedBus],
 ) -> None:
-    served = dvtcli_serve("gen4@1", "gen4@3", faults=["3:late@2=0.4"])
+    served = dvtcli_serve("gen4@1", "gen4@3", faults=["3:late@2=2"])
     killed = f"""
 import dvtcli, os, signal
-bus = dvtcli.connect(**{served.settings})
+bus = dvtcli.connect(**{served.settings}, timeout_s={PATIENCE_S})
 bus._session.whole.begin("x.dvt")
 bus.node(1).set("tpdo1", timer_ms=44)
 bus.node(3).disable("tpdo1")
 os.kill(os.getpid(), signal.SIGKILL)
 """
-    with served.connect() as bus:
+    with served.connect(timeout_s=PATIENCE_S) as bus:
         bus.node(1).set("tpdo1", timer_ms=33)
     subprocess.run([sys.executable, "-c", killed], env=environment(), check=False)
-    with served.connect(timeout_s=5) as bus, can.Bus(**served.settings) as other:
+    with served.connect(timeout_s=PATIENCE_S) as bus, can.Bus(**served.settings) as other:
 
         def reset() -> None:
-            while (frame := other.recv(60)) is not None and (frame.arbitration_id, frame.data[0] >> 5) != (0x603, 1):
+            while (frame := other.recv(PATIENCE_S)) and (frame.arbitration_id, frame.data[0] >> 5) != (0x603, 1):
                 pass
             other.send(can.Message(arbitration_id=0, data=[0x81, 1], is_extended_id=False))
 

@@ -11,6 +11,7 @@ import dvtcli
 from dvtcli import errors
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import serve
+from tests.process import PATIENCE_S
 
 
 def test_it_reads_writes_and_names_as_canopen_does() -> None:
@@ -36,9 +37,9 @@ def test_it_hears_frames_heartbeats_and_syncs() -> None:
         remote.tpdo.read()
         remote.tpdo[1].add_callback(lambda frame: heard.put(frame[0].raw))
         remote.nmt.state = "OPERATIONAL"
-        remote.nmt.wait_for_heartbeat(timeout=30)
+        remote.nmt.wait_for_heartbeat(timeout=PATIENCE_S)
         remote.network.sync.start(0.01)
-        assert heard.get(timeout=30) == node.read(0x6041).value
+        assert heard.get(timeout=PATIENCE_S) == node.read(0x6041).value
         remote.network.sync.stop()
         assert remote.nmt.state == "OPERATIONAL"
 
@@ -86,20 +87,24 @@ def test_a_node_that_restarts_between_two_calls_has_lost_what_was_set() -> None:
         remote, booted = node.canopen(), Queue[int]()
         remote.network.subscribe(0x701, lambda can_id, _data, _time: booted.put(can_id))
         remote.nmt.send_command(0x81)
-        booted.get(timeout=30)
+        booted.get(timeout=PATIENCE_S)
         with pytest.raises(errors.Restarted):
             node.set("tpdo2", event=True, timer_ms=100)
 
 
 @pytest.mark.usefixtures("dvtcli_state")
 def test_it_works_on_a_bus_of_others() -> None:
-    with serve("gen4@5") as served, served.connect() as bus:
+    with serve("gen4@5") as served, served.connect(timeout_s=PATIENCE_S) as bus:
         assert bus.node(5, eds=family_eds("gen4")).canopen().sdo[0x1018][1].raw == bus.node(5).identity().vendor_id
-        assert [row.node for row in bus.scan()] == [5]
+        assert [row.node for row in bus.scan(answer_s=1.0)] == [5]
 
 
 @pytest.mark.usefixtures("dvtcli_state")
 def test_others_may_write_once_it_has_written() -> None:
-    with serve("gen4@5") as served, served.connect() as bus, served.connect() as other:
+    with (
+        serve("gen4@5") as served,
+        served.connect(timeout_s=PATIENCE_S) as bus,
+        served.connect(timeout_s=PATIENCE_S) as other,
+    ):
         bus.node(5).canopen().sdo.download(0x1017, 0, b"\x64\0")
         assert other.node(5).write(0x1017, 200)

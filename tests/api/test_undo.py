@@ -21,7 +21,12 @@ pytestmark = pytest.mark.drawn(2, "undo")
 
 def in_another_program(served: ServedBus, *calls: str) -> None:
     """Run *calls* on `bus` in a process of its own."""
-    lines = ["import dvtcli", f"bus = dvtcli.connect(**{served.settings})", *calls, "bus.close()"]
+    lines = [
+        "import dvtcli",
+        f"bus = dvtcli.connect(**{served.settings}, timeout_s={PATIENCE_S})",
+        *calls,
+        "bus.close()",
+    ]
     subprocess.run([sys.executable, "-c", "\n".join(lines)], env=environment(), check=True)
 
 
@@ -69,7 +74,7 @@ def test_all_of_them_and_of_one_node_only(served: ServedBus) -> None:
     in_another_program(
         served, *(f"bus.node({node_id}).set('tpdo1', timer_ms={ms})" for node_id, ms in ((5, 50), (7, 55), (5, 60)))
     )
-    with served.connect() as bus:
+    with served.connect(timeout_s=PATIENCE_S) as bus:
         assert bus.node(5).undo(everything=True)
         assert (timer(served), timer(served, 7)) == (before, 55)
 
@@ -78,7 +83,7 @@ def test_it_is_refused_where_the_node_holds_something_else(served: ServedBus) ->
     before = timer(served)
     in_another_program(served, "bus.node(5).set('tpdo1', timer_ms=50)")
     in_another_program(served, "bus.node(5).canopen().sdo.download(0x1800, 5, bytes([33, 0]))")
-    with served.connect() as bus:
+    with served.connect(timeout_s=PATIENCE_S) as bus:
         with pytest.raises(errors.SafetyRefusal, match="does not hold what that change left") as refused:
             bus.node(5).undo()
         assert (refused.value.exit_code, refused.value.state) == (6, "unchanged")
@@ -91,7 +96,7 @@ def test_it_is_refused_where_the_node_holds_something_else(served: ServedBus) ->
 def test_a_dry_run_neither_writes_nor_forgets(served: ServedBus) -> None:
     before = timer(served)
     in_another_program(served, "bus.node(5).set('tpdo1', timer_ms=50)")
-    with served.connect() as bus:
+    with served.connect(timeout_s=PATIENCE_S) as bus:
         with bus.dry_run():
             assert len(bus.node(5).undo().plan) == 1
         assert timer(served) == 50

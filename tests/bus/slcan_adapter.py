@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 
 import can
@@ -70,6 +71,8 @@ class SlcanAdapter:
     #: how it was opened so far: `O` to speak, `L` to listen
     opened: set[bytes] = field(default_factory=set)
     sent: int = 0
+    #: since when it hears frames at this bit rate (s of time.time)
+    _open_since: float = inf
 
     def __enter__(self) -> SlcanAdapter:
         tty = pytest.importorskip("tty", reason=NO_TERMINAL)
@@ -128,7 +131,9 @@ class SlcanAdapter:
         if line in (b"O", b"L", b"C"):
             self.opened |= {line} - {b"C"}
             self.is_open, self.listening = line != b"C", line == b"L"
+            self._open_since = inf
             self.tune(1000 * (self.bit_rate_kbit or 0) if self.is_open else 0, self.listening or not self.is_open)
+            self._open_since = time.time()
             return OK
         if line == b"":
             return OK
@@ -165,8 +170,8 @@ class SlcanAdapter:
         """Tell the computer what is on the bus."""
         while not self._stopping.is_set():
             frame = self._bus.recv(0.02)
-            if frame is None or not self.is_open:
-                continue
+            if frame is None or not self.is_open or frame.timestamp < self._open_since:
+                continue  # it was not heard, however late it is read here
             letter = "r" if frame.is_remote_frame else "t"
             letter = letter.upper() if frame.is_extended_id else letter
             number = f"{frame.arbitration_id:0{8 if frame.is_extended_id else 3}X}"

@@ -184,7 +184,7 @@ class TestGateway(Contract):
 
 @pytest.mark.parametrize("node_id", [1, 5])
 def test_map_verify_and_store_run_over_it(gateway: Gateway, node_id: int) -> None:
-    options = Options(interface="line-gateway", channel=gateway.channel, node=node_id, yes=True)
+    options = Options(interface="line-gateway", channel=gateway.channel, node=node_id, yes=True, timeout=20)
     with Session(options, open_bus=opened) as session:
         want = PdoRequest(cob_id=0x180 + node_id, event_timer=70, objects=(MappedObject(0x1001, 0, 8),), enabled=True)
         before = gateway.bus.sdo(node_id).upload(0x1A00, 1)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.process import ROOT, environment
+from tests.process import PATIENCE_S, ROOT, environment
 
 
 def test_without_tkinter_one_error_names_the_package(tmp_path: Path) -> None:
@@ -15,7 +15,7 @@ def test_without_tkinter_one_error_names_the_package(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "dvtcli", "--sim", "gen4", "run", "scripts/pdo_config.tcl"],
         capture_output=True, encoding="utf-8", env=environment() | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
-        check=False, timeout=60,
+        check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     assert done.returncode == 1
     assert "python3-tk" in done.stderr

@@ -18,7 +18,7 @@ import pytest
 from dvtcli.cli.dvt.tcl_script import LIMITS, run_tcl
 from tests.commands.bench import Bench, Ran
 from tests.posix import STOPPING
-from tests.process import SCRIPTS, documents, dvtcli, environment, run
+from tests.process import PATIENCE_S, SCRIPTS, documents, dvtcli, environment, run
 
 pytestmark = [
     pytest.mark.skipif(
@@ -233,7 +233,7 @@ def test_ctrl_c_stops_it(loop: str, tmp_path: Path) -> None:
     assert process.stdout.readline() == "0x0000001E\n"
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, stderr
     assert "interrupted" in stderr
 
@@ -252,7 +252,7 @@ def test_a_signal_in_the_middle_of_a_change_rolls_it_back(number: signal.Signals
     while "0x1800:01 <-" not in (line := process.stderr.readline()):
         assert line, "the process ended before it wrote anything"
     process.send_signal(number)
-    stdout, stderr = process.communicate(timeout=60)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 128 + number, stderr
     assert "rolled back: everything is as it was" in stderr
     assert stdout == ""

@@ -15,7 +15,7 @@ from tests.commands.bench import Bench
 from tests.dvt.children import started
 from tests.dvt.test_tcl import tcl
 from tests.posix import STOPPING
-from tests.process import documents, dvtcli
+from tests.process import PATIENCE_S, documents, dvtcli
 
 pytestmark = [
     pytest.mark.skipif(
@@ -93,7 +93,7 @@ def test_one_long_call_is_stopped_by_a_signal(endless: str, number: signal.Signa
     assert process.stdout is not None
     assert process.stdout.readline() == "0x0000001E\n"
     process.send_signal(number)
-    stdout, stderr = process.communicate(timeout=60)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 128 + number, stderr
     assert stdout == ""
     assert "Traceback" not in stderr
@@ -145,6 +145,6 @@ def test_a_script_that_computes_after_a_line_is_stopped_by_a_signal(
     assert "begun\n" in iter(process.stdout.readline, "")
     time.sleep(0.5)  # until it computes: else the signal is seen before it begins to
     process.send_signal(number)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 128 + number, stderr
     assert "Traceback" not in stderr

@@ -14,7 +14,7 @@ import pytest
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import dvtcli_serve, dvtcli_state
 from tests.house.pages import PAGES, text
-from tests.process import ROOT
+from tests.process import PATIENCE_S, ROOT
 
 __all__ = ["dvtcli_serve", "dvtcli_state"]
 
@@ -49,7 +49,8 @@ def test_programs_run(code: str, tmp_path: Path, request: pytest.FixtureRequest)
     (tmp_path / "drive.eds").write_bytes(family_eds("gen4").read_bytes())
     if _BUS in code:
         served = request.getfixturevalue("dvtcli_serve")("gen4@5")
-        code = code.replace(_BUS, ", ".join(f"{key}={value!r}" for key, value in served.settings.items()))
+        settings = served.settings | {"timeout_s": PATIENCE_S}
+        code = code.replace(_BUS, ", ".join(f"{key}={value!r}" for key, value in settings.items()))
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     run([sys.executable, "-c", code], tmp_path)
 

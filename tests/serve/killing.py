@@ -42,7 +42,7 @@ class Killable(Served):
         victim.process = start([*bus_words(self.port), *words], env=own_environment(self.folder))
         victim.is_there.set()
         try:
-            victim.process.communicate(timeout=PATIENCE_S)
+            self.said, self.complaints = victim.process.communicate(timeout=PATIENCE_S)
         finally:
             victim.process.kill()
             self.door.victim = None

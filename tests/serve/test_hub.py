@@ -25,7 +25,7 @@ from dvtcli.simulator.network.hub_client import Client
 from dvtcli.simulator.network.shared_bus import Server
 from dvtcli.simulator.network.station import stations
 from dvtcli.simulator.network.wire import Wire
-from tests.serve.served import raw_client, received, wait_for
+from tests.serve.served import PATIENCE_S, raw_client, received, wait_for
 
 STALL_S = 1.5
 
@@ -88,7 +88,7 @@ def test_frames_of_one_reach_the_others_and_the_nodes_and_not_itself(bench: Benc
 
 def test_requests_may_come_in_pieces_or_all_at_once(bench: Bench) -> None:
     with socket.create_connection(("127.0.0.1", bench.port)) as client, bench.attach() as other:
-        client.settimeout(10)
+        client.settimeout(PATIENCE_S)
         client.sendall(b"< open vcan7 >< rawmode >< echo >< send 123 2 1 F1 >")
         assert lines(client, 4) == [b"< hi >", b"< ok >", b"< ok >", b"< echo >"]
         for byte in b"\n< send 0000ABCD 1 ff >":
@@ -166,7 +166,7 @@ def test_rubbish_ends_its_own_connection_only(bench: Bench) -> None:
     with bench.attach() as good:
         for rubbish in (b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n< open can0 >", b"\xff" * 5000, b"<" * 2000):
             with socket.create_connection(("127.0.0.1", bench.port)) as bad:
-                bad.settimeout(10)
+                bad.settimeout(PATIENCE_S)
                 assert bad.recv(256) == b"< hi >"
                 bad.sendall(rubbish)
                 with pytest.raises((ConnectionError, AssertionError)):
@@ -291,7 +291,7 @@ def test_who_opens_no_bus_makes_room(bench: Bench) -> None:
     """Whoever takes all places and says nothing keeps nobody out."""
     idle = [socket.create_connection(("127.0.0.1", bench.port)) for _ in range(MOST_CLIENTS)]
     for each in idle:
-        each.settimeout(10)
+        each.settimeout(PATIENCE_S)
         assert each.recv(16) == b"< hi >"
     with raw_client(bench.port) as one, raw_client(bench.port) as other:
         one.sendall(b"< send 123 0 >")
@@ -306,7 +306,7 @@ def test_who_opens_no_bus_makes_room(bench: Bench) -> None:
 def test_there_is_room_for_many_and_more_are_refused(bench: Bench) -> None:
     clients = [raw_client(bench.port) for _ in range(MOST_CLIENTS)]
     with socket.create_connection(("127.0.0.1", bench.port)) as refused:
-        refused.settimeout(10)
+        refused.settimeout(PATIENCE_S)
         assert refused.recv(256) == b""
     clients[0].sendall(b"< send 123 0 >")
     for client in clients[1:]:

@@ -12,7 +12,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.sim_state import Kept, read_state, write_state
 from dvtcli.operations.opening.serve import address, is_loopback
 from tests.process import dvtcli
-from tests.serve.served import Served, raw_client, served
+from tests.serve.served import ANSWER_S, Served, raw_client, served
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_what_is_no_state(text: str, tmp_path: Path) -> None:
 
 
 def uploads_a_second(server: Served, count: int) -> float:
-    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=float(ANSWER_S))
     sdo = bus.sdo(1)
     sdo.upload(0x1018, 1)
     began = time.perf_counter()
@@ -86,7 +86,9 @@ def test_a_server_takes_its_time_to_answer(tmp_path: Path) -> None:
 
 def test_each_server_takes_its_own_time(tmp_path: Path) -> None:
     with served(tmp_path, "generic@1", "generic@2", "--latency", "2:20") as server:
-        bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
+        bus = open_bus(
+            "socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=float(ANSWER_S)
+        )
         took_s: tuple[list[float], list[float]] = [], []
         for sdo, times_s in zip((bus.sdo(1), bus.sdo(2)), took_s, strict=True):
             for _ in range(10):

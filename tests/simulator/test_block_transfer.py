@@ -11,6 +11,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from dvtcli.simulator.device.sdo_server import SdoServer
+from tests.process import PATIENCE_S
 from tests.served_nodes import ServedNodes
 from tests.simulator.bench import Client, booted
 
@@ -47,10 +48,10 @@ class Line:
         self.network.NOTIFIER_CYCLE = 0.02
         self.network.connect()
         self.sdo = self.network.add_node(canopen.RemoteNode(1, canopen.ObjectDictionary())).sdo
-        self.sdo.RESPONSE_TIMEOUT = 6
+        self.sdo.RESPONSE_TIMEOUT = PATIENCE_S
 
     def close(self) -> None:
-        self.network.notifier.stop(0.2)
+        self.network.notifier.stop(PATIENCE_S)
         self.simulated.stop()
         self.theirs.shutdown()
         self.ours.shutdown()

@@ -25,8 +25,9 @@ from dvtcli.simulator.network.socketcand import (
     sent_frame,
 )
 
-#: python-can wants the answer to `rawmode` alone in one read: frames wait so long, or until the client speaks (s)
-HOLD_S = 0.1
+#: python-can wants the answer to `rawmode` alone in one read, and on a busy machine that read is late: frames wait so
+#: long, or until the client speaks (s)
+HOLD_S = 0.5
 _READ = 64 * 1024
 #: clients that wait for an acknowledgement before they send their next frame get it at once, where the system can
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.process import documents, environment, run
-from tests.serve.served import PATIENCE_S, served
+from tests.serve.served import ANSWER_S, PATIENCE_S, served
 
 #: why nobody can be somebody else here; empty where it can be
 WHY_NOT = "" if os.name == "posix" and os.geteuid() == 0 and shutil.which("setpriv") else "needs root and setpriv"
@@ -131,7 +131,7 @@ class Place:
 
     def read(self, *words: str, **more: Any) -> int:
         """The vendor-ID that the chosen node says."""
-        ran = self.run("-n", "1", "--json", *words, "read", "1018:1", **more)
+        ran = self.run("-n", "1", "--json", "--timeout", ANSWER_S, *words, "read", "1018:1", **more)
         assert ran.returncode == 0, ran.stderr + ran.stdout
         value = documents(ran.stdout)[0]["value"]
         assert isinstance(value, int)
