@@ -156,7 +156,7 @@ def test_damaged_lines_are_left_out_and_told(plug: Plug) -> None:
 def test_what_the_adapter_does_not_send_is_no_success(plug: Plug) -> None:
     """Its transmit buffer is full now and then: reads are asked again, a write that was not sent is found out."""
     adapter = plug()
-    with Bench((), options(adapter, timeout_s=1.0)) as bench:
+    with Bench((), options(adapter, timeout_s=2.0)) as bench:
         before = bench.run("pdo tpdo1 --json").document
         adapter.refused = WRITE
         ran = bench.run("map tpdo1 6041 606C/32 --sync 1")

@@ -260,12 +260,16 @@ def test_who_waits_for_the_lock_can_be_interrupted(keep: Keep) -> None:
         raise KeyboardInterrupt
 
     first, second = keep(), keep("elsewhere")
+
+    def waits_for_long() -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        second.lock.take(60)
+
     first.lock.take()
     before = signal.signal(SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, 0.05)
     try:
-        with pytest.raises(KeyboardInterrupt):
-            second.lock.take(60)
+        with pytest.raises(KeyboardInterrupt):  # also where it comes at once
+            waits_for_long()
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(SIGALRM, before)

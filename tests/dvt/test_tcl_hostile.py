@@ -26,7 +26,7 @@ from dvtcli.cli.dvt.tcl_wire import (  # fmt: skip
 )
 from dvtcli.errors import DvtcliError
 from tests.commands.bench import Bench
-from tests.process import ROOT
+from tests.process import PATIENCE_S, ROOT
 
 #: Says *lines* as if it was Tcl; what it is told, it reads only where `hear` is called.
 FAKE = """
@@ -86,11 +86,11 @@ def fake(body: str) -> list[str]:
     return [sys.executable, "-c", FAKE.format(root=str(ROOT), body=body)]
 
 
-def failed(bench: Bench, folder: Path, body: str) -> DvtcliError:
-    """How the script ends whose Tcl is *body*."""
+def failed(bench: Bench, folder: Path, body: str, seconds: float = PATIENCE_S) -> DvtcliError:
+    """How the script ends whose Tcl is *body*, which may compute for *seconds*."""
     (folder / "x.tcl").write_text("puts x\n")
     with TclProcess(fake(body)) as process:
-        made = TclScript(bench.session, str(folder / "x.tcl"), process, LIMITS._replace(seconds=0.3))
+        made = TclScript(bench.session, str(folder / "x.tcl"), process, LIMITS._replace(seconds=seconds))
         try:
             made.check()
             made.run()
@@ -103,7 +103,7 @@ def failed(bench: Bench, folder: Path, body: str) -> DvtcliError:
 @pytest.mark.parametrize(("body", "says"), BROKEN)
 def test_rubbish_ends_the_script(body: str, says: str, tmp_path: Path) -> None:
     with Bench() as bench:
-        error = failed(bench, tmp_path, body)
+        error = failed(bench, tmp_path, body, 0.3 if "stopped after" in says else PATIENCE_S)
         assert says in f"{error.text} {error.why}"
         assert error.exit_code != 0
         assert f"{tmp_path}/x.tcl" in error.text

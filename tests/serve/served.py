@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -88,6 +89,18 @@ def served(folder: Path, *words: str, port: int = 0) -> Iterator[Served]:
         if process.poll() is None:
             process.kill()
             process.communicate()
+
+
+@contextmanager
+def reserved_port() -> Iterator[int]:
+    """A port for servers that come and go, which nobody else gets meanwhile, where the system can keep it."""
+    with socket.socket() as held:
+        held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        held.bind(("127.0.0.1", 0))
+        port: int = held.getsockname()[1]
+        if sys.platform != "linux":  # elsewhere nobody listens at a port that somebody else has, though it is not used
+            held.close()
+        yield port
 
 
 def wait_for(condition: object, what: str, patience_s: float = PATIENCE_S) -> None:

@@ -17,6 +17,7 @@ from dvtcli.simulator.device.family import GENERIC
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.bus.devices import device, dictionary
+from tests.process import PATIENCE_S
 from tests.served_nodes import ServedNodes
 
 Backing = Callable[[int, int], bytes]
@@ -28,7 +29,7 @@ class Bench:
     def __init__(self, channel: str, family: str = "generic") -> None:
         self._recorder, ours, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(3))
         self.node = device(1, family)
-        self.real = CanBus(ours, "virtual", timeout_s=0.1, retries=0)
+        self.real = CanBus(ours, "virtual", timeout_s=PATIENCE_S, retries=0)
         self.network = ServedNodes(theirs, [self.node])
         self.network.start()
         self.made: list[int] = []
@@ -136,6 +137,7 @@ def test_a_boot_up_of_the_node_itself_counts(bench: Bench) -> None:
 
 
 def test_a_silent_node_is_silent_here_too(bench: Bench) -> None:
+    bench.twin.set_timeout(0.1)
     with pytest.raises(NoAnswer):
         bench.twin.sdo(9).upload(0x1000, 0)
     with pytest.raises(UsageError):
@@ -143,6 +145,7 @@ def test_a_silent_node_is_silent_here_too(bench: Bench) -> None:
 
 
 def test_a_node_that_cannot_be_described_has_no_state(bench: Bench) -> None:
+    bench.real.set_timeout(0.1)
     def unreadable(node_id: int, backing: Backing) -> StrictDevice:
         backing(0x1018, 1)
         return StrictDevice(ObjectDictionary({}), GENERIC, node_id, backing=backing)

@@ -10,8 +10,7 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire
+from tests.commands.bench import Bench, beside
 
 
 @pytest.fixture(autouse=True)
@@ -49,10 +48,7 @@ def test_one_lost_frame_is_not_put_down_to_power_or_bit_rate() -> None:
 @pytest.mark.parametrize("step", range(1, 7))
 def test_a_time_out_is_not_explained_by_a_missing_eds(step: int) -> None:
     node = StrictDevice(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
-    with (
-        Wire(node, faults=(f"lose-response@{step}",)) as wire,
-        Bench((), {**wire.options, "yes": True, "timeout": 0.1}) as bench,
-    ):
+    with Bench((), {"node": 1, "yes": True}, beside([node], f"lose-response@{step}")) as bench:
         ran = bench.run("map tpdo1 6041 606C")
         assert ran.code == 5, ran.stdout
         assert "no EDS" not in ran.stderr

@@ -232,8 +232,9 @@ def test_where_it_is_not_told_whether_a_drive_moves_it_is_asked(line: str, code:
 def test_a_node_that_is_heard_and_answers_nothing_is_asked_about(eds: str) -> None:
     """As one whose application hangs, whose heartbeats and NMT go on."""
     node = device("generic")
-    with Wire(node) as wire, Bench((), {**wire.options, "eds": eds, "timeout": 0.1}) as bench:
+    with Wire(node) as wire, Bench((), {**wire.options, "eds": eds}) as bench:
         assert bench.run("nmt stop").code == 0
+        bench.session.bus.set_timeout(0.1)
         ran = bench.run("nmt reset-node --json")
         assert (ran.code, ran.document["node"]) == (6, 1)
         assert "STOPPED" in ran.document["text"]

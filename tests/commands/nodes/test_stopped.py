@@ -23,14 +23,14 @@ from tests.commands.bus import Wire, device
 def test_a_stopped_node_is_brought_back_by_the_first_command(command: str, state: NmtState, family: str) -> None:
     """A new process has heard nothing of the node; `nmt preop` is the hint it gives."""
     node = device(family)
-    with Wire(node) as wire, Bench((), {**wire.options, "timeout": 0.5}) as bench:
+    with Wire(node) as wire, Bench((), dict(wire.options)) as bench:
         assert bench.run("read 1000").code == 0
         node.state = NmtState.STOPPED
         bench.session.close()
-        assert bench.run("read 1000").code == 5
+        assert bench.run("read 1000 --timeout 0.1").code == 5
         if command.startswith("reset"):
-            assert bench.run(f"nmt {command}").code == 6, "nobody knows whether its operation is enabled"
-        ran = bench.run(f"nmt {command} --yes")
+            assert bench.run(f"nmt {command} --timeout 0.1").code == 6, "nobody knows whether its operation is enabled"
+        ran = bench.run(f"nmt {command} --yes --timeout 0.5")
         assert ran.code == 0, ran.stderr
         assert node.state is state
         assert bench.run("read 1000").code == 0

@@ -81,8 +81,8 @@ def test_a_recover_that_fails_keeps_the_journal_and_its_progress(tmp_path: Path)
     try:
         before = bench.pdos()
         bench.killed(6, *MAP)
-        bench.wire.slowness_s = 1.0
-        code, _, err = bench.run("recover", "--yes", "--timeout", "0.2")
+        bench.wire.slowness_s = 4.0
+        code, _, err = bench.run("recover", "--yes", "--timeout", "2")
         assert code == 7, err
         assert len(bench.journals()) == 1
         bench.wire.slowness_s = 0.0

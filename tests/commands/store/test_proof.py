@@ -20,7 +20,7 @@ from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import unknown
-from tests.commands.bench import Bench, Ran, beside, impatient
+from tests.commands.bench import Bench, Ran, beside
 from tests.commands.bus import Wire, device
 
 MAP = "map tpdo1 6064 606C"
@@ -140,12 +140,10 @@ def test_a_device_without_a_harmless_place_is_not_proved() -> None:
 
 
 def test_save_is_never_repeated() -> None:
-    with Wire(device("generic"), faults=("lose-response@1",)) as wire:
-        with Bench((), {**wire.options, "yes": True, "timeout": 0.1, "profile": impatient()}) as bench:
-            wire.frames()
-            ran = bench.run("store --prove")
-        saves = [m for m in wire.frames() if m.arbitration_id == 0x601 and m.data[4:] == b"save"]
-    assert ran.code == 5
+    bus, saves = beside([device("generic")], "lose-response@1"), list[bytes]()
+    bus.tap(lambda frame, sent: saves.append(frame.data) if sent and frame.data[4:] == b"save" else None)
+    with Bench((), {"node": 1, "yes": True}, bus) as bench:
+        assert bench.run("store --prove").code == 5
     assert len(saves) == 1
 
 
