@@ -146,6 +146,7 @@ def test_a_silent_node_is_silent_here_too(bench: Bench) -> None:
 
 def test_a_node_that_cannot_be_described_has_no_state(bench: Bench) -> None:
     bench.real.set_timeout(0.1)
+
     def unreadable(node_id: int, backing: Backing) -> StrictDevice:
         backing(0x1018, 1)
         return StrictDevice(ObjectDictionary({}), GENERIC, node_id, backing=backing)
