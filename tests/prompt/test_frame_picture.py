@@ -26,12 +26,10 @@ def test_the_last_frame_is_shown_with_its_values_and_its_period(wire: Wire, open
     terminal = opened(wire, open_terminal)
     wire.say(0x285, bytes(8))
     wire.say(0x285, TPDO2)
-    terminal.until(lambda: _shown(wire, terminal, "pdo tpdo2") and "LAST VALUE" in terminal.text, "the values")
-    row = next(line for line in terminal.lines if line.startswith("  1  606C:00"))
-    assert row.endswith("-1500 rpm       rpm")
-    battery = next(line for line in terminal.lines if line.startswith("  3  5100:02"))
-    assert battery.endswith("0.06 A (1)      1/16 A")
-    assert re.search(r"last frame  24 FA FF FF 37 12 01 00 +\d+\.\d s ago, period \d+\.\d ms \(", terminal.text)
+    last = re.compile(r"last frame  24 FA FF FF 37 12 01 00 +\d+\.\d s ago, period \d+\.\d ms \(")
+    terminal.until(lambda: _shown(wire, terminal, "pdo tpdo2") and bool(last.search(terminal.text)), "both frames")
+    assert terminal.row("  1  606C:00").endswith("-1500 rpm       rpm")
+    assert terminal.row("  3  5100:02").endswith("0.06 A (1)      1/16 A")
 
 
 def test_a_pdo_that_was_not_heard_has_no_values(wire: Wire, open_terminal: Open) -> None:
@@ -60,7 +58,9 @@ def test_the_cells_grow_with_the_terminal(gen4: Terminal, open_terminal: Open) -
 
 
 def _shown(wire: Wire, terminal: Terminal, line: str) -> bool:
-    """Run *line* anew until the prompt's thread has heard the frames."""
+    """Run *line* anew, on an empty screen, until the prompt's thread has heard the frames."""
+    terminal.type("\x0c")
+    terminal.until(lambda: terminal.cursor_line == terminal.lines[0] == prompt(wire, "PRE-OP>"), "an empty screen")
     terminal.run(line)
     terminal.wait_prompt(prompt(wire, "PRE-OP> "))
     return True

@@ -57,7 +57,8 @@ def test_what_a_signal_stops_is_put_back_and_the_program_ends_unless_it_is_contr
     else:
         terminal.child.kill(number)
     if number is signal.SIGINT:
-        terminal.wait_prompt(prompt(wire, "OP> "))
+        shown = prompt(wire, "OP>")
+        terminal.until(lambda: terminal.text.count(shown) == 2 and terminal.cursor_line == shown, "the next prompt")
         terminal.run("read 1018:1")
         terminal.wait("0x0000001E")
     else:

@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import pytest
+
 from tests.posix import needs_typing
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER, Terminal
+from tests.prompt.test_real_bus import held_up, opened, prompt
+from tests.prompt.wire import Wire
+
+
+@pytest.fixture
+def wire() -> Iterator[Wire]:
+    wire = Wire()
+    yield wire
+    wire.close()
 
 
 @needs_typing
-def test_lines_typed_while_a_command_runs_are_thrown_away_and_that_is_said(gen4: Terminal) -> None:
-    gen4.run("sync --count 6 --period 300 -vv")
-    gen4.wait("-> 0x080")
-    gen4.type(f"map tpdo1 606C{ENTER}cle")
-    gen4.wait("18 characters typed meanwhile were thrown away")
-    gen4.wait_prompt()
-    gen4.run("undo")
-    gen4.wait("nothing to undo: this session changed nothing")
+def test_lines_typed_while_a_command_runs_are_thrown_away_and_that_is_said(wire: Wire, open_terminal: Open) -> None:
+    terminal = opened(wire, open_terminal)
+    with held_up(wire, download=1):
+        terminal.run("set tpdo1 --timer 70")
+        terminal.until(lambda: wire.downloads == 1, "the first write")
+        terminal.type(f"map tpdo1 606C{ENTER}cle")
+        terminal.until(lambda: terminal.cursor_line == "cle", "what is typed, as the terminal itself shows it")
+    terminal.wait("18 characters typed meanwhile were thrown away")
+    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
+    assert wire.device.value(0x1A00, 0) == b"\x01"
+    terminal.run("undo")
+    terminal.wait_prompt(prompt(wire, "PRE-OP> "))
 
 
 @needs_typing
@@ -51,19 +68,20 @@ def test_ctrl_c_at_a_question_is_no_and_the_next_line_answers_nothing(gen4: Term
 
 
 @needs_typing
-def test_what_was_typed_before_a_question_answers_nothing(open_terminal: Open) -> None:
-    terminal = open_terminal("--sim", "gen4")
-    terminal.wait_prompt()
-    terminal.type("\x1b[200~sync --count 6 --period 300 -vv\nrestore\x1b[201~")
+def test_what_was_typed_before_a_question_answers_nothing(wire: Wire, open_terminal: Open) -> None:
+    terminal = opened(wire, open_terminal)
+    terminal.type("\x1b[200~set tpdo1 --timer 70\nrestore\x1b[201~")
     terminal.until(lambda: "restore" in terminal.cursor_line, "what was pasted")
-    terminal.type(ENTER)
-    terminal.wait("-> 0x080")
-    terminal.type(f"y{ENTER}")
+    with held_up(wire, download=1):
+        terminal.type(ENTER)
+        terminal.until(lambda: wire.downloads == 1, "the first write")
+        terminal.type(f"y{ENTER}")
+        terminal.until(lambda: "y" in terminal.lines, "what is typed, as the terminal itself shows it")
     terminal.wait("2 characters typed meanwhile were thrown away")
     terminal.wait("restore? [y/N]")
     terminal.type(f"n{ENTER}")
     terminal.wait("not done: the answer was no")
-    terminal.wait_prompt("sim/1 PRE-OP> ")
+    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
 
 
 def test_ctrl_c_at_the_last_question_stays(gen4: Terminal) -> None:

@@ -95,8 +95,8 @@ class Wire:
         for _ in range(2):  # open, rawmode
             if not connection.recv(256):
                 return
+            self._connection = connection  # before the client hears that it is there
             connection.sendall(b"< ok >")
-        self._connection = connection
         pending = b""
         while data := connection.recv(4096):
             pending += data

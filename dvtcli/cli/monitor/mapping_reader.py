@@ -24,6 +24,8 @@ class MappingReader:
         self.node: int | None = None
         #: what ended it, None where nothing did; a bus that is gone is the listener's to say
         self.failure: DvtcliError | None = None
+        #: whether there is more to come
+        self.is_reading = True
         self._news: Decoder | None = None
         self._stopping = False
         self._thread = threading.Thread(target=self._read, name="reading mappings", daemon=True)
@@ -39,13 +41,8 @@ class MappingReader:
             pass
         except DvtcliError as failed:
             self.failure = failed
-        finally:
-            self.node = None
-
-    @property
-    def is_reading(self) -> bool:
-        """Whether there is more to come."""
-        return self._thread.is_alive()
+        finally:  # in this order: who sees that no node is being read may ask for the next reading at once
+            self.is_reading, self.node = False, None
 
     def news(self) -> Decoder | None:
         """What is known by now, None where that is no more than the last time; DvtcliError where reading failed."""

@@ -22,6 +22,8 @@ class Notices:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
+        #: held for a moment, and never while the terminal is waited for
+        self._counting = threading.Lock()
         self._waiting: deque[str] = deque(maxlen=A_SECOND)
         self._show: Show | None = None
         self._second = 0.0
@@ -30,10 +32,11 @@ class Notices:
 
     def add(self, text: str) -> None:
         """Take a message; while more than `A_SECOND` wait, the later ones are only counted."""
-        if len(self._waiting) < A_SECOND:
-            self._waiting.append(text)
-        else:
-            self._withheld += 1
+        with self._counting:
+            if len(self._waiting) < A_SECOND:
+                self._waiting.append(text)
+            else:
+                self._withheld += 1
 
     @contextmanager
     def shown_by(self, show: Show) -> Iterator[None]:
@@ -59,6 +62,7 @@ class Notices:
                 self._shown += 1
 
     def _tell_withheld(self, show: Show) -> None:
-        if self._withheld:
-            show(f"{self._withheld} more messages of nodes are not shown")
-            self._withheld = 0
+        with self._counting:  # what comes while this is shown belongs to the next count
+            withheld, self._withheld = self._withheld, 0
+        if withheld:
+            show(f"{withheld} more messages of nodes are not shown")

@@ -12,7 +12,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from tests.posix import needs_shell
-from tests.process import ROOT, documents, dvtcli, environment, run
+from tests.process import PATIENCE_S, ROOT, documents, dvtcli, environment, run
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
 
 
@@ -108,7 +108,7 @@ def test_fish_completes(program: Path) -> None:
     environ = environment() | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
     line = "dvtcli completion fish | source; complete -C 'dvtcli --sim gen4 read 606C'"
     done = subprocess.run(
-        ["fish", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=60, check=True
+        ["fish", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
     )
     assert done.stdout.startswith("606C:00")
 
@@ -118,6 +118,6 @@ def test_zsh_takes_the_script(program: Path) -> None:
     environ = environment() | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
     line = 'autoload -U compinit; compinit -u; eval "$(dvtcli completion zsh)"; print $_comps[dvtcli]'
     done = subprocess.run(
-        ["zsh", "-f", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=60, check=True
+        ["zsh", "-f", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
     )
     assert done.stdout.strip() == "_dvtcli_completion"
