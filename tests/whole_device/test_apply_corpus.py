@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.real_files import real_files
 from tests.whole_device.test_apply_file import makes_equal
+from tests.whole_device.test_silent_settings import is_not_silent
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -26,5 +27,15 @@ def test_the_file_of_a_node_makes_a_fresh_one_equal(path: Path, tmp_path: Path) 
     def law(data: st.DataObject) -> None:
         with TemporaryDirectory(dir=tmp_path) as folder:
             makes_equal(str(path), Path(folder), data.draw)
+
+    law()
+
+
+def test_what_a_node_holds_otherwise_is_a_difference_or_named(path: Path, tmp_path: Path) -> None:
+    @settings(max_examples=3, database=None, derandomize=True, phases=(Phase.generate,))
+    @given(st.data())
+    def law(data: st.DataObject) -> None:
+        with TemporaryDirectory(dir=tmp_path) as folder:
+            is_not_silent(str(path), Path(folder), data.draw)
 
     law()
