@@ -57,6 +57,22 @@ def test_each_process_undoes_one_more(bench: Bench) -> None:
     assert "nothing to undo" in stderr
 
 
+@pytest.mark.parametrize("selected", [5, None])
+def test_who_changed_nothing_undoes_no_earlier_command(selected: int | None) -> None:
+    with Wire(device("generic", 5)) as wire:
+        with Lines((), {**wire.options, "node": 5}) as earlier:
+            assert earlier.run("write 1017 700").code == 0
+        with Lines((), {**wire.options, "node": selected}) as bench:
+            for line in ("write 5:1017 700", "set 5:tpdo1 --timer 0"):
+                assert "nothing" in bench.run(line).stdout
+            for _ in range(2):  # for each of them
+                ran = bench.run("undo")
+                assert (ran.code, "changed nothing on node 5" in ran.stderr) == (2, True), ran
+            assert bench.run("read 5:1017 --json").document["value"] == 700
+            assert bench.run("undo").code == 0
+            assert bench.run("read 5:1017 --json").document["value"] == 500
+
+
 def test_without_a_selected_node_it_is_the_last_change_on_the_bus(bench: Bench) -> None:
     before = bench.pdos()
     at = bench.words.index("-n")

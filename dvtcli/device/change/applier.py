@@ -28,6 +28,8 @@ class Applier(Changeable):
     history: list[Plan] = field(default_factory=list)
     #: node-IDs of this session's changes on all its nodes, oldest first
     order: list[int] = field(default_factory=list)
+    #: how many commands of this session changed nothing on it, of which no `undo` was told yet
+    in_vain: int = 0
     #: labels of what a restart was seen to take while a change was made, which is yet to be said
     _unsaid: tuple[str, ...] = ()
 
@@ -65,6 +67,7 @@ class Applier(Changeable):
                 from dvtcli.device.change.carry_out import look_again
 
                 look_again(self, plan, found)
+            self.in_vain += kept and not is_part
             self._remember(plan.changes)
         return Applied(plan, findings)
 
@@ -91,6 +94,8 @@ class Applier(Changeable):
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if kept and not saves and any(map(alters, plan.changes)):
             self.keep(plan)
+        elif kept and not saves:
+            self.in_vain += 1
         self._remember(plan.changes)
 
     def keep(self, plan: Plan) -> None:

@@ -58,7 +58,7 @@ def undo_on(session: Session, node_id: int, *, everything: bool = False) -> Chan
         return _own_put_back(session, node_id, everything=everything)
     from dvtcli.operations.changes.undo_remembered import put_remembered_back, remembered_of
 
-    return put_remembered_back(session, remembered_of(session, node_id), everything=everything)
+    return put_remembered_back(session, remembered_of(session, node_id, everything=everything), everything=everything)
 
 
 def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:

@@ -16,6 +16,8 @@ from dvtcli.operations.changes.change import changed
 from dvtcli.operations.results import Changed
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from dvtcli.device.applied import Applied
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.safekeeping import Keeper
@@ -45,11 +47,14 @@ def remembered(session: Session, *, everything: bool) -> list[Remembered]:
     """What of earlier processes is to be put back, the device that was changed last first.
 
     Of the selected node and what was changed from there, or of every node of the bus where none is selected; with
-    *everything* of all these devices. UsageError where nothing is remembered.
+    *everything* of all these devices. UsageError where nothing is remembered, or a command of this session
+    changed nothing.
     """
     selected, keeping = session.selected_id(), session.open_network().keeping
     if keeping is None:
         raise _nothing_kept(session.node_id())
+    if not everything:
+        _refuse_in_vain(session.network.nodes.values())
     chains = _chains(session, keeping, selected, only_newest=not everything)
     if not chains:
         raise nothing_remembered(keeping, selected)
@@ -57,15 +62,28 @@ def remembered(session: Session, *, everything: bool) -> list[Remembered]:
     return [replace(chain, findings=newer) for chain in chains]
 
 
-def remembered_of(session: Session, node_id: int) -> Remembered:
+def remembered_of(session: Session, node_id: int, *, everything: bool) -> Remembered:
     """What of earlier processes is to be put back on one node; UsageError where nothing is remembered of it."""
     keeping = session.open_network().keeping
     if keeping is None:
         raise _nothing_kept(node_id)
+    if not everything:
+        _refuse_in_vain([session.node(node_id)])
     chain = _chain(session, node_id, node_id)
     if chain is None:
         raise nothing_remembered(keeping, node_id)
     return replace(chain, findings=_newer_elsewhere(chain.keeper.past, [chain]))
+
+
+def _refuse_in_vain(nodes: Iterable[Node]) -> None:
+    """UsageError, once for each command of this session that changed nothing: who undoes it means no earlier one's."""
+    for node in nodes:
+        if node.in_vain:
+            node.in_vain -= 1
+            raise UsageError(
+                f"nothing to undo: a command of this session changed nothing on node {node.node_id}",
+                node=node.node_id, hint="`undo` once more goes on to what earlier commands changed",
+            )  # fmt: skip
 
 
 def _nothing_kept(node_id: int) -> UsageError:
