@@ -38,8 +38,9 @@ def command(
 ) -> Facts | None:
     """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap): by --dbc, --eds, or what the nodes hold now.
 
-    With --eds by the mapping in that file. Without any of these, frames are named by the pre-defined connection set and
-    stay bytes. --json gives one dvtcli.frame/1 document a frame.
+    With --eds by the mapping in that file. Without any of these by the mapping that SDO transfers in FILE itself carry;
+    other frames are named by the pre-defined connection set and stay bytes. --json gives one dvtcli.frame/1 document a
+    frame.
 
     \b
     decode run.log

@@ -27,11 +27,12 @@ _HINT = "record while `pdo` reads the nodes, or while a master sets them up; a n
 _Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
 
 
-def recorded_network(session: Session, path: Path) -> tuple[NetworkState, list[str]]:
+def recorded_network(session: Session, path: Path, *, throughout: bool = False) -> tuple[NetworkState, list[str]]:
     """The nodes of which the recording at *path* says a PDO, or those of `-n` among them; and in words what is missing.
 
-    What a node was heard to hold last counts; a boot-up takes back what was not stored. UsageError where no PDO is
-    said, or SDO transfers come from several channels; else as `read_recorded`.
+    What a node was heard to hold last counts; a boot-up takes back what was not stored. With *throughout* PDOs are left
+    out, and warned of, that had another CAN-ID or mapping before. UsageError where no PDO is said, or SDO transfers
+    come from several channels; else as `read_recorded`.
     """
     followed = _Followed()
     _follow(path, followed)
@@ -40,13 +41,25 @@ def recorded_network(session: Session, path: Path) -> tuple[NetworkState, list[s
     for node_id in followed.heard.node_ids:
         if not wanted or node_id in wanted:
             pdos = _whole_pdos(node_id, followed, missing)
+            if throughout:
+                pdos = {pdo: config for pdo, config in pdos.items() if (node_id, pdo) not in followed.changed}
             nodes += [_node_state(session, followed.heard.values(node_id), pdos)] if pdos else []
     if not nodes:
+        if throughout:
+            _tell_changed(session, followed, throughout=True)
         why = "; ".join(missing) or "no SDO transfer in it carries a COB-ID and a mapping"
         raise UsageError(f"{path} does not say what its PDOs carry: {why}", hint=_HINT, place=str(path))
-    for node_id, pdo in sorted(one for one in followed.changed if one[0] in {node.node_id for node in nodes}):
-        session.tell.warning(f"{pdo.label} of node {node_id} was set otherwise before: its last setting counts")
+    _tell_changed(session, followed, throughout=throughout)
     return NetworkState(tuple(nodes)), missing
+
+
+def _tell_changed(session: Session, followed: _Followed, *, throughout: bool) -> None:
+    """Warn of PDOs that changed meanwhile, of all nodes or those of `-n`."""
+    wanted = session.base.nodes
+    counts = "what its frames carry depends on when: they stay bytes" if throughout else "its last setting counts"
+    for node_id, pdo in sorted(followed.changed):
+        if not wanted or node_id in wanted:
+            session.tell.warning(f"{pdo.label} of node {node_id} was set otherwise before: {counts}")
 
 
 @dataclass(slots=True)

@@ -28,7 +28,7 @@ def decode_recording(
     UsageError for a suffix that is no format, InputFileError where the file is none of it.
     """
     check_readable(path)
-    return _fitting(path, decoder_for(session, nodes, dbc), text)
+    return _fitting(path, decoder_for(session, nodes, dbc, path), text)
 
 
 def write_values(
@@ -45,7 +45,7 @@ def write_values(
     such signal is known; else as `decode_recording`.
     """
     check_readable(path)
-    rows = SignalRows(decoder_for(session, nodes, dbc), text)
+    rows = SignalRows(decoder_for(session, nodes, dbc, path), text)
     if not rows.columns:
         if text and len(rows.decoder):
             raise UsageError(f"no signal has {text!r} in its name", hint="decode FILE shows what is in it")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.errors import UsageError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -11,10 +13,11 @@ if TYPE_CHECKING:
     from dvtcli.watch.decoder import Decoder
 
 
-def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None) -> Decoder:
+def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None, path: Path | None = None) -> Decoder:
     """The decoder of a recording: --dbc, else the mapping in the --eds file, else what the nodes hold now.
 
-    Nodes are asked only where they are named (-n, --nodes, --sim) or a bus is open already; else frames stay bytes.
+    Nodes are asked only where they are named (-n, --nodes, --sim) or a bus is open already; else the mapping counts
+    that SDO transfers in the recording at *path* carry, and frames that these say nothing of stay bytes.
     """
     from dvtcli.operations.frames.layouts import live_decoder
     from dvtcli.operations.opening.simulated_nodes import file_or_family
@@ -29,7 +32,28 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
         return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile)
     if base.sim or base.nodes or nodes or session.is_open:
         return live_decoder(session, nodes or ())
-    return Decoder()
+    return Decoder() if path is None else _own_decoder(session, path)
+
+
+def _own_decoder(session: Session, path: Path) -> Decoder:
+    """The mapping that the SDO transfers in the recording at *path* carry; it knows nothing where there are none."""
+    from dvtcli.domain.several import several
+    from dvtcli.operations.exchange.recorded_network import recorded_network
+    from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.watch.decoder import Decoder, pdo_layouts
+
+    decoder = Decoder()
+    try:
+        state, missing = recorded_network(session, path, throughout=True)
+    except UsageError:
+        return decoder  # no transfer in it carries a mapping, or they are of several buses
+    for node in state.nodes:
+        meanings = meanings_of(node.profile, node.dictionary)
+        decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings))
+    names = several(f"{pdo.label} of node {node.node_id}" for node in state.nodes for pdo in node.pdos)
+    left = f"; not {several(missing)}" if missing else ""
+    session.tell.note(f"by the SDO transfers in {path.name} itself: {names}{left}")
+    return decoder
 
 
 def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Decoder:

@@ -38,7 +38,7 @@ def recorded_tracks(
         span_s = fill_rows(by_number, values.rows)
     else:
         check_readable(path)
-        decoder = decoder_for(session, nodes, dbc)
+        decoder = decoder_for(session, nodes, dbc, path)
         tracks = by_place = find_tracks(signals, all_columns(decoder))
         span_s = fill(by_place, read_recording(path), decoder)
     found = [track for track in tracks.values() if track.values]
