@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import read_emergency
@@ -35,16 +34,17 @@ def watch_faults(
     session.tell.note("listening for EMCY messages; Ctrl-C ends it")
     with SteadyListener(session) as listener:
         show(map(counter.heard, sorted(before, key=lambda one: one.last.timestamp_s)))
-        for wait_s in _waits(duration_s):
+        for wait_s in _waits(bus.now_s, duration_s):
             heard = (read_emergency(frame) for frame in listener.take(wait_s))
             show(counter.take(one) for one in heard if one is not None)
 
 
-def _waits(duration_s: float | None) -> Iterator[float]:
-    """How long to wait for messages each time (s) until *duration_s* is over."""
-    until_s = None if duration_s is None else monotonic() + duration_s
-    while until_s is None or monotonic() < until_s:
-        yield _BATCH_S if until_s is None else min(_BATCH_S, max(0.0, until_s - monotonic()))
+def _waits(now_s: Callable[[], float], duration_s: float | None) -> Iterator[float]:
+    """How long to wait for messages each time (s) until *duration_s* is over; then for those that are there by then."""
+    until_s = None if duration_s is None else now_s() + duration_s
+    while until_s is None or now_s() < until_s:
+        yield _BATCH_S if until_s is None else min(_BATCH_S, max(0.0, until_s - now_s()))
+    yield 0.0
 
 
 class _Counter:
