@@ -36,12 +36,14 @@ CTRL_C, CTRL_D, CTRL_R, F1 = "\x03", "\x04", "\x12", "\x1bOP"
 
 
 class Answering(pyte.Screen):
-    """A screen that answers where its cursor is, as terminals do."""
+    """A screen that answers where its cursor is, as terminals do, unless it is told not to."""
 
     child: Child | pexpect.spawn[bytes]
+    answers = True
 
     def write_process_input(self, data: str) -> None:
-        self.child.send(data)
+        if self.answers:
+            self.child.send(data)
 
 
 class Child(fdspawn):  # type: ignore[type-arg]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,22 @@ def test_a_dumb_terminal_gets_a_plain_prompt(open_terminal: Open) -> None:
     terminal.type("y\r")
     assert terminal.ended() == 0
     assert b"\x1b" not in terminal.written
+
+
+@pytest.mark.long
+def test_a_terminal_that_does_not_say_where_its_cursor_is_can_be_typed_at(open_terminal: Open) -> None:
+    """Or that says it late, as over a slow line: prompt_toolkit itself warns of that after two seconds."""
+    terminal = open_terminal("--sim", "gen4")
+    terminal.screen.answers = False
+    terminal.wait_prompt()
+    asked_s = time.monotonic()
+    terminal.until(lambda: time.monotonic() > asked_s + 2.5, "more than prompt_toolkit's patience")
+    assert "WARNING" not in terminal.text
+    terminal.run("read 1018:1")
+    terminal.wait("0x0000001E")
+    terminal.wait_prompt()
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
 
 
 def test_results_go_into_a_pipe_while_the_prompt_stays(open_terminal: Open, tmp_path: Path) -> None:

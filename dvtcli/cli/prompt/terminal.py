@@ -184,7 +184,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
     def is_secret(line: str) -> bool:
         return session.is_secret(expanded(line, session.aliases))
 
-    return PromptSession(
+    prompt: PromptSession[str] = PromptSession(
         message=status.prompt,
         history=open_history(session.output, is_secret),
         auto_suggest=AutoSuggestFromHistory(),
@@ -204,6 +204,9 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         include_default_pygments_style=False,
         color_depth=_color_depth(session.base.color),
     )
+    # a terminal that says late, or never, where its cursor is: the foot waits for that, and a warning helps nobody
+    prompt.app.renderer.cpr_not_supported_callback = None
+    return prompt
 
 
 def _toolbar(status: Status, *, types_tcl: bool) -> StyleAndTextTuples:
