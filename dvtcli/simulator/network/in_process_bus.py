@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue
 from time import monotonic, time
 from typing import TYPE_CHECKING
 
@@ -50,7 +50,8 @@ class InProcessBus(FrameBus[Frame]):
         super().__init__("sim", lambda frame: frame, simulated=True, timeout_s=timeout_s, retries=retries)
         #: held while time passes for the nodes, or they hear a frame
         self._lock = threading.Lock()
-        self._said: SimpleQueue[Frame] = SimpleQueue()
+        #: no SimpleQueue: after a wake-up in vain CPython's waits without end where its time ran out meanwhile
+        self._said: Queue[Frame] = Queue()
         self._wall_s = time() - monotonic()
         self._error_frames = ErrorFrames()
         self._nodes = NodesOnABus(
