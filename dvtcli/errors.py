@@ -103,7 +103,8 @@ class RuleError(DvtcliError):
     """Our rules refused a change before anything was written; *findings* say which, *can_force* whether force helps.
 
     *complaints* are the places of a file that ask for it, where they are known. *lacking* are PDOs that a network file
-    sets and devices have not, each with its node-ID; *compared* is the plan for everything else of that file, then.
+    sets and devices have not, each with its node-ID, *torn* those that it only links with these; *compared* is the plan
+    for everything else of that file, then.
     """
 
     slug = "rules"
@@ -117,6 +118,7 @@ class RuleError(DvtcliError):
         self.can_force = can_force
         self.complaints: tuple[FileComplaint, ...] = ()
         self.lacking: tuple[tuple[int, Pdo], ...] = ()
+        self.torn: tuple[tuple[int, Pdo], ...] = ()
         self.compared: NetworkPlan | None = None
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import dvtcli
 from dvtcli.domain.network.concise_dcf import concise_entries, read_concise_dcf
+from dvtcli.errors import RuleError
 from dvtcli.operations.network.concise_network import concise_dcf
 from tests.commands.bench import Bench
 from tests.small_eds import plain, var
@@ -53,6 +54,19 @@ def manager(*, expects: bool = True, nodes: int = 5) -> str:
 
 def held(bench: Bench, index: int, node_id: int) -> bytes:
     return bench.session.node(10).sdo.upload(index, node_id)
+
+
+def test_a_pdo_that_a_file_s_device_lacks_shows_no_plan_of_nodes_that_nobody_asked() -> None:
+    Path("net.yaml").write_text(FILE.replace("50}", "50}\n    70: {event_timer: 20}"), "utf-8")
+    for nodes in ((manager(),), (manager(), "generic@4", "lely@5")):
+        with Bench(nodes) as bench:
+            for word in ("plan", "diff"):
+                ran = bench.run(f"{word} net.yaml --to-manager 10")
+                assert (ran.code, ran.stdout) == (1, ""), word
+                assert "error: net.yaml:8:5: node 4 has no TPDO70" in ran.stderr
+    with pytest.raises(RuleError) as raised:
+        concise_dcf("net.yaml", 4)
+    assert raised.value.compared is None
 
 
 def test_it_gets_what_each_node_needs_and_a_date_for_those_with_a_stamp() -> None:

@@ -44,7 +44,8 @@ def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -
     for node_id, pdos in asked.items():
         for pdo, mark in pdos.items():
             lacked.look(nodes[node_id], pdo, mark)
-    return lacked.left_of(wish), lacked.error()
+    left = lacked.left_of(wish)
+    return left, lacked.error(wish, left)
 
 
 def _look_ahead(node: Node, pdos: Mapping[Pdo, Mark]) -> None:
@@ -95,8 +96,14 @@ class _Lacked:
     def _node(self, wish: NodeWish) -> NodeWish:
         return replace(wish, pdos=tuple(pdo for pdo in wish.pdos if (wish.node_id, pdo.pdo) not in self.pdos))
 
-    def error(self) -> RuleError | None:
-        """The error for all of them, None for none."""
+    def _torn(self, wish: NetworkWish, left: NetworkWish) -> tuple[tuple[int, Pdo], ...]:
+        """The other ends of links of *wish* that are not in *left*: what these want of them is not known."""
+        linked = {link.producer for link in left.links}
+        gone = [end for link in wish.links if link.producer not in linked for end in link.ends]
+        return tuple(dict.fromkeys((end.node_id, end.pdo) for end in gone if not self._has(end)))
+
+    def error(self, wish: NetworkWish, left: NetworkWish) -> RuleError | None:
+        """The error for all of them, None for none; *left* is what is left of *wish*."""
         if not self.pdos:
             return None
         place = f"{self.complaints[0].place}: " if self.complaints else ""
@@ -104,4 +111,5 @@ class _Lacked:
         only = ids.pop() if len(ids) == 1 else None
         found = RuleError(f"{place}{self.findings[0].text}", self.findings, node=only, can_force=False)
         found.complaints, found.abort, found.lacking = tuple(self.complaints), self.abort, tuple(self.pdos)
+        found.torn = self._torn(wish, left)
         return found

@@ -44,10 +44,12 @@ def verify(
     TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
     """
     wanted, lacking = _wishes(session, rehearse, pdos, file)
-    asked = {pdo for _, pdo in pdos}
-    if lacking is not None and asked and asked.isdisjoint(pdo for _, pdo in lacking.lacking):
+    if lacking is not None and pdos:
+        asked = {(session.node_id() if node_id is None else node_id, pdo) for node_id, pdo in pdos}
+        if not asked.isdisjoint((*lacking.lacking, *lacking.torn)):
+            raise lacking
         lacking = None
-    if lacking is not None and (asked or not any(wanted.values())):
+    if lacking is not None and not any(wanted.values()):
         raise lacking
     wishes = _chosen(session, pdos, wanted, file or SESSION)
     named = len(wishes) > 1 or len(session.known_ids()) > 1

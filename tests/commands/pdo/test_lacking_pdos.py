@@ -78,6 +78,44 @@ def test_verify_of_other_pdos_is_about_these(file: Path) -> None:
         assert (ran.code, ran.stdout) == (1, "")
 
 
+TORN = """first: {node_id: 1, tpdo: {1: {event_timer: 0}}}
+second: {node_id: 2, rpdo: {1: {transmission: 255}, 3: {transmission: 255}}}
+links:
+  - {from: first:tpdo70, to: second:rpdo3}
+  - {from: first:tpdo2, to: second:rpdo70}
+  - {from: first:tpdo1, to: [second:rpdo1, second:rpdo71]}
+"""
+
+
+@pytest.mark.parametrize("pdo", ["2:rpdo3", "1:tpdo2"])
+def test_verify_of_a_pdo_that_is_linked_with_a_lacked_one_says_what_is_lacked(pdo: str, tmp_path: Path) -> None:
+    """Its COB-ID and mapping were not compared: the link says them."""
+    (tmp_path / "l.yaml").write_text(TORN)
+    with Bench(NODES) as bench:
+        ran = bench.run(f"verify {pdo} {tmp_path / 'l.yaml'}")
+        assert (ran.code, ran.stdout) == (1, "")
+        assert "node 1 has no TPDO70" in ran.stderr
+
+
+def test_verify_compares_what_another_node_lacks_and_what_is_linked_besides(tmp_path: Path) -> None:
+    (tmp_path / "l.yaml").write_text(TORN + "third: {node_id: 3, tpdo: {70: {event_timer: 0}, 1: {event_timer: 0}}}\n")
+    with Bench(NODES) as bench:
+        ran = bench.run(f"verify 3:tpdo1 {tmp_path / 'l.yaml'}")
+        assert (ran.code, "no TPDO70" in ran.stderr) == (0, False)
+        ran = bench.run(f"verify 2:rpdo1 {tmp_path / 'l.yaml'}")
+        assert (ran.code, "can_id" in ran.stdout.lower().replace("cob-id", "can_id")) == (3, True), ran.stdout
+
+
+def test_verify_of_a_pdo_that_another_node_lacks_compares_it(tmp_path: Path) -> None:
+    (tmp_path / "l.yaml").write_text(
+        "one: {node_id: 1, tpdo: {5: {event_timer: 0}}}\ntwo: {node_id: 2, tpdo: {5: {event_timer: 50}}}\n"
+    )
+    with Bench(("generic@1", "gen4@2")) as bench:
+        assert bench.run(f"verify 1:tpdo5 {tmp_path / 'l.yaml'}").code == 1
+        ran = bench.run(f"verify 2:tpdo5 {tmp_path / 'l.yaml'}")
+        assert (ran.code, "node 1 has no" in ran.stderr) == (3, False)
+
+
 def test_the_formats_of_ci_have_a_case_for_each(file: Path) -> None:
     with Bench(NODES) as bench:
         for word in ("diff", "verify"):
