@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.named_process_data import is_named_as_process_data
+from dvtcli.domain.named_process_data import is_named_as_process_data, is_named_as_setting
 from dvtcli.domain.object_dictionary import Access, normalised
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Range, within
@@ -81,6 +81,8 @@ _OUTPUTS = frozenset({0x6200, *range(0x6220, 0x6228), 0x6300, 0x6320, *range(0x6
 _COMMANDS = frozenset(
     {0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60B8, 0x60C1, 0x60FE, 0x60FF}
 )  # fmt: skip
+#: Where the objects of CiA 402 are, from 0x6000 of the first axis: what is not among `_COMMANDS` is a setting
+_OF_DRIVES = range(0x40, 0x100)
 #: auto zero (CiA 404), preset (CiA 406), preset of a slope (CiA 410): written, what is measured is another value
 _PRESETS: Mapping[int, frozenset[int]] = {
     _MEASURING: frozenset({0x6125, 0x7124, 0x9124}),
@@ -193,9 +195,21 @@ class Configuration:
         return None if (entry.index, entry.sub_index) in self.named else NotWritten.MAKERS
 
     def _is_included(self, entry: OdEntry, why: NotWritten) -> bool:
-        if why in (NotWritten.NAMED_COMMAND, NotWritten.NAMED_PROCESS_DATA):
-            return (entry.index, entry.index) in self.included
-        return within(entry.index, self.included)
+        """Whether the user names its index; a range is enough only for what is no process data for sure."""
+        if (entry.index, entry.index) in self.included:
+            return True
+        is_sure = why is NotWritten.MAKERS or (
+            why in (NotWritten.MAKERS_RPDO, NotWritten.RPDO_MAPPABLE) and self._is_setting(entry)
+        )
+        return is_sure and within(entry.index, self.included)
+
+    def _is_setting(self, entry: OdEntry) -> bool:
+        """Whether what an RPDO could take is a setting by its standard or its own name, which a range may write."""
+        in_drive = entry.index in _PROFILES and (entry.index - 0x6000) % _AXIS in _OF_DRIVES
+        if entry.index < _MAKERS.start or (in_drive and self.profile_number in (None, 0, _DRIVE)):
+            return True
+        whole = None if self.dictionary is None else self.dictionary.get(entry.index)
+        return is_named_as_setting(entry.name, "" if whole is None else whole.name)
 
     def _full_name(self, entry: OdEntry) -> str:
         """Its own name and the one with its object's, as `normalised`."""

@@ -1,4 +1,4 @@
-"""Which of a maker's objects is process data by its name: a guess, where no standard and no PDO says what it is.
+"""Which of a maker's objects is process data, or surely a setting, by its name: a guess where no standard says it.
 
 Knows names only, in English and German. Does not know what a PDO maps, what an object holds, nor names of commands such
 as `Factory reset`.
@@ -12,24 +12,38 @@ from dvtcli.domain.object_dictionary import normalised
 
 #: words of what commands, is measured, or goes by PDO from one device to another
 _PROCESS = re.compile(
-    r"(?<![a-z])(target|demand|demanded|commanded|commands?|set_?points?|set_value|desired|actual|measured|measurements?"
-    r"|received?|sent|transmit(ted)?|process_values?|pv|debug_values?|control_?(word|byte|bits?)|status_?(word|byte|bits?)"
+    r"(?<![a-z])(target|demand|demanded|commanded|commands?|cmds?|set_?points?|set_value|desired|actual|measured|measurements?"
+    r"|received?|sent|transmit(ted)?|process_values?|pv|debug_values?|(control|ctrl)_?(word|byte|bits?)|status_?(word|byte|bits?)"
     r"|(digital|analog(ue)?|physical|pulse|relay|pwm)_outputs?|output_(levels?|states?|values?|control)"
     r"|(digital|analog(ue)?|physical)_inputs?|input_(levels?|states?|values?|voltage)|(position|velocity|torque|time)_input"
-    r"|(position|speed|velocity|torque)_reference|reference_(position|speed|velocity)|interpolation_data|steer_angle|utc"
+    r"|(position|speed|velocity|torque)_reference|ref(erence)?_(position|speed|velocity|torque)|interpolation_data|steer_angle|utc"
     r"|scet|[a-z]*(soll|ist)_?werte?|(steuer|status)_?wort)(?![a-z])"
-    # where the name ends with it: `Deadman switch`, `Pump switch 7`, `Output 3`
-    r"|(?<![a-z])(switch|inputs?|outputs?)(_(left|right|inner|outer|front|rear|upper|lower|\d+))*$"
+    # where the name ends with it: `Deadman switch`, `Pump switch 7`, `Output 3`, `Speed_Ref`, `PWM1`
+    r"|(?<![a-z])(switch|inputs?|outputs?|ref|reference|throttle|brake|relays?|pwm|valves?|lamps?|leds?|horn|duty(_(cycle|ratio))?)"
+    r"(_?(left|right|inner|outer|front|rear|upper|lower|\d+))*$"
+)
+#: words of a setting, and of nothing that acts at once
+_SURE = (
+    r"gains?|k[pid]|kff[av]|limits?|limitation|max(imum)?|min(imum)?|rated|nominal|windows?|thresholds?|time_?out"
+    r"|delay|debounce|hysteresis|dead_?band|scal(e|es|ing)|factors?|gear_ratio|numerator|denominator|ramps?|slope|filters?"
+    r"|bandwidth|cut_?off|inertia|friction|coefficients?|constant(?!_[a-z])|calibration|config(uration)?|set_?up"
+    r"|param(eter)?s?|options?|polarity|inver(t|ted|sion)|types?|units?|resolution|defaults?|assignment"
+    r"|(fault|error|safe)_(value|state)|interval|home_position|homing_([a-z]+_)?(offset|method|speed|velocity|acceleration)"
+    r"|nenn[a-z]+|[a-z]*grenzen?|[a-z]*begrenzung|faktor|rampe|verzögerung"
 )
 #: words that make a setting of all these: `Output current limit`, `Target reached window`, `Measured value filter`
 _SETTING = re.compile(
-    r"(?<![a-z])(gains?|k[pid]|limits?|limitation|max(imum)?|min(imum)?|rated|nominal|ranges?|windows?|thresholds?|time_?out"
-    r"|delay|debounce|hysteresis|dead_?band|offsets?|scal(e|es|ing)|factors?|numerator|denominator|ramps?|slope|filters?"
-    r"|bandwidth|cut_?off|inertia|friction|coefficients?|corrections?|calibration|config(uration)?|set_?up|settings?"
-    r"|param(eter)?s?|options?|polarity|inver(t|ted|sion)|types?|units?|resolution|defaults?|masks?|assignment|function|mode"
-    r"|selection|selector|source|(fault|error|safe)_(value|state)|time_constant|period|interval"
-    r"|nenn[a-z]+|[a-z]*grenzen?|[a-z]*begrenzung|faktor|rampe|verzögerung)(?![a-z])"
+    rf"(?<![a-z])({_SURE}|ranges?|offsets?|corrections?|settings?|masks?|period|function|mode|selection|selector|source)"
+    r"(?![a-z])"
 )
+_SURE_SETTING = re.compile(rf"(?<![a-z])({_SURE})(?![a-z])")
+#: what an object is in the end, whatever limit it is of: `Torque limit command`, `Limit switch`
+_ACTS = re.compile(
+    r"(?<![a-z])(targets?|demand|commands?|cmds?|set_?points?|set_value|request|ref|reference|switch|relays?|valves?|lamps?|leds?|horn"
+    r"|[a-z]*soll_?werte?)(_?(left|right|inner|outer|front|rear|upper|lower|\d+))*$"
+)
+#: a unit, which is no minimum
+_PER_MINUTE = re.compile(r"(/|\bper)\s*min\b|\bmin\s*\^?-1\b", re.IGNORECASE)
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
@@ -39,5 +53,18 @@ def is_named_as_process_data(name: str) -> bool:
     `Torque set-point`, `StatusWord left` and `Key switch` are; `Nominal current` and `Output current limit` are
     settings, and so is whatever no word tells of.
     """
-    words = normalised(_CAMEL.sub("_", name))
+    words = _words(name)
     return bool(_PROCESS.search(words)) and not _SETTING.search(words)
+
+
+def is_named_as_setting(name: str, whole: str) -> bool:
+    """Whether an object's own *name* says that it is a setting, and the one of the *whole* object not that it acts.
+
+    `Nominal current` and `Velocity loop Kp` do. `Operation mode`, `Torque offset`, `Torque limit command` and
+    `Commands.Maximum torque` may be either: somebody has to name them.
+    """
+    return bool(_SURE_SETTING.search(_words(name))) and not any(map(_ACTS.search, (_words(name), _words(whole))))
+
+
+def _words(name: str) -> str:
+    return normalised(_CAMEL.sub("_", _PER_MINUTE.sub("", name)))

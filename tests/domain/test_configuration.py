@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -90,36 +92,67 @@ def test_what_an_rpdo_can_take_of_the_maker_may_be_a_setting(one: OdEntry) -> No
     for known in (Configuration(LOCKED), Configuration(LOCKED, named={(0x2000, 0)})):
         assert known.why_not(one) is Why.MAKERS_RPDO
     assert Why.MAKERS_RPDO.may_be_setting
-    assert Configuration(LOCKED, included=EVERYTHING).why_not(one) is None
+    assert Configuration(LOCKED, included=EVERYTHING).why_not(one) is Why.MAKERS_RPDO, "a range of what nobody knows"
+    assert Configuration(LOCKED, included=((0x2000, 0x2000),)).why_not(one) is None
     assert Configuration(LOCKED, included=EVERYTHING, taken={(0x2000, 0)}).why_not(one) is Why.TAKEN
 
 
 PROCESS_DATA = [
     "Torque set-point", "StatusWord left", "Velocity actual value", "Key switch", "Steer switch inner left",
     "Pump switch 7", "Command argument", "TargetVelocity", "Physical outputs", "Output 3", "Analog output B",
-    "Throttle input voltage", "Received PV1", "Drehzahlsollwert", "Jog", "Factory reset",
+    "Throttle input voltage", "Received PV1", "Drehzahlsollwert", "Jog", "Factory reset", "Speed cmd", "Ctrl word",
+    "Speed_Ref", "Target speed (1/min)", "Relay 1", "Throttle", "Brake", "PWM1", "Proportional valve 2", "Lamp left",
+    "LED", "Horn", "Duty",
 ]  # fmt: skip
 SETTINGS = [
     "Nominal current", "Output current limit", "Current controller P gain", "Maximum speed in forward direction",
     "Velocity loop max. output", "Home position", "Target reached window", "Output limit", "Measured value filter",
-    "Limit switch polarity", "Digital output function", "Command timeout", "Switch debounce time", "Sollwertbegrenzung",
-    "Variable 7", "",
+    "Limit switch polarity", "Command timeout", "Switch debounce time", "Sollwertbegrenzung", "Throttle ramp",
+    "Brake release delay", "PWM resolution", "Valve current limit", "Kp", "MaxSpeed", "Current time constant",
+    "Gear ratio", "Torque constant", "Default duty", "Drehzahlgrenze",
+]  # fmt: skip
+#: of these no word tells whether they act: they count, and a range does not write them
+EITHER = [
+    "Variable 7", "", "Operation mode", "Digital output function", "Torque offset", "Steering correction", "Fan",
+    "Gear selector", "Direction", "Torque limit command", "Maximum speed set-point", "Limit switch 2", "MaxTorqueCmd",
+    "Speed ramp request", "Speed [1/min]", "Drehzahl U/min", "Constant speed", "Speed setting", "PWM period",
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "is_process_data"), [*((name, True) for name in PROCESS_DATA), *((name, False) for name in SETTINGS)]
-)
-def test_what_a_pdo_can_carry_of_the_maker_is_process_data_by_its_name(name: str, is_process_data: bool) -> None:
+@pytest.mark.parametrize("name", [*PROCESS_DATA, *SETTINGS, *EITHER])
+def test_what_a_pdo_can_carry_of_the_maker_is_process_data_by_its_name(name: str) -> None:
+    is_process_data = name in PROCESS_DATA
     for access in (Access.RWW, Access.RWR, Access.RW):
         one = OdEntry(0x2000, 0, name, U32, access, pdo_mapping=True)
         whole, alone = ((first, 0x2000) for first in (0x1000, 0x2000))
         assert (Configuration(GENERIC).why_not(one) is Why.NAMED_PROCESS_DATA) is is_process_data
-        assert (Configuration(GENERIC, included=[whole]).why_not(one) is None) is not is_process_data
+        by_range = Configuration(GENERIC, included=[whole]).why_not(one) is None
+        assert by_range is (name in SETTINGS or (access is Access.RWR and not is_process_data))
         assert Configuration(GENERIC, included=[alone]).why_not(one) is None
     assert not Why.NAMED_PROCESS_DATA.may_be_setting
     unmapped = OdEntry(0x2000, 0, name, U32, Access.RW, pdo_mapping=False)
     assert Configuration(GENERIC).why_not(unmapped) in (Why.MAKERS, Why.NAMED_COMMAND)
+
+
+def test_a_range_takes_no_command_of_a_record_for_a_setting() -> None:
+    for record, name, is_written in (
+        ("Limits", "Maximum torque", True), ("Commands", "Maximum torque", False), ("RPDO cmd 1", "Ramp", False),
+        ("Limits", "Throttle", False), ("Limits", "Speed", False),
+    ):  # fmt: skip
+        one = OdEntry(0x2000, 1, name, U32, Access.RWW, pdo_mapping=True)
+        whole = ObjectDictionary({0x2000: OdObject(0x2000, record, ObjectType.RECORD, {1: one})})
+        known = Configuration(GENERIC, included=((0x2000, 0x5FFF),), dictionary=whole)
+        assert (known.why_not(one) is None) is is_written
+
+
+def test_a_range_of_a_profile_writes_settings_of_drives_and_what_its_name_says() -> None:
+    output = OdEntry(0x7300, 1, "Output Process Value", U32, Access.RWW, pdo_mapping=True)
+    for one, number, is_written in (
+        (entry(0x6083, mapped=True), 402, True), (entry(0x6083, mapped=True), 404, False), (output, 404, False),
+        (entry(0x6200, mapped=True), 402, False), (replace(output, name="Output limit"), 404, True),
+    ):  # fmt: skip
+        known = Configuration(GENERIC, number, included=((0x6000, 0x9FFF),))
+        assert (known.why_not(one) is None) is is_written, f"{one.object} {number}"
 
 
 def test_what_an_rpdo_can_take_is_written_only_where_somebody_names_it() -> None:
@@ -164,7 +197,7 @@ entries = st.builds(
     OdEntry,
     st.integers(0, 0xFFFF),
     st.integers(0, 0xFF),
-    st.sampled_from(["Object", "Password", "Node-ID", ""]),
+    st.sampled_from(["Object", "Password", "Node-ID", "", "Nominal current", "Speed cmd", "Fan", "Operation mode"]),
     st.just(U32),
     st.sampled_from(Access),
     pdo_mapping=st.sampled_from([None, True, False]),
@@ -189,6 +222,14 @@ def test_what_is_written_can_be_written_and_read_back_and_is_no_process_data_una
     is_asked = any(low <= one.index <= high for low, high in known.included)
     if one.index >= 0x2000 and not is_asked:
         assert not (one.pdo_mapping and one.access in (Access.RW, Access.RWW))
+    if 0x2000 <= one.index < 0x6000 and (one.index, one.index) not in known.included and _is_for_rpdos(one):
+        assert one.name == "Nominal current", "a range writes what an RPDO could take only by its name"
+
+
+def _is_for_rpdos(one: OdEntry) -> bool:
+    return (
+        bool(one.pdo_mapping) if one.access is Access.RW else one.access is Access.RWW and one.pdo_mapping is not False
+    )
 
 
 COMMANDS = [

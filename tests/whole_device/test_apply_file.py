@@ -136,7 +136,7 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         assert (document["changed"], document["remaining"]) == (False, 2)
         maker = next(one for one in document["nodes"][0]["left_out"] if one["object"] == "2000:00")
         assert (maker["remains"], maker["before"], maker["after"]) == (True, "64 00", "6F 00")
-        cloned = bench.run(f"apply {file} --include 2000-2005 --yes --json").document
+        cloned = bench.run(f"apply {file} --include 2000 --include 2000-2005 --yes --json").document
         assert [one["object"] for one in cloned["nodes"][0]["objects"]] == ["2000:00", "2004:00"]
         assert node.sdo.upload(0x2006, 0) == bytes(2), "a set point, which an RPDO can take"
         clean = bench.run(f"diff {file}")

@@ -133,6 +133,31 @@ def test_a_limit_that_an_rpdo_could_take_is_a_setting_as_long_as_none_takes_it(f
         assert (bench.run(f"compare {file}").code, bench.run(f"diff {file}").code) == (0, 0)
 
 
+def test_a_range_writes_nothing_that_could_act(tmp_path: Path) -> None:
+    """Of what an RPDO could take a range writes what is a setting by its name; the rest is named, and counts or not."""
+    names = ["Controller gain", "Speed cmd", "Relay 1", "Throttle", "Brake", "Fan", "PWM 1", "Target velocity"]
+    eds, file, index = plain(), tmp_path / "node.dcf", 0x2000
+    eds.info = {"VendorNumber": 1, "ProductNumber": 2}
+    eds.record(0x1018, "Identity", {n: var(f"Part {n}", U32, n, "ro") for n in range(1, 5)})
+    for number, name in enumerate(names):
+        eds.variable(index + number, var(name, U16, 0, "rww", 1))
+    device = tmp_path / "m.eds"
+    device.write_text(eds.text(), "utf-8")
+    for number, name in enumerate(names):
+        eds.variable(index + number, var(name, U16, 0, "rww", 1, ParameterValue=7))
+    file.write_text(eds.text(), "utf-8")
+    with Bench((f"{device}@5",)) as bench:
+        for line, code in (("clone", 3), ("apply", 0)):
+            ran = bench.run(f"{line} {file} --include 2000-5FFF --yes")
+            sdo = bench.session.node().sdo
+            assert [sdo.upload(index + n, 0)[0] for n in range(len(names))] == [7, *[0] * (len(names) - 1)]
+            assert (ran.code, "1 setting of node 5 differs" in ran.stdout) == (code, True), ran.stdout + ran.stderr
+            assert "is not written: --include 2005 writes it" in ran.stdout
+            assert line == "apply" or "2002:00 (holds 0, the file says 7)," in ran.stdout
+        assert bench.run(f"clone {file} --include 2000-5FFF --include 2005 --include 2002 --yes").code == 0
+        assert [sdo.upload(index + n, 0)[0] for n in range(len(names))] == [7, 0, 7, 0, 0, 7, 0, 0]
+
+
 def test_what_changes_by_itself_is_no_setting_where_an_rpdo_could_take_it(tmp_path: Path) -> None:
     file, what = tmp_path / "node.jsonl", drive(tmp_path)
     with Bench((what,)) as bench:

@@ -28,8 +28,9 @@ def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> Netwo
 
     Shows what is to be written and asks. Another product is refused (6), another revision asked about. As apply, and
     with the maker's own objects that the file has a value for and that no PDO can map; --include names those that one
-    could. A node-ID, commands, outputs and passcodes are never written, what is a command by its name only where
-    --include names that object; what is left out is listed with why. A setting that differs and is not written ends it
+    could. A node-ID, passcodes, and commands and outputs of the standards are never written; a command of the maker by
+    its name, and what an RPDO could take and no word calls a setting, only where --include names that very object, not
+    by a range. What is left out is listed with why. A setting that differs and is not written ends it
     with 3: the node is no clone then. With a fault the node is as it was.
 
     \b
