@@ -2,8 +2,8 @@
 
 The policy: vendor and product are the same. Of revisions (CiA 301, 0x1018:03) the same one goes first; then one of the
 same major part (bits 16 to 31: the same CANopen behaviour), then a file that names none, then any other; of each the
-highest. Of one revision the one that was preferred last goes first, where none was added since; then an EDS or XDD
-before the DCF or XDC of one node, then the one that was added last.
+highest. Of one revision an EDS or XDD goes before the DCF or XDC of one node, then the one that was added last; but
+the one that was preferred last before all, as long as that one is not newer.
 """
 
 from __future__ import annotations
@@ -99,15 +99,22 @@ def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revisi
     return Match(first, _fit(first, revision), revision, rivals, preferred)
 
 
-def first_of(same: Sequence[StoredFile]) -> tuple[StoredFile, bool]:
-    """The one of files of the *same* identity that is taken, and whether it is since somebody preferred it."""
+def first_of(same: Sequence[StoredFile], added: StoredFile | None = None) -> tuple[StoredFile, bool]:
+    """The one of files of the *same* identity that is taken, and whether it is since somebody preferred it.
+
+    *added* is one of them that counts as the newest and as not preferred, whether it is there already or not.
+    """
     if len(same) == 1:
         return same[0], False
-    newest = max(same, key=_newest)
-    if remembered(newest).preferred:
-        return newest, True
-    first = min(sorted(same, key=_newest, reverse=True), key=lambda one: one.is_of_one_node)
-    return first, remembered(first).preferred
+
+    def age(one: StoredFile) -> tuple[bool, tuple[int, str]]:
+        return one == added, _newest(one)
+
+    first = max(same, key=lambda one: (not one.is_of_one_node, age(one)))
+    chosen = max((one for one in same if one != added and remembered(one).preferred), key=age, default=None)
+    if chosen is None or age(chosen) < age(first):
+        return first, False
+    return chosen, True
 
 
 def _fit(one: StoredFile, revision: int | None) -> Fit:

@@ -15,6 +15,7 @@ from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import must_be_whole, parse_device_file
 from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, note_about, remembered
+from dvtcli.files.device_library.match import first_of
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
 from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.operations.eds_library.sought_files import Sought, sought_files
@@ -51,7 +52,14 @@ def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, i
             if words == (one.shown.removeprefix("family "),):
                 raise
             rows.append(_refused(one, wrong))
-    return LibraryAdded(tuple(rows), str(folder()), others, session.dry_run)
+    return LibraryAdded(tuple(rows), str(folder()), others, session.dry_run, _are_all_taken(rows))
+
+
+def _are_all_taken(rows: list[AddedFile]) -> bool:
+    """Whether each kept file is, now, the one that is taken for a node of its identity."""
+    files = stored_files()
+    kept = [one for one in files if str(one.path) in {row.kept for row in rows}]
+    return all(first_of([other for other in files if other.identity == one.identity])[0] == one for one in kept)
 
 
 def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:
@@ -78,10 +86,12 @@ def _add(one: Sought, given: Identity | None, *, dry_run: bool) -> AddedFile:
         return AddedFile(one.shown, THERE, *identity, str(same.path), note)
     target = _target(one, identity, there, data)
     outcome = REPLACED if target.path.exists() else ADDED
+    is_preferred = outcome == REPLACED and first_of(there) == (target, True)
     if not dry_run:
-        _keep(target, data, one.origin, dictionary)
-    beside = [kept for kept in there if kept.path != target.path and kept.is_of_one_node == target.is_of_one_node]
-    return AddedFile(one.shown, outcome, *identity, str(target.path), _beside(target, beside))
+        _keep(target, data, Remembered(one.origin, preferred=is_preferred), dictionary)
+    beside = [kept for kept in there if kept != target]
+    first = target if is_preferred else first_of([*beside, target], target)[0]
+    return AddedFile(one.shown, outcome, *identity, str(target.path), _beside(target, beside, first))
 
 
 def _target(one: Sought, identity: Identity, there: list[StoredFile], data: bytes) -> StoredFile:
@@ -96,10 +106,12 @@ def _target(one: Sought, identity: Identity, there: list[StoredFile], data: byte
     return target
 
 
-def _beside(target: StoredFile, others: list[StoredFile]) -> str:
-    """What to say of *others* that are for the same identity and say something else."""
+def _beside(target: StoredFile, others: list[StoredFile], first: StoredFile) -> str:
+    """What to say of *others* that are for the same identity and say something else; *first* is taken."""
     if not others:
         return ""
+    if first != target:
+        return f"{first.label} of the same vendor, product and revision stays the one that is taken: eds prefer decides"
     labels = ", ".join(other.label for other in others)
     return f"{labels} of the same vendor, product and revision says something else: {target.label} is taken from now on"
 
@@ -139,7 +151,7 @@ def _holds(kept: StoredFile, data: bytes) -> bool:
         return False
 
 
-def _keep(target: StoredFile, data: bytes, origin: str, dictionary: ObjectDictionary) -> None:
+def _keep(target: StoredFile, data: bytes, known: Remembered, dictionary: ObjectDictionary) -> None:
     """Write the file, then the note about it; UsageError where the file cannot be written."""
     where = target.path.parent
     try:
@@ -148,7 +160,7 @@ def _keep(target: StoredFile, data: bytes, origin: str, dictionary: ObjectDictio
         raise UsageError(f"{where}: {failed.strerror or failed}", place=str(where)) from failed
     write_bytes(target.path, data)
     put_first(target)
-    remember(target, Remembered(origin), dictionary)
+    remember(target, known, dictionary)
 
 
 def put_first(one: StoredFile) -> None:
@@ -168,12 +180,26 @@ def remember(one: StoredFile, known: Remembered, dictionary: ObjectDictionary) -
 
     Without one the file is read when it is listed.
     """
+    found = described(dictionary)
+    with suppress(UsageError):
+        write_note(one, known, found)
+    return found
+
+
+def described(dictionary: ObjectDictionary) -> Described:
+    """What a file with *dictionary* says of itself."""
     info = dictionary.info
-    found = Described(
+    return Described(
         info.vendor_id, info.product_code, info.revision_number, info.vendor_name, info.product_name, len(dictionary)
     )
+
+
+def write_note(one: StoredFile, known: Remembered, found: Described) -> None:
+    """Note what is *known* of the file and was *found* in it; UsageError where that cannot be written."""
     place = about_place(one)
-    with suppress(OSError, UsageError):
+    try:
         place.parent.mkdir(exist_ok=True)
-        write_bytes(place, note_about(one, known, found).encode())
-    return found
+        text = note_about(one, known, found)
+    except OSError as failed:
+        raise UsageError(f"{place.parent}: {failed.strerror or failed}", place=str(place)) from failed
+    write_bytes(place, text.encode())

@@ -12,7 +12,7 @@ from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, remembered
 from dvtcli.files.device_library.match import first_of
 from dvtcli.files.device_library.stored_files import StoredFile, folder, identity_word, stored_file, stored_files
-from dvtcli.operations.eds_library.add_files import put_first, remember
+from dvtcli.operations.eds_library.add_files import described, put_first, remember, write_note
 from dvtcli.operations.results.library_files import LibraryListing, LibraryRow
 
 if TYPE_CHECKING:
@@ -58,9 +58,17 @@ def prefer_file(session: Session, word: str) -> LibraryListing:
 
 
 def _put_first(one: StoredFile) -> None:
-    known = remembered(one)
+    """Make it the newest one, and preferred; UsageError where that cannot be: then it stays as old as it was."""
+    from dvtcli.operations.opening.simulated_nodes import read_dictionary
+
+    known, held = remembered(one), one.path.stat()
+    found = known.described or described(read_dictionary(one.path))
     put_first(one)
-    _describe(one, replace(known, preferred=True))
+    try:
+        write_note(one, replace(known, preferred=True), found)
+    except UsageError:
+        os.utime(one.path, ns=(held.st_atime_ns, held.st_mtime_ns))
+        raise
 
 
 def _chosen(words: tuple[str, ...]) -> list[StoredFile]:

@@ -48,7 +48,10 @@ class AddedFile:
 
 @dataclass(frozen=True, slots=True)
 class LibraryAdded(Answer):
-    """What became of the files that were to be added to the library in *folder*; *others* are no device files."""
+    """What became of the files that were to be added to the library in *folder*; *others* are no device files.
+
+    *are_all_taken*: no other file goes before one of them.
+    """
 
     renderer: ClassVar = "library_lines:added_lines"
 
@@ -56,6 +59,7 @@ class LibraryAdded(Answer):
     folder: str
     others: int = 0
     dry_run: bool = False
+    are_all_taken: bool = True
 
     def __iter__(self) -> Iterator[AddedFile]:
         return iter(self.rows)

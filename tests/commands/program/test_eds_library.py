@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import dvtcli
@@ -19,7 +19,7 @@ from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import read_device_file
 from dvtcli.files.device_library.match import match
-from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_place
+from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_files, stored_place
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
@@ -497,6 +497,73 @@ def test_what_is_added_is_taken_whatever_the_clock_says() -> None:
         os.utime(stored_place((VENDOR, PRODUCT, 0x10001), "a.eds"), (4_000_000_000,) * 2)
         assert "b.eds is taken from now on" in bench.run("eds add b.eds").stdout
         assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_b.eds")
+
+
+LABELS = ["a.eds", "b.eds", "c.dcf", "d.dcf"]
+OF_ONE_NODE = "[DeviceComissioning]\nNodeID=5\n"
+
+
+def _taken() -> str:
+    """What a node is given now, whatever anybody said of it."""
+    found = match(stored_files(), VENDOR, PRODUCT, 0x10001)
+    return "" if found is None else found.file.label
+
+
+def test_a_preference_holds_until_a_file_goes_first_without_it(offline: Bench) -> None:
+    write("mm.eds", text())
+    for name in ("m.dcf", "z.dcf"):
+        write(name, text(name=name) + OF_ONE_NODE)
+    for line in ("eds add mm.eds", "eds add m.dcf", "eds prefer m.dcf"):
+        assert offline.run(line).code == 0
+    for line in ("eds add z.dcf --dry-run", "eds add z.dcf"):
+        added = offline.run(line).stdout
+        assert "m.dcf of the same vendor, product and revision stays the one that is taken" in added
+        assert "use them from now on" not in added
+        assert _taken() == "m.dcf"
+    write("m.dcf", text(name="newer") + OF_ONE_NODE)
+    assert "m.dcf is taken from now on" in offline.run("eds add m.dcf").stdout
+    listed = {row["name"]: row["preferred"] for row in offline.run("eds list --json").document["files"]}
+    assert (_taken(), listed) == ("m.dcf", {"m.dcf": True, "mm.eds": False, "z.dcf": False})
+    write("n.eds", text(name="n"))
+    assert "n.eds is taken from now on" in offline.run("eds add n.eds").stdout
+    assert _taken() == "n.eds"
+
+
+@settings(max_examples=5)
+@given(st.lists(st.tuples(st.sampled_from(["add", "add", "prefer"]), st.sampled_from(LABELS)), max_size=8))
+def test_what_is_said_to_be_taken_is_taken(steps: list[tuple[str, str]]) -> None:
+    for one in stored_files():
+        one.path.unlink()
+    with Bench() as bench:
+        for number, (what, label) in enumerate(steps):
+            if what == "add":
+                write(label, text(name=f"pump {number}") + (OF_ONE_NODE if label.endswith("dcf") else ""))
+            before = len(stored_files())
+            ran = bench.run(f"eds {what} {label} --json")
+            if what == "prefer":
+                assert ran.code == 2 or _taken() == label
+                continue
+            note = ran.document["files"][0]["note"]
+            assert _taken() == (note.split()[0] if "stays the one" in note else label), note
+            assert bool(note) is (before > 0 and len(stored_files()) > 1)
+
+
+def test_who_prefers_is_told_where_it_cannot_be_noted(offline: Bench) -> None:
+    write("m.eds", text())
+    write("m.dcf", text(name="of one node") + OF_ONE_NODE)
+    for line in ("eds add m.dcf", "eds add m.eds"):
+        assert offline.run(line).code == 0
+    about = folder() / "about"
+    for note in about.iterdir():
+        note.unlink()
+    about.rmdir()
+    about.write_text("no folder", "utf-8")
+    ran = offline.run("eds prefer m.dcf")
+    assert (ran.code, str(about) in ran.stderr, ran.stdout) == (2, True, "")
+    assert _taken() == "m.eds"
+    about.unlink()
+    assert offline.run("eds prefer m.dcf").code == 0
+    assert _taken() == "m.dcf"
 
 
 def test_files_of_one_name_from_two_folders_are_both_kept_and_said(offline: Bench) -> None:

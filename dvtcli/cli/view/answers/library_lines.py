@@ -31,7 +31,9 @@ def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
     dry = Cell(" (dry run: nothing was written)" if result.dry_run else "", "cyan")
     yield [Cell(f"{counts}{others}"), dry]
     if not result.dry_run and not all(row.outcome == REFUSED for row in result.rows):
-        yield [Cell(f"nodes of these identities use them from now on; kept in {_at_home(result.folder)}", "dim")]
+        which = "them from now on" if result.are_all_taken else "what `eds list` says"
+        who = f"nodes of these identities use {which}"
+        yield [Cell(f"{who}; kept in {_at_home(result.folder)}", "dim")]
 
 
 def _remarks(row: AddedFile) -> Iterator[Line]:
