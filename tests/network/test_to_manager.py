@@ -9,8 +9,12 @@ import pytest
 import dvtcli
 from dvtcli.domain.network.concise_dcf import concise_entries, read_concise_dcf
 from dvtcli.errors import RuleError
+from dvtcli.files.eds.reader import read_eds
 from dvtcli.operations.network.concise_network import concise_dcf
-from tests.commands.bench import Bench
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
+from tests.bus.devices import unknown
+from tests.commands.bench import Bench, beside
 from tests.small_eds import plain, var
 
 FILE = """io:
@@ -50,6 +54,12 @@ def manager(*, expects: bool = True, nodes: int = 5) -> str:
         eds.record(index, f"Expected {index:X}", {sub: var(f"Node {sub}", 7, 7) for sub in range(1, nodes + 1)})
     Path("manager.eds").write_text(eds.text(), "utf-8")
     return "manager.eds@10"
+
+
+def on_bus(word: str) -> StrictDevice:
+    """The device that *word* of --sim means, for a bus of others."""
+    file, _, node_id = word.partition("@")
+    return StrictDevice(read_eds(Path(file)).dictionary, load_family("generic"), int(node_id))
 
 
 def held(bench: Bench, index: int, node_id: int) -> bytes:
@@ -117,13 +127,30 @@ def test_it_asks_and_a_dry_run_writes_nothing() -> None:
 
 def test_who_is_left_out_is_said() -> None:
     Path("net.yaml").write_text(FILE + OTHERS, "utf-8")
-    with Bench((manager(expects=False),), {"yes": True}) as bench:
+    with Bench((), {"yes": True}, beside([unknown(2), on_bus(manager(expects=False))])) as bench:
         ran = bench.run("apply net.yaml --to-manager 10")
         assert ran.code == 0
         assert "node 2 spare is left out: no EDS is known of it" in ran.stderr
         assert "node 10 boss is left out: it is the manager" in ran.stderr
         assert "node 10 has no 0x1F26" in ran.stderr
         assert held(bench, 0x1F22, 4) == concise_dcf("net.yaml", 4).data
+        assert "gets nothing for node 2: no EDS is known" in ran.stdout
+        left = bench.run("diff net.yaml --to-manager 10")
+        assert (left.code, "No difference" in left.stdout) == (3, False)
+        assert "node 10 gets nothing for node 2: no EDS is known" in left.stdout
+        assert bench.run("plan net.yaml --to-manager 10 --json").document["untold"] == [2]
+        assert bench.run("plan net.yaml --to-manager 10").code == 0
+
+
+def test_who_is_silent_or_another_is_not_left_out() -> None:
+    """What a manager gets does not depend on which nodes happen to be on: it ends as `plan` does."""
+    Path("net.yaml").write_text(f"{FILE}drive:\n  node_id: 2\n  identity: {{vendor: 0x99}}\n", "utf-8")
+    for sim, code, said in (((), 5, "did not answer"), (("gen4@2",), 6, "node 2 has vendor 0x0000001E, not 0x0000")):
+        with Bench((manager(), *sim), {"yes": True}) as bench:
+            for line in ("plan", "diff", "apply"):
+                ran = bench.run(f"{line} net.yaml --to-manager 10")
+                assert (ran.code, said in ran.stderr) == (code, True), ran
+            assert held(bench, 0x1F22, 4) == b""
 
 
 @pytest.mark.parametrize(
@@ -161,5 +188,7 @@ def test_a_node_that_only_its_device_tells_is_known_as_plan_knows_it() -> None:
         assert (ran.code, "left out" in ran.stderr) == (0, False), ran.stderr
         assert any((one.index, one.data) == (0x1A00, bytes([1])) for one in concise_entries(held(bench, 0x1F22, 4)))
     with Bench((manager(),), {"yes": True}) as bench:
+        assert bench.run("apply net.yaml --to-manager 10").code == 5
+    with Bench((), {"yes": True}, beside([unknown(4), on_bus(manager())])) as bench:
         ran = bench.run("apply net.yaml --to-manager 10")
         assert (ran.code, "is left out: no EDS is known of it" in ran.stderr) == (2, True)

@@ -108,6 +108,8 @@ class NetworkPlan:
     unknown_syncs: tuple[int, ...] = ()
     #: the node-ID of the manager that is to download it to the others, where it is planned for that one
     manager: int | None = None
+    #: node-IDs of the file that this manager gets nothing for, since no EDS is known of them
+    untold: tuple[int, ...] = ()
 
     @property
     def changed(self) -> bool:

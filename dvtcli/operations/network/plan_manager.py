@@ -21,7 +21,7 @@ from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.changes.change import names
 from dvtcli.operations.network.concise_network import concise_dcfs
-from dvtcli.operations.network.words_on_bus import words_on_bus
+from dvtcli.operations.network.words_on_bus import words_of_present
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import value_change
 from dvtcli.operations.wanted.network_wish import read_wish
@@ -43,14 +43,16 @@ _ITSELF = "it is the manager, which downloads nothing to itself"
 def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     """What has to be written for the node *manager* to download, to each node of the network *file*, what that says.
 
-    Reads the manager alone, and who those nodes are that the file leads to no EDS for. Nodes that nothing describes are
-    left out, and said. UsageError where *manager* keeps no
-    concise DCFs, or no node is left; else as `concise_dcf`, and RuleError with all that the rules refuse.
+    Reads the manager alone, and who those nodes are that the file leads to no EDS for: these must answer, and be as the
+    file says (else NoAnswer, SafetyRefusal, as of `plan_network`). Nodes that nothing describes are left out, said, and
+    `untold` in the plan. UsageError where *manager* keeps no concise DCFs, or no node is left; else as `concise_dcf`,
+    and RuleError with all that the rules refuse.
     """
-    found = concise_dcfs(file, session.tell, words_on_bus(session, file, read_wish(file)))
+    wish = read_wish(file)
+    found = concise_dcfs(file, session.tell, words_of_present(session, file, wish))
     mine = [one for one in found.nodes if one.node_id != manager]
     aside = {(one.node_id, one.name): _NOBODY for one in found.untold}
-    aside |= {(one.node_id, one.name): _ITSELF for one in found.nodes if one not in mine}
+    aside |= {(one.node_id, one.name): _ITSELF for one in wish.nodes if one.node_id == manager}
     for (node_id, name), why in sorted(aside.items()):
         session.tell.note(f"{file}: node {node_id} {name} is left out: {why}")
     if not mine:
@@ -72,7 +74,8 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
         "manager", plan, node.identity(), node.title, values=wanted, names=names(node, changes), findings=said
     )
     nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
-    return NetworkPlan(file, nodes, manager=manager)
+    untold = tuple(one.node_id for one in found.untold if one.node_id != manager)
+    return NetworkPlan(file, nodes, manager=manager, untold=untold)
 
 
 def _wanted(one: ConciseDcf) -> dict[tuple[int, int], bytes]:

@@ -6,15 +6,16 @@ Reads who they are (0x1018), and no more.
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.network.described_network import simulated_word
-from dvtcli.operations.wanted.meet_network import is_wanted
+from dvtcli.operations.wanted.meet_network import is_wanted, meet
 from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
     from dvtcli.operations.session.session import Session
 
 
@@ -24,12 +25,27 @@ def words_on_bus(session: Session, file: str, wish: NetworkWish) -> dict[int, st
     Not of a node that is silent, or another device than the file says.
     """
     found: dict[int, str] = {}
-    for one in wish.nodes:
-        if simulated_word(file, one) is not None:
-            continue
+    for one in _untold(file, wish):
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):
-            node = session.network.node(one.node_id)
-            path = session.network.files.eds_path(one.node_id)
-            if path is not None and is_wanted(node, one.identity):
-                found[one.node_id] = family_of(path) or str(path)
+            if is_wanted(session.network.node(one.node_id), one.identity):
+                found |= _word(session, one.node_id)
     return found
+
+
+def words_of_present(session: Session, file: str, wish: NetworkWish) -> dict[int, str]:
+    """The same for whom it is no answer that a node is silent, or another device: raises then, as a plan of it does.
+
+    So what is left out has no EDS, and not a fuse that blew.
+    """
+    met = meet(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
+    met.end()
+    return {node_id: word for one in met.nodes for node_id, word in _word(session, one).items()}
+
+
+def _untold(file: str, wish: NetworkWish) -> list[NodeWish]:
+    return [one for one in wish.nodes if simulated_word(file, one) is None]
+
+
+def _word(session: Session, node_id: int) -> dict[int, str]:
+    path = session.network.files.eds_path(node_id)
+    return {} if path is None else {node_id: family_of(path) or str(path)}

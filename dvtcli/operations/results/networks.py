@@ -42,14 +42,17 @@ class NetworkPlanned(Answer):
 
     def __bool__(self) -> bool:
         """Whether nothing differs: nothing has to be written, and nothing is otherwise that is not written."""
-        return not self.plan.changed and not self.plan.remains and self.lacking is None
+        return not self.plan.changed and not self.plan.remains and not self.plan.untold and self.lacking is None
 
     @property
     def exit_code(self) -> int:
-        """1 where devices lack what the file sets; 3 where something differs, or is to be stored, and that is told."""
+        """1 where devices lack what the file sets; 3 where that is told, and something differs or is to be stored.
+
+        Also where of a node nobody knows what its manager should have of it.
+        """
         if self.lacking is not None:
             return 1
-        return 3 if self.tells and (self.plan.to_do or self.plan.remains) else 0
+        return 3 if self.tells and (self.plan.to_do or self.plan.remains or self.plan.untold) else 0
 
     @property
     def failure(self) -> RuleError | None:
@@ -72,6 +75,7 @@ class NetworkPlanned(Answer):
             "remaining": plan.remains,
             "sync_master": plan.has_sync_master,
             "unknown_syncs": list(plan.unknown_syncs),
+            "untold": list(plan.untold),
             "load": None if self.need is None else need_document(self.need),
             "lacking": lacking_documents(self.lacking),
             "nodes": [_node_document(node) for node in plan.nodes],
@@ -204,6 +208,7 @@ class NetworkApplied(Answer):
             "writes": self.plan.writes,
             "remaining": self.plan.remains,
             "unknown_syncs": list(self.plan.unknown_syncs),
+            "untold": list(self.plan.untold),
             "verified": True,
             "dry_run": self.dry_run,
             "seconds": round(self.seconds, 3),

@@ -38,12 +38,13 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     """The plan, and what to do with it."""
     yield from plan_lines(result.plan, width)
     yield from _remaining(result.plan)
+    yield from _untold(result.plan)
     if result.lacking is not None:
         yield "Nothing was written, and nothing of it can be: devices lack PDOs of the file."
         return
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."
-    elif not result.plan.changed and not result.plan.remains:
+    elif not result.plan.changed and not result.plan.remains and not result.plan.untold:
         yield f"No difference: {_every(result.plan)} holds {_what(result.plan)}. Nothing was written."
         yield from _aside(result.plan)
     if result.need is not None:
@@ -74,6 +75,14 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
         yield [Cell(f"! {what} and {are} not written{hint}", "yellow")]
 
 
+def _untold(plan: NetworkPlan) -> Iterator[Line]:
+    """Of whom the manager gets nothing, so that nobody can say whether it has what the file says."""
+    if not plan.untold:
+        return
+    nodes = f"node{'' if len(plan.untold) == 1 else 's'} {', '.join(map(str, plan.untold))}"
+    yield [Cell(f"! node {plan.manager} gets nothing for {nodes}: no EDS is known; dcf: names one", "yellow")]
+
+
 def _every(plan: NetworkPlan) -> str:
     """Of whom it is said that nothing differs."""
     if plan.manager is not None:
@@ -85,7 +94,7 @@ def _every(plan: NetworkPlan) -> str:
 
 def _what(plan: NetworkPlan) -> str:
     """What a node holds of which nothing differs."""
-    is_all = not plan.remains and not any(map(_not_written, plan.nodes))
+    is_all = not plan.remains and not plan.untold and not any(map(_not_written, plan.nodes))
     return "what the file says" if is_all else "what is written of the file"
 
 
@@ -119,6 +128,7 @@ def _load(need: BusNeed) -> Iterator[Line]:
 def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     """What was made of a plan that was shown before, and where that is kept."""
     plan = result.plan
+    yield from _untold(plan)
     if not plan.changed and not result.stored:
         yield f"{_every(plan).capitalize()} holds {_what(plan)} already; nothing was written."
         yield from _aside(plan)
