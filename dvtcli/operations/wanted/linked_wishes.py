@@ -20,6 +20,7 @@ from dvtcli.domain.network.wanted_state import (
     FileWord,
     HeartbeatWatch,
     LinkWish,
+    Mark,
     NetworkWish,
     NodeWish,
     ObjectWish,
@@ -75,8 +76,8 @@ class _Linking:
     before: NetworkWish
     findings: dict[int, dict[Finding, None]] = field(default_factory=dict)
     _pdos: dict[Endpoint, PdoWish] = field(default_factory=dict)
-    _heartbeats: dict[int, int] = field(default_factory=dict)
-    _watches: dict[int, list[HeartbeatWatch]] = field(default_factory=dict)
+    _heartbeats: dict[int, list[ObjectWish]] = field(default_factory=dict)
+    _watches: dict[int, dict[int, HeartbeatWatch]] = field(default_factory=dict)
     _slots: dict[int, dict[int, int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -170,19 +171,20 @@ class _Linking:
     def _watch(self, link: LinkWish, asked_ms: int | None) -> None:
         """The consumers wait for the producer's heartbeat, which is set to *asked_ms* where that is given."""
         node_id = link.producer.node_id
-        time_ms = self._heartbeat(node_id, asked_ms)
+        time_ms = self._heartbeat(node_id, asked_ms, link.mark)
         if not time_ms:
             text = f"node {node_id} sends no heartbeat: nobody notices when it is gone"
             self._say(node_id, note("link-silent", f"node {node_id}", text))
             return
         for consumer in dict.fromkeys(end.node_id for end in link.consumers):
-            self._watch_one(consumer, node_id, time_ms)
+            self._watch_one(consumer, HeartbeatWatch(node_id, time_ms, link.mark))
 
-    def _heartbeat(self, node_id: int, asked_ms: int | None) -> int:
+    def _heartbeat(self, node_id: int, asked_ms: int | None, mark: Mark) -> int:
         """How often the producer will send a heartbeat, in ms; 0 for never."""
         node = self.nodes[node_id]
         if asked_ms is None:
-            return self._heartbeats.get(node_id, _wished_ms(self.before, node_id, heartbeat_ms(node.memory) or 0))
+            said = [*self._heartbeats.get(node_id, ()), *_node(self.before, node_id).objects]
+            return _wished_ms(said, heartbeat_ms(node.memory) or 0)
         place = f"node {node_id}"
         if heartbeat_ms(node.memory) is None:
             text = f"node {node_id} has no 0x1017: it cannot send a heartbeat"
@@ -190,10 +192,13 @@ class _Linking:
         elif is_guarded(node.memory):
             text = f"node {node_id} is guarded (0x100C and 0x100D are not 0), which excludes a heartbeat"
             self._say(node_id, error("link-guarded", place, text, hint="--no-heartbeat leaves it alone"))
-        self._heartbeats[node_id] = asked_ms
+        wish = ObjectWish(_HEARTBEAT, 0x1017, 0, asked_ms.to_bytes(2, "little"), mark)
+        self._heartbeats.setdefault(node_id, []).append(wish)
         return asked_ms
 
-    def _watch_one(self, consumer: int, producer: int, time_ms: int) -> None:
+    def _watch_one(self, consumer: int, heartbeat: HeartbeatWatch) -> None:
+        """Node *consumer* waits longer than *heartbeat*, which its producer sends."""
+        producer, time_ms = heartbeat.producer, heartbeat.time_ms
         if any(watch.producer == producer for watch in _node(self.before, consumer).watches):
             return  # somebody said how long
         slots = self._slots.setdefault(consumer, heartbeat_slots(self.nodes[consumer].memory))
@@ -206,7 +211,7 @@ class _Linking:
             self._say(consumer, warning("link-unwatched", f"node {consumer}", text))
             return
         slots[sub_index] = producer << 16 | late_ms
-        self._watches.setdefault(consumer, []).append(HeartbeatWatch(producer, late_ms))
+        self._watches.setdefault(consumer, {})[producer] = replace(heartbeat, time_ms=late_ms)
 
     def wish(self) -> NetworkWish:
         """The nodes with everything that the links made of them; no links are left."""
@@ -214,12 +219,9 @@ class _Linking:
 
     def _node(self, node: NodeWish) -> NodeWish:
         pdos = tuple(self._pdos[end] for end in sorted(self._pdos, key=_order) if end.node_id == node.node_id)
-        objects = node.objects
-        if node.node_id in self._heartbeats:
-            data = self._heartbeats[node.node_id].to_bytes(2, "little")
-            others = (one for one in objects if one.key != _HEARTBEAT)
-            objects = (*others, ObjectWish(_HEARTBEAT, 0x1017, 0, data))
-        return replace(node, pdos=pdos, objects=objects, watches=(*node.watches, *self._watches.get(node.node_id, ())))
+        objects = (*node.objects, *self._heartbeats.get(node.node_id, ()))
+        watches = (*node.watches, *self._watches.get(node.node_id, {}).values())
+        return replace(node, pdos=pdos, objects=objects, watches=watches)
 
 
 def _why_not(slots: Mapping[int, int], sub_index: int | None, time_ms: int) -> str:
@@ -236,7 +238,6 @@ def _node(wish: NetworkWish, node_id: int) -> NodeWish:
     return next(node for node in wish.nodes if node.node_id == node_id)
 
 
-def _wished_ms(wish: NetworkWish, node_id: int, held_ms: int) -> int:
-    """What the wish says of 0x1017, else what the node holds."""
-    said = (int.from_bytes(one.data, "little") for one in _node(wish, node_id).objects if one.key == _HEARTBEAT)
-    return next(said, held_ms)
+def _wished_ms(said: Iterable[ObjectWish], held_ms: int) -> int:
+    """What is *said* of 0x1017, else what the node holds."""
+    return next((int.from_bytes(one.data, "little") for one in said if one.key == _HEARTBEAT), held_ms)

@@ -5,7 +5,7 @@ Complains where they mean nothing there, and of everything at once. Reads values
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -55,13 +55,36 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
         others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
         wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
         wants.pdos.update({pdo: Switched(enabled=False) for pdo in sorted(wants.pruned)})
+    for want in _wanted(node, wish, log):
+        wants.values[want.place], wants.reasons[want.place] = want.data, want.reason
+    return wants
+
+
+def _wanted(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+    """What *wish* means objects of *node* to hold; where two of its lines want an object otherwise, that is told."""
+    said = (*_objects(wish), *_values(node, wish, log))
+    watches = _watches(node, wish, said, log)
+    taken = {one.place for one in watches}
     pins = wanted_pins(node, wish.pins, log)
-    for want in (*_objects(wish), *_values(node, wish, log), *_watches(node, wish, log), *pins):
+    found: dict[Place, WantedValue] = {}
+    for want in (*(one for one in said if not (_is_free_entry(one) and one.place in taken)), *watches, *pins):
+        before = found.setdefault(want.place, want)
         if wrong := _why_not(node, want.place):
             log.complain(want.mark, wrong)
+        elif before.data != want.data:
+            later, other = (want, before) if want.mark.line else (before, want)
+            log.complain(later.mark, f"{_shown(want.place)} has another value already ({_whence(other)})")
         else:
-            wants.values[want.place], wants.reasons[want.place] = want.data, want.reason
-    return wants
+            yield want
+
+
+def _whence(want: WantedValue) -> str:
+    """Which line of the file wants it, or what it is for, where that is no line."""
+    return f"line {want.mark.line}: {want.reason}" if want.mark.line else want.reason
+
+
+def _shown(place: Place) -> str:
+    return f"0x{place[0]:04X}:{place[1]:02X}"
 
 
 def pdo_request(node: Node, wish: PdoWish, log: FileLog) -> PdoRequest:
@@ -112,7 +135,7 @@ def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
             data = typed_bytes(kind, meaning_of(node, *place), one.value.text)
             yield WantedValue(place, data, _name(node, place), one.value.mark)
         except ValueError as unfit:
-            log.complain(one.value.mark, f"{one.value.text!r} for 0x{place[0]:04X}:{place[1]:02X}: {unfit}")
+            log.complain(one.value.mark, f"{one.value.text!r} for {_shown(place)}: {unfit}")
         except SdoAborted as aborted:
             log.complain(one.object.mark, aborted.text)
 
@@ -123,7 +146,7 @@ def _name(node: Node, place: Place) -> str:
 
 def _why_not(node: Node, place: Place) -> str:
     """Why the object at *place* is none that a file may set; empty where it may."""
-    index, text = place[0], f"0x{place[0]:04X}:{place[1]:02X}"
+    index, text = place[0], _shown(place)
     if index in SIGNATURES:
         return f"{text} is a command: `store: true` stores once all nodes are verified"
     pdo = Pdo.at(index)
@@ -139,29 +162,51 @@ def _why_not(node: Node, place: Place) -> str:
     return ""
 
 
-def _watches(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+def _watches(node: Node, wish: NodeWish, said: Collection[WantedValue], log: FileLog) -> Collection[WantedValue]:
     """The entries of 0x1016 that *wish* means: that of the producer where it has one, else a free one.
 
+    Not those that are *said* to hold something else; one that is said to hold 0 is free, and the last that is taken.
     Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in one of them is not used.
     """
     if not wish.watches:
-        return
+        return ()
+    wanted: dict[int, WantedValue] = {}
     count = read_optional(node.memory, _CONSUMER_HEARTBEAT, 0, 1) or 0
     held = {sub: read_optional(node.memory, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
-    slots = {sub: value for sub, value in held.items() if value is not None}
+    mine = {one.place[1]: int.from_bytes(one.data, "little") for one in said if one.place[0] == _CONSUMER_HEARTBEAT}
+    slots = {sub: value for sub, value in held.items() if value is not None and sub not in mine}
+    slots |= {sub: value for sub, value in mine.items() if sub and not value and held.get(sub) is not None}
+    filled = len(mine.keys() - slots.keys())
     for watch in wish.watches:
-        own = next((sub for sub, value in slots.items() if _used(value) and value >> 16 & 0x7F == watch.producer), None)
+        own = _entry_of(watch.producer, {**slots, **{sub: value for sub, value in mine.items() if value}})
         sub = own if own is not None else next((one for one, value in slots.items() if not _used(value)), None)
         if own is None and not watch.time_ms:
             continue  # it watches nothing of that node already
         if sub is None:
-            log.complain(watch.mark, f"0x1016 of node {node.node_id} has no free entry ({count} in all)")
+            besides = f", {filled} of them as sdo has it" if filled else ""
+            log.complain(watch.mark, f"0x1016 of node {node.node_id} has no free entry ({count} in all{besides})")
             continue
         slots[sub] = watch.producer << 16 | watch.time_ms if watch.time_ms else 0
         late = f"late after {watch.time_ms} ms" if watch.time_ms else "watched no more"
         reason = f"node {watch.producer} is {late}"
-        yield WantedValue((_CONSUMER_HEARTBEAT, sub), slots[sub].to_bytes(4, "little"), reason, watch.mark)
+        data = slots[sub].to_bytes(4, "little")
+        wanted[sub] = WantedValue((_CONSUMER_HEARTBEAT, sub), data, reason, watch.mark)
+    return wanted.values()
+
+
+def _entry_of(producer: int, entries: Mapping[int, int]) -> int | None:
+    """The sub-index that watches node *producer*, if one does."""
+    return next((sub for sub, value in entries.items() if _used(value) and _producer(value) == producer), None)
+
+
+def _is_free_entry(want: WantedValue) -> bool:
+    """Whether an entry of 0x1016 is to watch nobody."""
+    return want.place[0] == _CONSUMER_HEARTBEAT and want.place[1] > 0 and not any(want.data)
 
 
 def _used(value: int) -> bool:
-    return bool(value & 0xFFFF and value >> 16 & 0xFF)
+    return bool(value & 0xFFFF and _producer(value))
+
+
+def _producer(value: int) -> int:
+    return value >> 16 & 0xFF
