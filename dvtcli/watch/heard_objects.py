@@ -157,6 +157,11 @@ class HeardObjects:
         return sorted(self._nodes)
 
 
+def is_taken(frame: Frame) -> bool:
+    """Whether the value that `HeardObjects.take` tells of *frame* was written; else it was read."""
+    return frame.data[0] >> 5 in (_TAKEN, _SEGMENT_TAKEN)
+
+
 def _place(data: bytes) -> Place:
     return int.from_bytes(data[1:3], "little"), data[3]
 

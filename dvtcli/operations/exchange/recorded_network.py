@@ -10,7 +10,7 @@ from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeSt
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
-from dvtcli.watch.heard_objects import HeardObjects
+from dvtcli.watch.heard_objects import HeardObjects, is_taken
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.heard_objects import HeardValues
 
 _HINT = "record while `pdo` reads the nodes, or while a master sets them up; a network file makes one without frames"
+_COB_ID = 1
 #: which frame a PDO is, and what lies in it
 _Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
 
@@ -31,8 +33,8 @@ def recorded_network(session: Session, path: Path, *, throughout: bool = False) 
     """The nodes of which the recording at *path* says a PDO, or those of `-n` among them; and in words what is missing.
 
     What a node was heard to hold last counts; a boot-up takes back what was not stored. With *throughout* PDOs are left
-    out, and warned of, that had another CAN-ID or mapping before. UsageError where no PDO is said, or SDO transfers
-    come from several channels; else as `read_recorded`.
+    out, and warned of, that had another CAN-ID or mapping before, or may have had. UsageError where no PDO is said, or
+    SDO transfers come from several channels; else as `read_recorded`.
     """
     followed = _Followed()
     _follow(path, followed)
@@ -42,7 +44,8 @@ def recorded_network(session: Session, path: Path, *, throughout: bool = False) 
         if not wanted or node_id in wanted:
             pdos = _whole_pdos(node_id, followed, missing)
             if throughout:
-                pdos = {pdo: config for pdo, config in pdos.items() if (node_id, pdo) not in followed.changed}
+                unsure = followed.changed | followed.late
+                pdos = {pdo: config for pdo, config in pdos.items() if (node_id, pdo) not in unsure}
             nodes += [_node_state(session, followed.heard.values(node_id), pdos)] if pdos else []
     if not nodes:
         if throughout:
@@ -60,15 +63,52 @@ def _tell_changed(session: Session, followed: _Followed, *, throughout: bool) ->
     for node_id, pdo in sorted(followed.changed):
         if not wanted or node_id in wanted:
             session.tell.warning(f"{pdo.label} of node {node_id} was set otherwise before: {counts}")
+    for node_id, pdo in sorted(followed.late - followed.changed if throughout else ()):
+        if not wanted or node_id in wanted:
+            text = "was set after the first of its frames, and what these carry is not known: all stay bytes"
+            session.tell.warning(f"{pdo.label} of node {node_id} {text}")
 
 
 @dataclass(slots=True)
 class _Followed:
-    """What was *heard*; the last frame of each PDO that was whole and on, and those that had another one before."""
+    """What was *heard*; the last frame of each PDO that was whole and on, and those that had another one before.
+
+    *late* are those whose CAN-ID was among *seen* when a download, one of *written*, made them whole: nobody knows by
+    what these frames were laid out. What an upload says was so before, too.
+    """
 
     heard: HeardObjects = field(default_factory=HeardObjects)
     drawn: dict[tuple[int, Pdo], _Drawn] = field(default_factory=dict)
     changed: set[tuple[int, Pdo]] = field(default_factory=set)
+    late: set[tuple[int, Pdo]] = field(default_factory=set)
+    seen: set[Identifier] = field(default_factory=set)
+    written: set[tuple[int, Pdo]] = field(default_factory=set)
+
+    def take(self, frame: Frame) -> bool:
+        """Follow *frame*, and say whether it is the end of an SDO transfer."""
+        said = self.heard.take(frame)
+        if said is None:
+            self.seen.add((frame.can_id, frame.extended))
+            return False
+        node_id, (index, sub_index) = said
+        pdo = Pdo.at(index)
+        if pdo is not None:
+            if is_taken(frame) and (index == pdo.mapping_index or sub_index == _COB_ID):
+                self.written.add((node_id, pdo))
+            self._draw(node_id, pdo)
+        return True
+
+    def _draw(self, node_id: int, pdo: Pdo) -> None:
+        """Look at *pdo* after something of it was heard."""
+        config, one = _heard_pdo(self.heard.values(node_id), pdo), (node_id, pdo)
+        if config is None or not config.enabled or config.unread:
+            return
+        drawn = identifier_of(config), config.mapping
+        if one not in self.drawn and one in self.written and drawn[0] in self.seen:
+            self.late.add(one)
+        if self.drawn.setdefault(one, drawn) != drawn:
+            self.changed.add(one)
+            self.drawn[one] = drawn
 
 
 def _follow(path: Path, followed: _Followed) -> None:
@@ -76,18 +116,8 @@ def _follow(path: Path, followed: _Followed) -> None:
 
     channels: set[str] = set()
     for one in read_recorded(path):
-        said = None if one.error or one.fd else followed.heard.take(one.frame)
-        if said is None:
-            continue
-        channels.add(one.channel)
-        node_id, (index, _) = said
-        pdo = Pdo.at(index)
-        config = None if pdo is None else _heard_pdo(followed.heard.values(node_id), pdo)
-        if pdo is not None and config is not None and config.enabled and not config.unread:
-            drawn = identifier_of(config), config.mapping
-            if followed.drawn.setdefault((node_id, pdo), drawn) != drawn:
-                followed.changed.add((node_id, pdo))
-                followed.drawn[node_id, pdo] = drawn
+        if not one.error and not one.fd and followed.take(one.frame):
+            channels.add(one.channel)
     if len(channels) > 1:
         named = several(sorted(channels))
         hint = "record each bus into a file of its own"

@@ -55,6 +55,19 @@ def test_a_mapping_that_changed_meanwhile_decodes_nothing() -> None:
     assert "TPDO1 of node 5 was set otherwise before: what its frames carry depends on when: they stay bytes" in said
 
 
+def test_frames_from_before_a_download_are_not_read_by_what_it_sets() -> None:
+    record("1A0#E8030000", *SET, "1A0#D2040000")
+    out, said = run("decode run.log")
+    assert "=" not in out.splitlines()[0] + out.splitlines()[-1]
+    assert "TPDO1 of node 6 was set after the first of its frames, and what these carry is not known" in said
+
+
+def test_frames_from_before_an_upload_are_read_by_what_it_says() -> None:
+    record("185#3712", *READ, "605#2B00180564000000", "585#6000180500000000", "185#3712")
+    lines = run("decode run.log")[0].splitlines()
+    assert ("6041:00=" in lines[0], "6041:00=" in lines[-1]) == (True, True)
+
+
 @pytest.mark.parametrize("frames", [("185#3712",), READ[:2], (*READ, *SET)])
 def test_where_nothing_is_said_frames_stay_bytes(frames: tuple[str, ...]) -> None:
     record(*frames, "185#3712", channels=("can0", "can1") if len(frames) > 3 else ("can0",))
