@@ -6,6 +6,7 @@ Does not know how a wish is planned or carried out.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -25,7 +26,9 @@ from dvtcli.domain.network.wanted_state import (
     NodeWish,
     ObjectWish,
     PdoWish,
+    ValueWish,
 )
+from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.finding import Finding, error, note, warning
 from dvtcli.domain.rules.rule import ERROR, Rule
@@ -43,6 +46,7 @@ RULES = (
 )  # fmt: skip
 
 _HEARTBEAT = "heartbeat_producer"
+_CONSUMER = 0x1016
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +205,11 @@ class _Linking:
         producer, time_ms = heartbeat.producer, heartbeat.time_ms
         if any(watch.producer == producer for watch in _node(self.before, consumer).watches):
             return  # somebody said how long
-        slots = self._slots.setdefault(consumer, heartbeat_slots(self.nodes[consumer].memory))
+        if consumer not in self._slots:
+            held = heartbeat_slots(self.nodes[consumer].memory)
+            said = _said_slots(_node(self.before, consumer).values)
+            self._slots[consumer] = held | {sub: value for sub, value in said.items() if sub in held}
+        slots = self._slots[consumer]
         if watched_ms(slots, producer) > time_ms:
             return
         multiplier = MISSED if self.before.multiplier is None else self.before.multiplier
@@ -236,6 +244,17 @@ def _order(end: Endpoint) -> tuple[bool, Endpoint | object]:
 
 def _node(wish: NetworkWish, node_id: int) -> NodeWish:
     return next(node for node in wish.nodes if node.node_id == node_id)
+
+
+def _said_slots(values: Iterable[ValueWish]) -> dict[int, int]:
+    """The entries of 0x1016 that *values* name by number, by sub-index: what is no number is told where it is meant."""
+    found: dict[int, int] = {}
+    for one in values:
+        place = parse_object(one.object.text)
+        if place is not None and place[0] == _CONSUMER:
+            with suppress(ValueError):
+                found[place[1]] = int(one.value.text, 0)
+    return found
 
 
 def _wished_ms(said: Iterable[ObjectWish], held_ms: int) -> int:

@@ -83,6 +83,20 @@ def test_a_link_that_sets_the_heartbeat_is_what_the_others_wait_for() -> None:
         assert bench.session.node(2).sdo.upload(0x1016, 1) == bytes.fromhex("28 23 01 00")
 
 
+@pytest.mark.parametrize("entry", [0x0001_07D0, 0x0007_07D0])
+def test_a_link_waits_as_long_as_sdo_says_or_says_that_no_entry_is_left(entry: int) -> None:
+    Path("net.yaml").write_text(
+        f"a: {{node_id: 1}}\nb: {{node_id: 2, sdo: [{{object: '1016:01', value: 0x{entry:08X}}}]}}\n"
+        "links: [{from: a:tpdo1, to: b:rpdo1}]\n", "utf-8",
+    )  # fmt: skip
+    with Bench(("generic@1", "generic@2"), {"yes": True}) as bench:
+        bench.session.node(2).sdo.download(0x1016, 1, bytes.fromhex("E8030100"))
+        ran = bench.run("apply net.yaml")
+        assert (ran.code, "0x1016 has no free entry" in ran.stderr) == (0, entry >> 16 != 1)
+        assert bench.session.node(2).sdo.upload(0x1016, 1) == entry.to_bytes(4, "little")
+        assert bench.run("plan net.yaml --exit-code").code == 0
+
+
 def test_an_entry_that_one_line_frees_is_another_s() -> None:
     with Bench(("generic@9",), {"yes": True}) as bench:
         bench.session.node(9).sdo.download(0x1016, 1, bytes.fromhex("F4010400"))
