@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -129,13 +129,15 @@ class Configuration:
 
     *profile_number* is the low half of 0x1000, the number of its device profile (`401`), None or 0 where it has none or
     nobody knows. *named* are objects of the maker that a file names as configuration, *included* ranges of indices that
-    the user names, *taken* objects that an RPDO takes now. *dictionary* has the names of whole objects.
+    the user names, *included_objects* single sub-indices that he names, *taken* objects that an RPDO takes now.
+    *dictionary* has the names of whole objects.
     """
 
     profile: DeviceProfile
     profile_number: int | None = None
     named: Collection[ObjectAddress] = field(default_factory=frozenset)
     included: Collection[Range] = ()
+    included_objects: Collection[ObjectAddress] = ()
     taken: Collection[ObjectAddress] = field(default_factory=frozenset)
     dictionary: ObjectDictionary | None = None
 
@@ -194,9 +196,13 @@ class Configuration:
             return NotWritten.NAMED_COMMAND
         return None if (entry.index, entry.sub_index) in self.named else NotWritten.MAKERS
 
+    def without_included(self) -> Configuration:
+        """The same where the user names nothing."""
+        return replace(self, included=(), included_objects=())
+
     def _is_included(self, entry: OdEntry, why: NotWritten) -> bool:
-        """Whether the user names its index; a range is enough only for what is no process data for sure."""
-        if (entry.index, entry.index) in self.included:
+        """Whether the user names it or its index; a range is enough only for what is no process data for sure."""
+        if (entry.index, entry.sub_index) in self.included_objects or (entry.index, entry.index) in self.included:
             return True
         is_sure = why is NotWritten.MAKERS or (
             why in (NotWritten.MAKERS_RPDO, NotWritten.RPDO_MAPPABLE) and self._is_setting(entry)

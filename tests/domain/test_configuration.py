@@ -82,6 +82,8 @@ def test_an_object_of_the_maker_is_written_where_somebody_names_it() -> None:
     plain = entry(0x2000)
     assert Configuration(LOCKED).why_not(plain) is Why.MAKERS
     assert Configuration(LOCKED, included=((0x2000, 0x2000),)).why_not(plain) is None
+    assert Configuration(LOCKED, included_objects={(0x2000, 0)}).why_not(plain) is None
+    assert Configuration(LOCKED, included_objects={(0x2000, 0)}).why_not(entry(0x2000, 1)) is Why.MAKERS
     assert Configuration(LOCKED, named={(0x2000, 0)}).why_not(plain) is None
     assert Configuration(LOCKED).why_not(entry(0x2801, 3)) is None  # by the family
     assert Configuration(LOCKED).why_not(entry(0x3000, 1)) is None  # a virtual PDO's pin

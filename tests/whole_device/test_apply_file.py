@@ -188,6 +188,56 @@ def test_a_command_by_its_name_is_written_only_where_it_is_named_itself(tmp_path
         assert (bench.run(f"diff {file}").code, bench.run(f"compare {file}").code) == (3, 3)
 
 
+def of_a_record(folder: Path, form: str = "dcf") -> tuple[str, Path]:
+    """A node with a record of the maker of which an RPDO could take each part, and a file that says other values."""
+    eds, file = plain(), folder / f"node.{form}"
+    eds.record(0x3001, "Motor", {n: var(f"Part {n}", U16, 0, "rww", 1) for n in (1, 2)})
+    eds.variable(0x6040, var("Controlword", U16, 0, "rww", 1))
+    eds.info |= {"VendorNumber": 0x301, "ProductNumber": 0x302}
+    eds.record(0x1018, "Identity", {n: var(f"Part {n}", U32, 0x300 + n, "ro") for n in (1, 2)})
+    (folder / "plain.eds").write_text(eds.text(), encoding="utf-8")
+    what = f"{folder / 'plain.eds'}@5"
+    with Bench((what,)) as bench:
+        for line in ("write 3001:1 7", "write 3001:2 8", f"{'export' if form == 'dcf' else 'backup'} {file}"):
+            assert bench.run(line).code == 0, line
+    return what, file
+
+
+def test_a_sub_index_behind_include_names_that_one_alone(tmp_path: Path) -> None:
+    what, file = of_a_record(tmp_path)
+    for line, code in (("clone {} --yes", 3), ("apply {} --yes", 0), ("plan {}", 0), ("diff {}", 3)):
+        with Bench((what,)) as bench:
+            ran = bench.run(f"{line.format(file)} --include 3001:1")
+            assert ran.code == code, ran
+            assert "0x3001:01" in ran.stdout
+            assert "differs, not written: 3001:02 (holds 0, the file says 8)" in ran.stdout
+            written = "--yes" in line
+            held = [bench.session.node().sdo.upload(0x3001, part)[0] for part in (1, 2)]
+            assert held == ([7, 0] if written else [0, 0]), line
+    with Bench((what,)) as bench:
+        assert bench.run(f"clone {file} --include 3001:2 --include 3001:1 --yes").code == 0
+        assert bench.run(f"compare {file}").code == 0
+
+
+def test_an_include_that_names_nothing_of_the_file_is_told(tmp_path: Path) -> None:
+    what, file = of_a_record(tmp_path, "jsonl")
+    with Bench((what,)) as bench:
+        for word in ("30FF", "3001:9", "3001:0A"):
+            for line in ("clone", "apply", "plan", "diff"):
+                ran = bench.run(f"{line} {file} --include 3001 --include {word}")
+                assert (ran.code, f"--include {word} names nothing of {file}" in ran.stderr) == (2, True), ran
+        assert bench.session.node().sdo.upload(0x3001, 1) == bytes(2)
+        for word, said in (
+            ("6040", "it is not written all the same: it is a command or a target"),
+            ("1018:1", "it is not written all the same: it is read-only"),
+            ("1017", "it is written without it"),
+            ("4000-4FFF", f"names nothing of {file}"),
+        ):
+            ran = bench.run(f"plan {file} --include {word}")
+            assert (ran.code, f"--include {word}" in ran.stderr, said in ran.stderr) == (0, True, True), ran
+        assert "--include" not in bench.run(f"plan {file} --include 3001 --include 1000-9FFF").stderr
+
+
 def test_a_clone_that_is_not_the_same_is_not_done(tmp_path: Path) -> None:
     eds, file, script = plain(), tmp_path / "node.dcf", tmp_path / "clone.dvt"
     for index, name in ((0x2000, "Ramp"), (0x2001, "Factory reset")):

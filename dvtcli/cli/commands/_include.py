@@ -11,6 +11,6 @@ include = click.option(
     type=TEXT,
     multiple=True,
     metavar="OBJECT",
-    help="With a DCF, an XDC or a backup: OBJECT of the maker is configuration, too; 2000-2FFF for all from there on, "
-    "of what an RPDO could take those only that are settings by their names.",
+    help="With a DCF, an XDC or a backup: OBJECT of the maker (3001, or 3001:1 alone) is configuration, too; "
+    "2000-2FFF for all from there on, of what an RPDO could take those only that are settings by their names.",
 )

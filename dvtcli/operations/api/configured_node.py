@@ -155,7 +155,7 @@ class ConfiguredNode(ReadNode):
     ) -> NetworkApplied:
         """Write what differs of the configuration that *file* says, a DCF, an XDC or a backup (.jsonl): all or nothing.
 
-        *include* are objects of the maker, `2001` or `2000-2FFF`, that are written, too. Asks first, unless *yes*.
+        *include* are objects of the maker, `2001`, `2001:1` or `2000-2FFF`, that are written, too. Asks, unless *yes*.
         SafetyRefusal where the node is another product, or its power stage is on.
         """
         return self._apply_file(file, include, is_clone=False, yes=yes, force=force)

@@ -32,10 +32,10 @@ class NetworkCalls:
     ) -> NetworkPlanned:
         """What has to be written for *file* to be so: a network file (YAML), or a DCF, an XDC or a backup (.jsonl).
 
-        Reads its nodes, and writes nothing. *include* are objects of the maker, `2001` or `2000-2FFF`, that a DCF, an
-        XDC or a backup may write, too. With *trust_stamp* not those whose 0x1020 has the stamp of what the file says;
-        the answer names them. With *to_manager* the plan is for that node (1…127) alone: a CANopen manager, which is to
-        download to each other node that boots what *file* says of it (0x1F22).
+        Reads its nodes, and writes nothing. *include* are objects of the maker, `2001`, `2001:1` or `2000-2FFF`, that a
+        DCF, an XDC or a backup may write, too. With *trust_stamp* not those whose 0x1020 has the stamp of what the file
+        says; the answer names them. With *to_manager* the plan is for that node (1…127) alone: a CANopen manager, which
+        is to download to each other node that boots what *file* says of it (0x1F22).
         InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
         all nodes; where that is only that devices lack PDOs of the file, its `compared` says what else differs;
         SafetyRefusal where a node is another device than the file says.

@@ -5,7 +5,7 @@ Does not know how a plan is carried out.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +15,6 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.meanings.object_values import understood
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import plans_of, with_unknown_syncs
@@ -23,12 +22,12 @@ from dvtcli.operations.sync.unknown_sync import short_frames
 from dvtcli.operations.wanted.meet_network import meet, unlike_wanted
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
 from dvtcli.operations.whole_device.held_device import held_by
+from dvtcli.operations.whole_device.included import included_of
 from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_of_file
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import LeftOut, NodePlan
-    from dvtcli.domain.profile import Range
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
@@ -37,9 +36,9 @@ if TYPE_CHECKING:
 class DeviceOptions:
     """How a file about one device is taken.
 
-    *include* are objects, or ranges of indices (`2000-2FFF`), that the user calls configuration. With *is_clone* the
-    file itself names those of the maker's objects that no PDO can map, and must say whose it is. *nodes* are node-IDs,
-    none for the selected nodes.
+    *include* are objects (`3001`, `3001:1`), or ranges of indices (`2000-2FFF`), that the user calls configuration.
+    With *is_clone* the file itself names those of the maker's objects that no PDO can map, and must say whose it is.
+    *nodes* are node-IDs, none for the selected nodes.
     """
 
     include: tuple[str, ...] = ()
@@ -126,8 +125,10 @@ def _planned(
     found: dict[int, WantedOfFile] = {}
     for node_id, node in nodes.items():
         own = held if held.node_id else held_by(held.name, node_id)
-        included = _ranges(node, options.include)
+        included = included_of(node, own, options.include)
         found[node_id] = wanted_of_file(node, own, included, names_makers=options.is_clone)
+        for text in found[node_id].idle:
+            session.tell.warning(text)
     planned = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
     said = [_said(one, nodes[one.node_id], held, found[one.node_id]) for one in planned]
     return checked(nodes, said, force=session.options.force)
@@ -149,22 +150,3 @@ def _doubt(node: Node, held: HeldDevice) -> str:
         return ""
     now = "none" if is_now is None else f"0x{is_now:08X}"
     return f"node {node.node_id} has revision {now}, and {held.name} is of 0x{said:08X}"
-
-
-def _ranges(node: Node, words: Collection[str]) -> tuple[Range, ...]:
-    """The indices that *words* mean; UsageError for one that is no object."""
-    return tuple(_range(node, word) for word in words)
-
-
-def _range(node: Node, word: str) -> Range:
-    first, dash, last = word.partition("-")
-    if dash:
-        try:
-            low, high = int(first, 16), int(last, 16)
-        except ValueError:
-            low, high = 1, 0
-        if not 0x1000 <= low <= high <= 0xFFFF:
-            raise UsageError(f"--include {word}: a range of indices is written 2000-2FFF")
-        return low, high
-    index, _ = object_at(node, word)
-    return index, index

@@ -18,6 +18,7 @@ from dvtcli.errors import SdoAborted
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.wanted.wanted_words import NodeWants
 from dvtcli.operations.whole_device.compare_device import entry_of, is_setting
+from dvtcli.operations.whole_device.included import Included, idle
 from dvtcli.operations.whole_device.look_through import configuration, described
 from dvtcli.operations.whole_device.pdo_of_file import pdo_of_file
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.pdo import PdoConfig
-    from dvtcli.domain.profile import ObjectAddress, Range
+    from dvtcli.domain.profile import ObjectAddress
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
 
@@ -47,20 +48,25 @@ class WantedOfFile:
 
     wants: NodeWants = field(default_factory=NodeWants)
     left_out: dict[str, LeftOut] = field(default_factory=dict)
+    #: what to say of what the user called configuration and by which nothing more is written
+    idle: tuple[str, ...] = ()
 
 
 def wanted_of_file(
-    node: Node, held: HeldDevice, included: Collection[Range] = (), *, names_makers: bool = False
+    node: Node, held: HeldDevice, included: Collection[Included] = (), *, names_makers: bool = False
 ) -> WantedOfFile:
     """What *held* wants of *node*: what it says itself, not what a device comes up with anyway.
 
-    *included* are indices that the user calls configuration. With *names_makers* the file itself names the maker's own
+    *included* is what the user calls configuration. With *names_makers* the file itself names the maker's own
     objects as configuration that no PDO can map. UsageError where nobody knows which objects the node has.
     """
     if node.dictionary is None and held.dictionary is not None:
         node.describe(held.dictionary)
     dictionary = described(node)
-    known = configuration(node, dictionary, included)
+    known = replace(
+        configuration(node, dictionary, [one.range for one in included if one.range is not None]),
+        included_objects=frozenset(one.object for one in included if one.object is not None),
+    )
     named = frozenset(_of_maker(dictionary, held)) if names_makers else frozenset()
     found = WantedOfFile()
     pdos = _pdos(node, held, known, found)
@@ -69,6 +75,7 @@ def wanted_of_file(
         if kept.data is not None and place not in held.assumed and Pdo.at(place[0]) is None:
             _value(node, held, known, entry_of(dictionary, place), found)
     _look_again(node, found)
+    found.idle = tuple(idle(held, known, included))
     return found
 
 

@@ -1,0 +1,94 @@
+"""What --include names of a file about one device: whole objects and ranges of them, or single sub-indices.
+
+Does not know why an object is left out; `Configuration` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.configuration import Configuration, NotWritten
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import UsageError
+from dvtcli.operations.meanings.named_objects import is_name, object_at
+from dvtcli.operations.whole_device.compare_device import entry_of
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.profile import ObjectAddress, Range
+    from dvtcli.operations.whole_device.held_device import HeldDevice
+
+
+@dataclass(frozen=True, slots=True)
+class Included:
+    """One *word* behind --include: every sub-index of the indices of *range*, or the *object* alone."""
+
+    word: str
+    range: Range | None = None
+    object: ObjectAddress | None = None
+
+    @property
+    def is_many(self) -> bool:
+        """Whether it is a range of indices, of which nobody says what is there."""
+        return self.range is not None and self.range[0] != self.range[1]
+
+    def of(self, held: HeldDevice) -> list[ObjectAddress]:
+        """What *held* says a value of and this names."""
+        said = held.objects.keys() - held.assumed
+        if self.range is None:
+            return [place for place in said if place == self.object]
+        return sorted(place for place in said if self.range[0] <= place[0] <= self.range[1])
+
+
+def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[Included, ...]:
+    """What *words* name of *held*; UsageError for a word that is no object, or one of which the file has no value."""
+    found = tuple(_included(node, word) for word in words)
+    for one in found:
+        if not one.is_many and not one.of(held):
+            raise UsageError(
+                f"--include {one.word} names nothing of {held.name}: the file has no value of it", node=node.node_id,
+                hint="`plan` lists what the file says and is not written; INDEX, INDEX:SUB, or 2000-2FFF",
+            )  # fmt: skip
+    return found
+
+
+def idle(held: HeldDevice, known: Configuration, included: Collection[Included]) -> Iterator[str]:
+    """What to say of each of *included* by which nothing more is written: since it is anyway, or never."""
+    for one in included:
+        places = one.of(held)
+        if not places:
+            yield f"--include {one.word} names nothing of {held.name}"
+        elif not one.is_many and (text := _why_idle(known, places)):
+            yield f"--include {one.word}: {text}"
+
+
+def _why_idle(known: Configuration, places: Collection[ObjectAddress]) -> str:
+    """Why naming *places* lifts nothing; empty where it lifts something."""
+    if all(Pdo.at(index) is not None for index, _ in places):
+        return "a PDO's, which is written without it"
+    dictionary = known.dictionary
+    whys = [known.without_included().why_not(entry_of(dictionary, place)) for place in places] if dictionary else []
+    if not whys or any(why is not None and why.is_lifted_by_include for why in whys):
+        return ""
+    never = next((why for why in whys if why not in (None, NotWritten.READ_ONLY)), None)
+    if never is None and None in whys:
+        return "it is written without it"
+    return f"it is not written all the same: it {never or NotWritten.READ_ONLY}"
+
+
+def _included(node: Node, word: str) -> Included:
+    first, dash, last = word.partition("-")
+    if dash:
+        try:
+            low, high = int(first, 16), int(last, 16)
+        except ValueError:
+            low, high = 1, 0
+        if not 0x1000 <= low <= high <= 0xFFFF:
+            raise UsageError(f"--include {word}: a range of indices is written 2000-2FFF")
+        return Included(word, (low, high))
+    index, sub_index = object_at(node, word)
+    if ":" in word or (is_name(word) and sub_index):
+        return Included(word, object=(index, sub_index))
+    return Included(word, (index, index))
