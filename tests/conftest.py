@@ -147,3 +147,12 @@ def surroundings(ground: Places) -> Iterator[Path]:
     """Each test's own home, XDG folders, working folder and variables."""
     with ground.another() as work:
         yield work
+
+
+@pytest.fixture
+def port() -> Iterator[int]:
+    """A port for servers that come and go, which no other test gets meanwhile."""
+    from tests.serve.served import reserved_port
+
+    with reserved_port() as port:
+        yield port

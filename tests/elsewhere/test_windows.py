@@ -42,8 +42,9 @@ class Machine:
 
     def killed(self, step: int) -> None:
         """A change that ends at its *step*-th write, as from the task manager."""
-        child = start(WINDOWS, self.home, *self.words, *MAP)
-        self.wire.at_download = lambda number: child.kill() if number == step else None
+        with self.wire.at_work:
+            child = start(WINDOWS, self.home, *self.words, *MAP)
+            self.wire.at_download = lambda number: child.kill() if number == step else None
         assert Ran(WINDOWS, child).code == -9
         self.wire.at_download = lambda _number: None
 
@@ -164,8 +165,9 @@ def test_one_writer_at_a_time_until_its_process_ends(tmp_path: Path) -> None:
 
 
 def test_ctrl_break_ends_a_change_as_a_closed_terminal_does(machine: Machine) -> None:
-    child = start(WINDOWS, machine.home, *machine.words, *MAP)
-    machine.wire.at_download = lambda number: child.send_signal(CTRL_BREAK) if number == 4 else None
+    with machine.wire.at_work:
+        child = start(WINDOWS, machine.home, *machine.words, *MAP)
+        machine.wire.at_download = lambda number: child.send_signal(CTRL_BREAK) if number == 4 else None
     ran = Ran(WINDOWS, child)
     assert ran.code == 128 + CTRL_BREAK, ran.stderr
     assert "rolled back: everything is as it was" in ran.stderr

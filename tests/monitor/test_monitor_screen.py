@@ -160,13 +160,13 @@ def test_a_terminated_monitor_leaves_the_terminal_as_it_was(open_terminal: Open)
     assert "Traceback" not in terminal.text
 
 
-def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_terminal: Open) -> None:
-    with served(tmp_path, "gen4@5") as server:
+def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_terminal: Open, port: int) -> None:
+    with served(tmp_path, "gen4@5", port=port) as server:
         terminal = open_terminal(*bus_words(server.port), "monitor", "--nodes", "5", columns=120)
         terminal.until(lambda: count(terminal) > 0, "frames")
     terminal.wait("GONE for")
     before = count(terminal)
-    with served(tmp_path, "gen4@5", port=server.port):
+    with served(tmp_path, "gen4@5", port=port):
         terminal.until(lambda: "GONE" not in terminal.lines[0] and count(terminal) > before, "frames of now")
         terminal.wait("the bus was gone for")
     terminal.wait("GONE for")

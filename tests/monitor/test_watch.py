@@ -134,12 +134,12 @@ def test_only_ascii_and_ctrl_c(open_terminal: Open) -> None:
     terminal.wait_prompt("sim/1 OP> ")
 
 
-def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_terminal: Open) -> None:
-    with served(tmp_path, "gen4@5") as server:
+def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_terminal: Open, port: int) -> None:
+    with served(tmp_path, "gen4@5", port=port) as server:
         terminal = open_terminal(*bus_words(server.port), "-n", "5", "watch", "1000", "tpdo1", columns=120)
         terminal.until(lambda: "131474" in terminal.text, "a value")
     terminal.wait("GONE for")
-    with served(tmp_path, "gen4@5", port=server.port):
+    with served(tmp_path, "gen4@5", port=port):
         terminal.until(lambda: "GONE" not in terminal.lines[0] and "131474" in terminal.text, "values of now")
         terminal.type("q")
         assert terminal.ended() == 0

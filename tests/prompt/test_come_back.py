@@ -23,8 +23,10 @@ def times(terminal: Terminal, text: str) -> int:
     return terminal.text.count(text)
 
 
-def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(tmp_path: Path, open_terminal: Open) -> None:
-    with served(tmp_path, "gen4@5") as server:
+def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(
+    tmp_path: Path, open_terminal: Open, port: int
+) -> None:
+    with served(tmp_path, "gen4@5", port=port) as server:
         terminal = opened(server, open_terminal)
         terminal.run("set tpdo1 --timer 70")
         terminal.wait("TPDO1 set")
@@ -33,7 +35,7 @@ def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(tmp_path:
     terminal.until(lambda: "GONE" in terminal.toolbar, "the toolbar")
     terminal.run("pdo tpdo1")
     terminal.wait("type it again when the bus is back")
-    with served(tmp_path, "gen4@5", port=server.port):
+    with served(tmp_path, "gen4@5", port=port):
         terminal.wait("is back after")
         terminal.wait_prompt(prompt(server, "PRE-OP*> "))
         terminal.until(lambda: "F1 help" in terminal.toolbar and "GONE" not in terminal.toolbar, "the toolbar")
@@ -51,11 +53,11 @@ def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(tmp_path:
     assert terminal.ended() == 0, "it does not wait for the bus to leave"
 
 
-def test_another_device_is_not_taken_for_the_one_before(tmp_path: Path, open_terminal: Open) -> None:
-    with served(tmp_path, "gen4@5") as server:
+def test_another_device_is_not_taken_for_the_one_before(tmp_path: Path, open_terminal: Open, port: int) -> None:
+    with served(tmp_path, "gen4@5", port=port) as server:
         terminal = opened(server, open_terminal)
     terminal.wait("is gone (")
-    with served(tmp_path, "tmcm@5", port=server.port):
+    with served(tmp_path, "tmcm@5", port=port):
         terminal.wait("is back after")
         for line in ("set tpdo1 --timer 70", "pdo"):
             terminal.run(line)

@@ -50,18 +50,19 @@ class Link:
         return [answer for answer in self.exchange(frame) if 0x080 < answer.can_id < 0x580 or answer.extended]
 
     def events(self, can_id: int, duration_ms: int) -> int:
-        """By the median slope of their times on the server's clock: a busy machine sends some frames late."""
+        """By their times on the server's clock, from when they come steadily: a busy machine sends some frames late."""
         times: list[float] = []
         until_s = time.monotonic() + PATIENCE_S
         quiet_s = time.monotonic() + duration_ms / 1000
-        while len(times) < 16 and time.monotonic() < until_s:
+        while time.monotonic() < until_s:
             heard = self._heard(0.01) if times or time.monotonic() < quiet_s else self.exchange()
-            times += [frame.timestamp_s for frame in heard if frame.can_id == can_id]
+            new = [frame.timestamp_s for frame in heard if frame.can_id == can_id]
+            times += new
             if not times and time.monotonic() >= quiet_s:
                 return 0
-        pairs = combinations(enumerate(times), 2)
-        period_s = median((later - earlier) / (last - first) for (first, earlier), (last, later) in pairs)
-        return round(duration_ms / 1000 / period_s)
+            if new and len(times) >= 16 and (period_s := _steady_period_s(times[-16:])) is not None:
+                return round(duration_ms / 1000 / period_s)
+        raise AssertionError(f"frames {can_id:X} do not come steadily: {times}")
 
     def exchange(self, *frames: Frame) -> list[Frame]:
         """Send *frames*; what everybody but the fence says until it answers."""
@@ -104,6 +105,15 @@ class Link:
         with suppress(Aborted):  # a family without 0x1011 has nothing stored
             self.client.write_bytes(0x1011, 1, b"load")
         self.nmt(NmtCommand.RESET_NODE)
+
+
+def _steady_period_s(times: list[float]) -> float | None:
+    """The median period between frames and the next three, None where over half of them differ from it by 5 %."""
+    pairs = [pair for pair in combinations(enumerate(times), 2) if pair[1][0] - pair[0][0] <= 3]
+    periods_s = [(later - earlier) / (last - first) for (first, earlier), (last, later) in pairs]
+    period_s = median(periods_s)
+    near = [each for each in periods_s if abs(each - period_s) <= period_s / 20]
+    return period_s if 2 * len(near) >= len(periods_s) else None
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +10,7 @@ import pytest
 
 from tests.forked import Forked
 from tests.process import PATIENCE_S, documents, start
-from tests.serve.served import Served, bus_words, own_environment, reserved_port, served, wait_for
-
-
-@pytest.fixture
-def port() -> Iterator[int]:
-    with reserved_port() as port:
-        yield port
-
+from tests.serve.served import Served, bus_words, own_environment, served, wait_for
 
 GONE, BACK = "is gone (the server has closed the connection", "is back after"
 #: what waits for a bus that is gone

@@ -20,7 +20,7 @@ from dvtcli.files.recorder import Recorder
 from dvtcli.files.recording_formats import APPENDABLE, FORMATS, ROTATING
 from dvtcli.simulator.network.family_file import family_eds
 from tests.files.recordings import BEGIN_S
-from tests.process import documents, dvtcli
+from tests.process import PATIENCE_S, documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
 pytestmark = pytest.mark.drawn(18, "recording commands")
@@ -96,7 +96,7 @@ def test_a_server_that_goes_away_ends_the_watching(tmp_path: Path, words: list[s
         assert began is not None
         assert began.readline()
         server.end()
-        _, complaints = process.communicate(timeout=60)
+        _, complaints = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 5, complaints
     assert "closed the connection" in complaints
     assert "Traceback" not in complaints
@@ -117,7 +117,7 @@ def test_ctrl_c_ends_a_log_with_its_summary(tmp_path: Path) -> None:
             bus.send(can.Message(arbitration_id=0x182, data=[n], is_extended_id=False))
         wait_for(lambda: path.exists() and b"181#63" in path.read_bytes(), "the last frame in the file")
         process.send_signal(signal.SIGINT)
-        said, complaints = process.communicate(timeout=60)
+        said, complaints = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, complaints
     assert "frames in" in said
     assert ", 0 dropped, " in said

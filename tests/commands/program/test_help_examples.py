@@ -19,12 +19,10 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.frames.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples
-from tests.process import ROOT, environment, start
+from tests.process import PATIENCE_S, ROOT, environment, start
 from tests.small_eds import plain, var
 from tests.surroundings import HOMES
 
-#: how long a command may take to be at work, in seconds
-PATIENCE_S = 60.0
 NEEDS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("help_examples.toml").read_text("utf-8"))
 EXAMPLES = [line for name in command_names() for line in examples(name)]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import ROOT, documents, dvtcli, environment, run
+from tests.process import PATIENCE_S, ROOT, documents, dvtcli, environment, run
 
 pytestmark = pytest.mark.drawn(18, "processes")
 
@@ -78,7 +78,7 @@ def test_results_that_a_full_disk_loses_are_said(line: str, state: str) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "dvtcli", "--sim", "gen4", *line.split()],
-            stdout=full, stderr=subprocess.PIPE, encoding="utf-8", env=environment(), timeout=60, check=False,
+            stdout=full, stderr=subprocess.PIPE, encoding="utf-8", env=environment(), timeout=PATIENCE_S, check=False,
         )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr.startswith("error: the results cannot be written: No space left on device")
@@ -202,7 +202,7 @@ def test_a_reader_that_leaves_is_no_error(words: list[str]) -> None:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE_S) == 0
         assert process.stderr.read() == b""
 
 
@@ -224,7 +224,7 @@ def test_signals_end_it_with_their_code(number: signal.Signals, code: int, line:
     process.stdin = None
     assert process.stdout.readline()  # the first line's answer: the next one runs
     process.send_signal(number)
-    stdout, stderr = process.communicate(timeout=30)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == code, stderr
     assert "Traceback" not in stderr
     assert re.search("interrupted|terminated", stderr)
