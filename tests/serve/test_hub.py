@@ -21,7 +21,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.hub import MOST_CLIENTS, MOST_KEPT, Hub
-from dvtcli.simulator.network.hub_client import Client
+from dvtcli.simulator.network.hub_client import LOOK_S, Client
 from dvtcli.simulator.network.shared_bus import Server
 from dvtcli.simulator.network.station import stations
 from dvtcli.simulator.network.wire import Wire
@@ -209,6 +209,25 @@ def test_a_stalled_client_is_dropped_and_the_others_lose_nothing(bench: Bench) -
         assert "took nothing for 1.5 s" in bench.said[0]
         assert bench.server.hub.clients == 2
         del stalled
+
+
+def test_a_server_that_was_stopped_itself_drops_nobody_for_it() -> None:
+    """Nobody looked for an hour: that a client took nothing meanwhile may be the machine's doing."""
+    said: list[str] = []
+    with raw_pair(said) as (hub, client, _theirs):
+        client.release()
+        while not client.blocked:
+            assert not client.gone
+            hub.tell_all(b"< frame 181 0.0 0102030405060708 >" * 1000, source=None)
+            hub.wait(0.0, lambda _client: True)
+        back_s = now_s = time.monotonic() + 3600
+        client.flush(now_s, STALL_S, MOST_KEPT)
+        assert not client.gone
+        while not client.gone:
+            now_s += LOOK_S
+            client.flush(now_s, STALL_S, MOST_KEPT)
+    assert client.why == "took nothing for 1.5 s while frames waited for it"
+    assert now_s - back_s > STALL_S - 2 * LOOK_S
 
 
 def test_the_bus_waits_for_a_slow_client(bench: Bench) -> None:

@@ -16,7 +16,7 @@ from contextlib import suppress
 from time import monotonic
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.hub_client import Client
+from dvtcli.simulator.network.hub_client import LOOK_S, Client
 from dvtcli.simulator.network.hub_owners import owners
 
 #: how long a client may take nothing while something waits for it (s)
@@ -139,7 +139,7 @@ class Hub:
             if client.held_until_s is not None:
                 timeout_s = min(timeout_s, client.held_until_s - now_s)
             if client.out:
-                timeout_s = min(timeout_s, client.progress_s + self._stall_s - now_s)
+                timeout_s = min(timeout_s, LOOK_S, client.progress_s + self._stall_s - now_s)
         return timeout_s
 
     def _listen(self, client: Client, read: bool) -> None:

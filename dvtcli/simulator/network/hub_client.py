@@ -28,6 +28,8 @@ from dvtcli.simulator.network.socketcand import (
 #: python-can wants the answer to `rawmode` alone in one read, and on a busy machine that read is late: frames wait so
 #: long, or until the client speaks (s)
 HOLD_S = 0.5
+#: how often a client that takes nothing is looked at, at least (s)
+LOOK_S = 0.2
 _READ = 64 * 1024
 #: clients that wait for an acknowledgement before they send their next frame get it at once, where the system can
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
@@ -51,6 +53,8 @@ class Client:
     owed: dict[object, int] = field(default_factory=dict)
     #: when something was last taken, or began to wait
     progress_s: float = 0.0
+    #: when it was last looked at
+    looked_s: float = 0.0
     blocked: bool = False
     events: int = selectors.EVENT_READ
     #: whether it said something since anything was sent to it
@@ -107,8 +111,11 @@ class Client:
     def flush(self, now_s: float, stall_s: float, most: int) -> None:
         """Send what waits, by *now_s* on the monotonic clock.
 
-        Who takes nothing for *stall_s* has to go, and who is behind by more than *most* bytes.
+        Who takes nothing for *stall_s* has to go, and who is behind by more than *most* bytes. The time in which nobody
+        looked does not count: a server that was stopped itself drops nobody for it.
         """
+        self.progress_s = min(now_s, self.progress_s + max(0.0, now_s - self.looked_s - LOOK_S))
+        self.looked_s = now_s
         if self.held_until_s is not None and self.held_until_s <= now_s:
             self.release()
         if not self.out:
