@@ -21,6 +21,11 @@ class NmtState(IntEnum):
         """The state's name in the standard's spelling."""
         return self.name.replace("_", "-")
 
+    @property
+    def short(self) -> str:
+        """The same where there is little room."""
+        return _SHORT.get(self, self.label)
+
 
 class NmtCommand(IntEnum):
     """An NMT command specifier."""
@@ -47,6 +52,7 @@ class NmtCommand(IntEnum):
         return _AFTER[self]
 
 
+_SHORT = {NmtState.INITIALISING: "INIT", NmtState.OPERATIONAL: "OP", NmtState.PRE_OPERATIONAL: "PRE-OP"}
 _WORDS = {
     NmtCommand.START: "start",
     NmtCommand.STOP: "stop",

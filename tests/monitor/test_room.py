@@ -94,7 +94,30 @@ def test_every_node_is_on_the_line_of_nodes_or_counted(names: dict[int, str], wi
     store.states.update(dict.fromkeys(list(names)[::2], NmtState.PRE_OPERATIONAL))
     line = "".join(cell.text for cell in picture(store, View(plain=plain), MOMENT, width, 12)[1])
     assert len(line) <= width
-    shown = [int(number) for number in re.findall(r"(?:^|   )(\d+) x", line)]
+    shown = [int(number) for number in re.findall(r"(?:^|   )(\d+)(?= x| PRE-OP|   |$)(?! nodes?$)", line)]
     more = re.search(r"(?:\+|^)(\d+) nodes?$", line)
-    assert shown == sorted(names)[: len(shown)]
+    assert len(shown) == len(set(shown)), line
+    assert set(shown) <= set(names), line
     assert len(shown) + (int(more[1]) if more else 0) == len(names), line
+
+
+def line_of_nodes(states: dict[int, NmtState], width: int, name: str = "Generic CANopen device") -> str:
+    store = FrameStore(Decoder({}, dict.fromkeys(states, name)))
+    store.states.update(states)
+    return "".join(cell.text for cell in picture(store, View(), MOMENT, width, 12)[1])
+
+
+def test_nodes_lose_the_length_of_their_states_and_their_names_before_they_are_only_counted() -> None:
+    states = dict.fromkeys(range(1, 7), NmtState.PRE_OPERATIONAL)
+    assert (
+        line_of_nodes({1: NmtState.STOPPED, 2: NmtState.OPERATIONAL}, 80, "Gen4")
+        == "1 Gen4 STOPPED   2 Gen4 OPERATIONAL"
+    )
+    assert line_of_nodes(states, 64) == "1 PRE-OP   2 PRE-OP   3 PRE-OP   4 PRE-OP   5 PRE-OP   6 PRE-OP"
+    assert "1 Generic CANopen device PRE-OP   2 Gen" in line_of_nodes(states, 220)
+
+
+def test_of_more_nodes_than_there_is_room_for_those_in_another_state_come_first() -> None:
+    states = dict.fromkeys(range(1, 13), NmtState.PRE_OPERATIONAL) | {9: NmtState.STOPPED}
+    assert line_of_nodes(states, 80).startswith("9 STOPPED   1 PRE-OP   2 PRE-OP   3 PRE-OP ")
+    assert line_of_nodes(states, 30) == "9 STOPPED   … +11 nodes"

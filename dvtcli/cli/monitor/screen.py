@@ -5,7 +5,8 @@ Pure. Does not know the terminal, the keys or the bus.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -33,8 +34,8 @@ SPARK, LONG_SPARK, GRAPH_S = 8, 60, 60.0
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
 #: of a bus's name so many columns stay, however much there is to say of its state
 SHORTEST_NAME = 12
-#: columns of each node's name in the line of nodes, as many as there is room for
-_NAMES = (60, 30, 20, 14, 10)
+#: columns of each node's name in the line of nodes, as many as there is room for; in the end none
+_NAMES = (60, 30, 20, 14, 10, 0)
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 
 _STATE_STYLES: dict[NmtState | None, str] = {NmtState.OPERATIONAL: "green", None: ""}
@@ -143,24 +144,33 @@ def _business(store: FrameStore, moment: Moment) -> list[Cell]:
 def _nodes_line(store: FrameStore, view: View, moment: Moment, width: int) -> list[Cell]:
     """The nodes that are heard or known, with their names and states, and which one is being read.
 
-    Where they are too many their names get shorter; of whom there is no room the number is said.
+    Where they are too many the states get shorter, then their names, which go in the end. Then those in another state
+    than most come first; of whom there is no room the number is said.
     """
     names, heard = store.decoder.names, {row.service.node for row in store.rows.values()}
     reading = f"reading the mapping of node {moment.reading}...  " if moment.reading is not None else ""
     shown = sorted({node for node in heard if node is not None} | set(names))
     room = width - len(reading)
-    for most in _NAMES:
-        nodes = [_node_cells(node_id, names.get(node_id, ""), store.states.get(node_id), most) for node_id in shown]
+    for most, short in ((_NAMES[0], False), *((most, True) for most in _NAMES)):
+        nodes = [_node_cells(one, names.get(one, ""), store.states.get(one), most, short=short) for one in shown]
         if wide(nodes, plain=view.plain) <= room:
             break
+    else:
+        nodes = [nodes[shown.index(one)] for one in _others_first(shown, store.states)]
     said = counted(nodes, room, plain=view.plain) or [Cell("no node is heard", "dim")]
     return [Cell(reading, "cyan"), *said] if reading else said
 
 
-def _node_cells(node_id: int, name: str, state: NmtState | None, most: int) -> list[Cell]:
-    """A node with its name, of at most *most* columns, and its state."""
-    label = f"{node_id} {clipped(name, most)}" if name else f"node {node_id}"
-    said = f" {state.label}   " if state is not None else "   "
+def _others_first(nodes: list[int], states: Mapping[int, NmtState]) -> list[int]:
+    """*nodes* in order, and those before whose state fewer have: of these more is to be seen."""
+    many = Counter(map(states.get, nodes))
+    return sorted(nodes, key=lambda one: (many[states.get(one)], one))
+
+
+def _node_cells(node_id: int, name: str, state: NmtState | None, most: int, *, short: bool) -> list[Cell]:
+    """A node with its name, of at most *most* columns, and its state; in few words where *short*."""
+    label = f"{node_id} {clipped(name, most)}" if name and most else f"{node_id}" if not most else f"node {node_id}"
+    said = f" {state.short if short else state.label}   " if state is not None else "   "
     return [Cell(label, "bold"), Cell(said, _STATE_STYLES.get(state, "yellow"))]
 
 

@@ -3,15 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.domain.emergency_codes import emergency_text
-from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
-
-SHORT_STATES = {
-    NmtState.INITIALISING: "INIT",
-    NmtState.STOPPED: "STOPPED",
-    NmtState.OPERATIONAL: "OP",
-    NmtState.PRE_OPERATIONAL: "PRE-OP",
-}
 
 
 def event_text(event: NodeEvent) -> str:

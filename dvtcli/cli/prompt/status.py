@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.prompt.events import SHORT_STATES
 from dvtcli.cli.prompt.fitting import BETWEEN, Part, fitted
 from dvtcli.cli.prompt.syntax import syntax
 from dvtcli.domain.emergency_codes import emergency_text
@@ -63,7 +62,7 @@ class Status:
         node_id = self._session.selected_id()
         where = self._bus_name() + ("" if node_id is None else f"/{node_id}")
         state = self._state()
-        words = [where, *([SHORT_STATES[state]] if state is not None else [])]
+        words = [where, *([state.short] if state is not None else [])]
         if self._session.dry_run:
             words.append("DRY-RUN")
         if (tcl := self._session.tcl) is not None and tcl.on:
@@ -116,7 +115,7 @@ class Status:
         elif state is None:
             parts.append(Part(4, "", ("state unknown", "")))
         else:
-            short = SHORT_STATES[state]
+            short = state.short
             beat = f"{short} HB {silence[0]:.1f} s" if silence is not None else short
             parts.append(Part(4, _STATE_STYLES.get(state, "class:bad"), (beat, short)))
         return parts + self._emergency_parts(node_id)
