@@ -45,7 +45,7 @@ class DeviceFiles:
     own_eds: dict[int, Path] = field(default_factory=dict)
     own_profile: dict[int, str] = field(default_factory=dict)
     _memories: dict[int, Memory] = field(default_factory=dict)
-    #: what was said of files, which is said once
+    #: what was said of files and of the bus, which is said once
     _said: set[str] = field(default_factory=set)
 
     def memory(self, node_id: int) -> Memory:
@@ -95,14 +95,19 @@ class DeviceFiles:
         Empty for nothing.
         """
         chosen = self.choice(node_id)
-        if chosen is None or not chosen.note or chosen.note in self._said:
+        if chosen is None or not chosen.note or not self.is_news(chosen.note):
             return "", False
-        self._said.add(chosen.note)
         return f"node {node_id}: {chosen.note}", chosen.doubtful
 
     def was_said(self, note: str) -> None:
         """*note* is shown, and need not be said again."""
         self._said.add(note)
+
+    def is_news(self, note: str) -> bool:
+        """Whether *note* is still to be said, which it then was."""
+        news = note not in self._said
+        self._said.add(note)
+        return news
 
     def profile(self, node_id: int) -> DeviceProfile:
         """The profile of a node, the generic one where its family is not known."""

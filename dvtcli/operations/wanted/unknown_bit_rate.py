@@ -9,14 +9,17 @@ if TYPE_CHECKING:
 
 
 def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
-    """Say that so many *nodes* are asked one by one where the bit rate is not known, and how to say it.
+    """Say that so many *nodes* are asked one by one where the bit rate is not known, and how to say it; once a session.
 
     Of a bus alone that would ask them side by side: not of simulated nodes, twins, or a gateway to objects.
     """
     bus = session.bus
     if nodes < 2 or session.dry_run or bus.simulated or not bus.carries_frames or bus.bitrate is not None:
         return
+    unknown = f"the bit rate of {bus.name} is not known"
+    if not session.network.files.is_news(unknown):
+        return
     session.tell.note(
-        f"the bit rate of {bus.name} is not known: its {nodes} nodes are asked one by one, and nothing of the bus is "
+        f"{unknown}: its {nodes} nodes are asked one by one, and nothing of the bus is "
         "kept free for a running machine; say what it is, as -b 250000 or as bitrate = 250000 in dvtcli.toml"
     )
