@@ -46,13 +46,15 @@ class Signal:
 class Layout:
     """What a frame carries: *read* turns its data into one value a signal, None where the frame ends before it.
 
-    *mapping* is the PDO's, dummies included; empty where a file says where its signals lie.
+    *mapping* is the PDO's, dummies included; empty where a file says where its signals lie. With *is_consumers* it is
+    what an RPDO takes from the frame, which may be less than its producer sends.
     """
 
     service: Service
     signals: tuple[Signal, ...]
     read: Callable[[bytes], list[Value | None]]
     mapping: tuple[PdoMappingEntry, ...] = ()
+    is_consumers: bool = False
 
 
 def _nothing(_data: bytes) -> list[Value | None]:
@@ -74,9 +76,11 @@ class Decoder:
         return len(self._known)
 
     def add(self, layouts: Mapping[Address, Layout]) -> None:
-        """Know *layouts* too; what was known before stays."""
+        """Know *layouts* too; what was known before stays, but what an RPDO takes of a frame yields to its TPDO."""
         for address, layout in layouts.items():
-            self._known.setdefault(address, layout)
+            known = self._known.get(address)
+            if known is None or (known.is_consumers and not layout.is_consumers):
+                self._known[address] = layout
 
     @property
     def layouts(self) -> Mapping[Address, Layout]:
@@ -118,7 +122,8 @@ def pdo_layouts(
         if config.enabled:
             cob_id = config.communication.cob_id
             service = Service("pdo", pdo.label, node_id)
-            layouts.setdefault((cob_id.can_id, cob_id.extended), _layout(service, config.mapping, dictionary, meanings))
+            layout = replace(_layout(service, config.mapping, dictionary, meanings), is_consumers=not pdo.is_tpdo)
+            layouts.setdefault((cob_id.can_id, cob_id.extended), layout)
     return layouts
 
 
