@@ -259,6 +259,12 @@ def test_a_clone_that_is_not_the_same_is_not_done(tmp_path: Path) -> None:
         script.write_text(f"clone {file} --yes\nwrite 2000 8\n", encoding="utf-8")
         ran = bench.run(f"run {script}")
         assert (ran.code, bench.run("read 2000 --json").document["value"]) == (3, 7)
+        assert f"clone.dvt:1: error: 2001:00 of node 5 differs from {file}" in ran.stderr
+        for line, place in (("diff", "2001:00 of node 5"), ("compare", "2001:00")):
+            script.write_text(f"read 2000\n{line} {file}\nwrite 2000 8\n", encoding="utf-8")
+            ran = bench.run(f"run {script}")
+            assert ran.code == 3
+            assert f"clone.dvt:2: error: {place} differs from {file}" in ran.stderr
         assert bench.run(f"apply {file} --yes").code == 0, "apply writes what it may"
         assert bench.run(f"clone {file} --include 2001 --yes").code == 0
         assert bench.run(f"compare {file}").code == 0

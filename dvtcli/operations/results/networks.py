@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.rules import Finding
-    from dvtcli.errors import RuleError
+    from dvtcli.errors import DvtcliError, RuleError
     from dvtcli.operations.results.stores import Stored
 
 
@@ -58,6 +58,14 @@ class NetworkPlanned(Answer):
     def failure(self) -> RuleError | None:
         """What is to be said where the exit code is 1."""
         return self.lacking
+
+    @property
+    def failure_of_line(self) -> DvtcliError | None:
+        """What a script says where it ends with this line: which objects differ."""
+        from dvtcli.operations.results.failures import not_as_wanted
+
+        differing = _labels(self.plan) or ["what is stored"]
+        return not_as_wanted(None, self.exit_code, differing, self.plan.file) if self.exit_code else None
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -141,6 +149,15 @@ def action(node: NodePlan, change: PdoChange) -> str:
     return "enable" if change.after.enabled and not change.before.enabled else "change"
 
 
+def _labels(plan: NetworkPlan, *, unwritten_only: bool = False) -> list[str]:
+    """What differs, of which node: what is to be written, unless *unwritten_only*, and what is not."""
+    found: list[str] = []
+    for node in plan.nodes:
+        labels = [] if unwritten_only else [change.label for change in node.plan.changes]
+        found += (f"{label} of node {node.node_id}" for label in [*labels, *(one.object for one in node.remaining)])
+    return list(dict.fromkeys(found))
+
+
 def differing(change: PdoChange) -> Iterator[tuple[str, Any, Any]]:
     """The keys of a network file in which the two sides of *change* differ, with both values."""
     rows = zip(_rows(change.before), _rows(change.after), strict=True)
@@ -198,6 +215,18 @@ class NetworkApplied(Answer):
     def failure(self) -> Any:
         """What is to be said where the exit code is 1."""
         return next((one.failure for one in self.stored if one.exit_code), None)
+
+    @property
+    def failure_of_line(self) -> DvtcliError | None:
+        """What a script says where it ends with a clone that is none: which settings differ still."""
+        from dvtcli.operations.results.failures import not_as_wanted
+
+        if not self.exit_code:
+            return None
+        failed = not_as_wanted(None, self.exit_code, _labels(self.plan, unwritten_only=True), self.plan.file)
+        if self.plan.changed and not self.dry_run:
+            failed.state, failed.state_text = "left_changed", "what may be written of the file was, and read back"
+        return failed
 
     def document(self) -> Document:
         """`dvtcli.apply/1`."""

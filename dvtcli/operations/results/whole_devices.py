@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.datatypes import DataType
 from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes, json_value
+
+if TYPE_CHECKING:
+    from dvtcli.errors import DvtcliError
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +84,18 @@ class WholeCompared(Answer):
     def exit_code(self) -> int:
         """3 where a setting differs."""
         return 3 if self.differences else 0
+
+    @property
+    def failure_of_line(self) -> DvtcliError | None:
+        """What a script says where it ends with this line: which settings differ."""
+        from dvtcli.operations.results.failures import not_as_wanted
+
+        differing = [one.object for one in self.differences]
+        if not differing:
+            return None
+        failed = not_as_wanted(self.node, self.exit_code, differing, self.first)
+        failed.state_text = failed.state_text if self.node is not None else "both files are as they were"
+        return failed
 
     def document(self) -> Document:
         """`dvtcli.compare/1`."""
