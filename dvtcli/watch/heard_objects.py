@@ -136,7 +136,7 @@ class HeardObjects:
         if frame.extended or frame.remote or not frame.can_id & 0x7F:
             return None
         service, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
-        if service == _HEARTBEATS and frame.data == _BOOT_UP and node_id in self._nodes:
+        if is_boot_up(frame) and node_id in self._nodes:
             self._nodes[node_id].start()
         if service not in (_REQUESTS, _ANSWERS) or len(frame.data) != _SDO_BYTES:
             return None
@@ -155,6 +155,13 @@ class HeardObjects:
     def node_ids(self) -> list[int]:
         """The nodes that were asked or that answered, in order."""
         return sorted(self._nodes)
+
+
+def is_boot_up(frame: Frame) -> bool:
+    """Whether a node says by *frame* that it has started."""
+    if frame.extended or frame.remote or not frame.can_id & 0x7F:
+        return False
+    return frame.can_id & 0x780 == _HEARTBEATS and frame.data == _BOOT_UP
 
 
 def is_taken(frame: Frame) -> bool:

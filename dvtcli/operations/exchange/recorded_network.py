@@ -10,7 +10,7 @@ from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeSt
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
-from dvtcli.watch.heard_objects import HeardObjects, is_taken
+from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -74,7 +74,8 @@ class _Followed:
     """What was *heard*; the last frame of each PDO that was whole and on, and those that had another one before.
 
     *late* are those whose CAN-ID was among *seen* when a download, one of *written*, made them whole: nobody knows by
-    what these frames were laid out. What an upload says was so before, too.
+    what these frames were laid out. What an upload says was so before, too. A PDO is *lost* where its node started and
+    had not stored it: then that holds for frames since.
     """
 
     heard: HeardObjects = field(default_factory=HeardObjects)
@@ -83,12 +84,15 @@ class _Followed:
     late: set[tuple[int, Pdo]] = field(default_factory=set)
     seen: set[Identifier] = field(default_factory=set)
     written: set[tuple[int, Pdo]] = field(default_factory=set)
+    lost: set[tuple[int, Pdo]] = field(default_factory=set)
 
     def take(self, frame: Frame) -> bool:
         """Follow *frame*, and say whether it is the end of an SDO transfer."""
         said = self.heard.take(frame)
         if said is None:
             self.seen.add((frame.can_id, frame.extended))
+            if is_boot_up(frame):
+                self._start(frame.can_id & 0x7F)
             return False
         node_id, (index, sub_index) = said
         pdo = Pdo.at(index)
@@ -98,14 +102,27 @@ class _Followed:
             self._draw(node_id, pdo)
         return True
 
+    def _start(self, node_id: int) -> None:
+        """A node has started: look at which of its PDOs it did not store."""
+        for one in [one for one in self.drawn if one[0] == node_id and self._whole(*one) is None]:
+            self.lost.add(one)
+            self.written.discard(one)
+            self.seen.discard(self.drawn[one][0])
+
+    def _whole(self, node_id: int, pdo: Pdo) -> PdoConfig | None:
+        """*pdo* where it is on and all that its frames need was heard."""
+        config = _heard_pdo(self.heard.values(node_id), pdo)
+        return None if config is None or not config.enabled or config.unread else config
+
     def _draw(self, node_id: int, pdo: Pdo) -> None:
         """Look at *pdo* after something of it was heard."""
-        config, one = _heard_pdo(self.heard.values(node_id), pdo), (node_id, pdo)
-        if config is None or not config.enabled or config.unread:
+        config, one = self._whole(node_id, pdo), (node_id, pdo)
+        if config is None:
             return
         drawn = identifier_of(config), config.mapping
-        if one not in self.drawn and one in self.written and drawn[0] in self.seen:
+        if (one not in self.drawn or one in self.lost) and one in self.written and drawn[0] in self.seen:
             self.late.add(one)
+        self.lost.discard(one)
         if self.drawn.setdefault(one, drawn) != drawn:
             self.changed.add(one)
             self.drawn[one] = drawn

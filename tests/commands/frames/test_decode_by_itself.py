@@ -62,6 +62,24 @@ def test_frames_from_before_a_download_are_not_read_by_what_it_sets() -> None:
     assert "TPDO1 of node 6 was set after the first of its frames, and what these carry is not known" in said
 
 
+STARTS = "706#00"
+
+
+def test_frames_of_a_node_that_started_anew_are_not_read_by_what_is_set_afterwards() -> None:
+    record(*SET, "1A0#D2040000", STARTS, "1A0#E8030000", *SET)
+    out, said = run("decode run.log")
+    assert "6064:00=" not in out
+    assert "TPDO1 of node 6 was set after the first of its frames" in said
+
+
+@pytest.mark.parametrize("between", [(STARTS,), ("1A0#E8030000",), (STARTS, *SET, STARTS)])
+def test_what_is_set_again_before_a_frame_comes_is_known(between: tuple[str, ...]) -> None:
+    record(*SET, "1A0#E8030000", *between, *SET, "1A0#D2040000")
+    out, said = run("decode run.log")
+    assert "6064:00=1234" in out.splitlines()[-1]
+    assert "warning" not in said
+
+
 def test_frames_from_before_an_upload_are_read_by_what_it_says() -> None:
     record("185#3712", *READ, "605#2B00180564000000", "585#6000180500000000", "185#3712")
     lines = run("decode run.log")[0].splitlines()
