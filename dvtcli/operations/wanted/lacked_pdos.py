@@ -80,7 +80,7 @@ class _Lacked:
                 self.complaints.append(self.log.shown(mark, lacked.text))
 
     def left_of(self, wish: NetworkWish) -> NetworkWish:
-        """*wish* without them."""
+        """*wish* without them, and without stamps: they would stand for what is left."""
         if not self.pdos:
             return wish
         links = tuple(
@@ -94,7 +94,8 @@ class _Lacked:
         return (end.node_id, end.pdo) in self.pdos
 
     def _node(self, wish: NodeWish) -> NodeWish:
-        return replace(wish, pdos=tuple(pdo for pdo in wish.pdos if (wish.node_id, pdo.pdo) not in self.pdos))
+        left = tuple(pdo for pdo in wish.pdos if (wish.node_id, pdo.pdo) not in self.pdos)
+        return replace(wish, pdos=left, stamp=None)
 
     def _torn(self, wish: NetworkWish, left: NetworkWish) -> tuple[tuple[int, Pdo], ...]:
         """The other ends of links of *wish* that are not in *left*: what these want of them is not known."""

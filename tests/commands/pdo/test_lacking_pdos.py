@@ -116,6 +116,15 @@ def test_verify_of_a_pdo_that_another_node_lacks_compares_it(tmp_path: Path) -> 
         assert (ran.code, "node 1 has no" in ran.stderr) == (3, False)
 
 
+def test_no_stamp_stands_for_a_part_of_the_file(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(
+        "one: {node_id: 1, store: true, stamp: true, tpdo: {1: {event_timer: 0}, 70: {event_timer: 0}}}\n"
+    )
+    with Bench(("generic@1",)) as bench:
+        ran = bench.run(f"plan {tmp_path / 's.yaml'} --json")
+        assert (ran.code, "1020" in ran.stdout) == (1, False)
+
+
 def test_the_formats_of_ci_have_a_case_for_each(file: Path) -> None:
     with Bench(NODES) as bench:
         for word in ("diff", "verify"):
