@@ -23,14 +23,17 @@ if TYPE_CHECKING:
 def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], path: Path) -> Exported:
     """*node*, whose PDOs are *held*, as the network file *path* says it.
 
-    Its EDS and its profile are named where somebody chose them, or where nothing else in the file leads to that EDS.
+    Its EDS and its profile are named where somebody chose them, where nothing else in the file leads to that EDS, and
+    where it is a family's: a file that is added to the library later would go before that.
     Where that cannot be said either, objects are numbers, and their names are remarked.
     """
     found = _named(exported(node, held, node.memory, whole=True), _chosen(session, path), session.options.profile)
     told = session.network.files.choice(node.node_id)
-    if told is None or _leads_to(path, found, told.path):
+    if told is None:
         return found
     family = family_of(told.path)
+    if _leads_to(path, found, told.path) and (family is None or _is_said(found)):
+        return found
     if family is not None or told.why == SIMULATED:
         named = _named(found, FileWord(family) if family else beside(told.path, path), session.options.profile)
         if _leads_to(path, named, told.path):
@@ -54,6 +57,11 @@ def _chosen(session: Session, path: Path) -> FileWord | None:
 
 def _named(found: Exported, dcf: FileWord | None, profile: str | None) -> Exported:
     return replace(found, wish=replace(found.wish, dcf=dcf, profile=profile))
+
+
+def _is_said(found: Exported) -> bool:
+    """Whether *found* says itself what describes it, whatever the library has."""
+    return found.wish.dcf is not None or found.wish.profile in family_names()
 
 
 def _leads_to(path: Path, found: Exported, eds: Path) -> bool:

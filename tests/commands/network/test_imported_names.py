@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,19 @@ def test_objects_are_numbers_where_the_file_would_lead_to_another_revision(
     assert (word.text == "2100:00/8") is not named
     assert ("# 2100:00/8" in Path("net.yaml").read_text("utf-8")) is named
     assert "Pressure" in frame_of(offline, "185#07")
+
+
+def test_a_file_that_is_added_later_does_not_take_an_imported_familys_names(offline: Bench) -> None:
+    with Bench((), bus=live(device("tmcm", 5))) as bench:
+        assert bench.run("import net.yaml").code == 0
+    (node,) = read_network_file(Path("net.yaml")).nodes
+    before = frame_of(offline, "185#3712")
+    later = re.sub(r"(?m)^VendorNumber=.*", f"VendorNumber={node.identity.vendor}", text(0x7777_0000))
+    write("later.eds", re.sub(r"(?m)^ProductNumber=.*", f"ProductNumber={node.identity.product}", later))
+    assert offline.run("eds add later.eds").code == 0
+    assert "later" in offline.run("eds list").stdout
+    assert frame_of(offline, "185#3712") == before
+    assert "error" not in offline.run("check net.yaml").stdout
 
 
 def test_decode_says_why_a_name_is_unknown(offline: Bench) -> None:
