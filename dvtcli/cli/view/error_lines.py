@@ -72,7 +72,7 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
     if isinstance(error, InputFileError) and error.complaints:
         yield from complaint_lines(error.complaints, _MOST_COMPLAINTS, error.outcome)
-        yield from _rows(error.details)
+        yield from _rows([*error.details, *([("hint", error.hint)] if error.hint else [])])
         return
     yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
     if isinstance(error, RuleError):

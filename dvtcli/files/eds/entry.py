@@ -72,7 +72,7 @@ def read_entry(values: Values, place: Place, findings: Findings) -> OdEntry:
     """Turn a section's *values* into an entry; whatever is missing or malformed is reported and left unknown."""
     data_type = _data_type(values, place, findings)
     default = read_value(values.get("defaultvalue"), data_type, findings)
-    value = read_value(values.get("parametervalue"), data_type, findings)
+    value = read_value(values.get("parametervalue"), data_type, findings, is_wanted=True)
     limits = _limits(values, data_type, findings)
     return OdEntry(
         place.index,
@@ -98,8 +98,13 @@ def read_entry(values: Values, place: Place, findings: Findings) -> OdEntry:
     )
 
 
-def read_value(given: IniValue | None, data_type: DataType | None, findings: Findings) -> EncodedValue | None:
-    """Encode one DefaultValue or ParameterValue; None where it is absent, or empty or malformed (both reported)."""
+def read_value(
+    given: IniValue | None, data_type: DataType | None, findings: Findings, *, is_wanted: bool = False
+) -> EncodedValue | None:
+    """Encode one DefaultValue, or with *is_wanted* a ParameterValue.
+
+    None where it is absent, or empty or malformed (both reported).
+    """
     if given is None:
         return None
     if not given.value:
@@ -111,7 +116,8 @@ def read_value(given: IniValue | None, data_type: DataType | None, findings: Fin
     try:
         encoded = encode_value(data_type, given.value)
     except ValueError as error:
-        findings.add(BAD_VALUE, given.line, f"{quoted(given)} is no {data_type.name}: {error}; ignored")
+        text = f"{quoted(given)} is no {data_type.name}: {error}"
+        findings.add(BAD_VALUE, given.line, text if is_wanted else f"{text}; ignored", value_lost=is_wanted)
         return None
     if encoded.remark:
         rule = LEADING_ZERO if octal_in(given.value) else ODD_VALUE

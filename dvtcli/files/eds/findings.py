@@ -17,7 +17,8 @@ class EdsFinding:
     """One oddity of a file: its *line* (1 and up), how bad it is, its short name *rule*, and what was done about it.
 
     *text* quotes the file as it is; a view must make control characters harmless. *object* is the one that it is
-    about, as it is printed (`6C01:01`), empty where it is about none or where nobody has looked it up.
+    about, as it is printed (`6C01:01`), empty where it is about none or where nobody has looked it up. With
+    *value_lost* it is a ParameterValue (actualValue) that could not be read: nobody knows what the file wants there.
     """
 
     line: int
@@ -25,6 +26,7 @@ class EdsFinding:
     rule: str
     text: str
     object: str = ""
+    value_lost: bool = False
 
 
 @dataclass(slots=True)
@@ -33,9 +35,9 @@ class Findings:
 
     found: list[EdsFinding] = field(default_factory=list)
 
-    def add(self, rule: LintRule, line: int, text: str) -> None:
+    def add(self, rule: LintRule, line: int, text: str, *, value_lost: bool = False) -> None:
         """Keep that *rule* was met in *line*; *text* says how, and what was done about it."""
-        self.found.append(EdsFinding(line, rule.severity, rule.name, text))
+        self.found.append(EdsFinding(line, rule.severity, rule.name, text, value_lost=value_lost))
 
     def in_order(self) -> tuple[EdsFinding, ...]:
         """All findings by line, those about empty values as one note per key name."""

@@ -107,6 +107,12 @@ def _check_header(section: IniSection, findings: Findings) -> None:
         findings.add(BAD_HEADER, section.line, f"text after [{section.name}] is ignored: {rest.strip()[:_SHOWN]}")
 
 
+def _begins_a_value(text: str) -> bool:
+    """Whether the line *text*, which is no `KEY=VALUE`, was meant to say a ParameterValue: `ParameterValue: 5`."""
+    key, _, said = text.strip().lower().partition("parametervalue")
+    return not key and bool(said)
+
+
 def _read_lines(section: IniSection, values: Values, findings: Findings) -> None:
     line = section.line
     own: dict[str, int] = {}
@@ -116,7 +122,8 @@ def _read_lines(section: IniSection, values: Values, findings: Findings) -> None
         name = left.strip()
         if not equals or not name or name[0] in ";#":
             if text.strip() and text.strip()[0] not in ";#":
-                findings.add(BAD_LINE, line, f"neither KEY=VALUE nor a ; comment: {text.strip()[:_SHOWN]}")
+                said, is_value = text.strip(), _begins_a_value(text)
+                findings.add(BAD_LINE, line, f"neither KEY=VALUE nor a ; comment: {said[:_SHOWN]}", value_lost=is_value)
             continue
         key = name.lower()
         if key in own:

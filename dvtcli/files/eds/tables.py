@@ -23,13 +23,15 @@ def apply_tables(sections: ObjectSections, entries: dict[int, OdEntry], findings
     for sub_index, given in _rows(sections.names, entries, findings):
         if given.value:
             entries[sub_index] = replace(entries[sub_index], name=given.value)
-    for sub_index, given in _rows(sections.values, entries, findings):
-        encoded = read_value(given, entries[sub_index].data_type, findings)
+    for sub_index, given in _rows(sections.values, entries, findings, has_values=True):
+        encoded = read_value(given, entries[sub_index].data_type, findings, is_wanted=True)
         if encoded is not None:
             entries[sub_index] = replace(entries[sub_index], value=encoded.data, value_relative=encoded.relative)
 
 
-def _rows(parts: Parts, entries: dict[int, OdEntry], findings: Findings) -> Iterator[tuple[int, IniValue]]:
+def _rows(
+    parts: Parts, entries: dict[int, OdEntry], findings: Findings, *, has_values: bool = False
+) -> Iterator[tuple[int, IniValue]]:
     """The rows `sub-index=text` of a table whose sub-index exists; the others are reported."""
     if not parts:
         return
@@ -43,7 +45,8 @@ def _rows(parts: Parts, entries: dict[int, OdEntry], findings: Findings) -> Iter
         try:
             sub_index = read_number(row.key)
         except ValueError:
-            findings.add(BAD_LINE, row.line, f"{quoted(row)}: {row.key} is not a sub-index; ignored")
+            text = f"{quoted(row)}: {row.key} is not a sub-index; ignored"
+            findings.add(BAD_LINE, row.line, text, value_lost=has_values and bool(row.value))
             continue
         if sub_index in entries:
             yield sub_index, row

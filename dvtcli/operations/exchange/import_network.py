@@ -21,7 +21,8 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.dcf.device_keys import is_read_out
-from dvtcli.files.device_file import DEVICE_SUFFIXES
+from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
+from dvtcli.files.lost_values import must_tell_values
 from dvtcli.files.network.write_network import write_network
 from dvtcli.files.profile.library import profile_of
 from dvtcli.operations.exchange.export_network import network_place
@@ -244,6 +245,13 @@ def _lacked(one: _Described) -> list[Pdo]:
     return [pdo for pdo in present_pdos(one.values, one.dictionary) if pdo not in said]
 
 
+def _read(path: Path) -> ObjectDictionary:
+    """What the file at *path* says, all of it: what it wants becomes the network file's."""
+    dictionary = read_dictionary(path)
+    must_tell_values(read_device_file(path), str(path))
+    return dictionary
+
+
 def _described(folder: Path, notes: list[str]) -> list[_Described]:
     """The nodes of the EDS and DCF files of *folder*, each with its own node-ID, or the next that is free.
 
@@ -251,7 +259,7 @@ def _described(folder: Path, notes: list[str]) -> list[_Described]:
     """
     if (nodelist := nodelist_in(folder)) is not None:
         listed = listed_files(nodelist, notes)
-        read = [(one, read_dictionary(one.path)) for one in listed]
+        read = [(one, _read(one.path)) for one in listed]
         return [_Described(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
     try:
         paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES)
@@ -260,7 +268,7 @@ def _described(folder: Path, notes: list[str]) -> list[_Described]:
         raise UsageError(f"{folder}: {failed.strerror or failed}", hint=hint) from failed
     if not paths:
         raise UsageError(f"{folder} has no EDS, DCF, XDD or XDC file")
-    dictionaries = {path: read_dictionary(path) for path in paths}
+    dictionaries = {path: _read(path) for path in paths}
     ids: dict[Path, int] = {}
     for path, dictionary in dictionaries.items():
         own = dictionary.info.node_id

@@ -64,11 +64,11 @@ def compare_device(
     an object that differs is read again, and if it has changed by then it is told apart. UsageError where a file cannot
     be read, or no setting could be compared; InputFileError where it is none.
     """
+    first = held_by(file)
     if other is None:
         node = session.node(node_id)
-        first = held_by(file, node.node_id)
+        first = first if first.node_id else held_by(file, node.node_id)
         return _compared(first, _knowing(_live(session, node, first), first), node.node_id, shows_all=shows_all)
-    first = held_by(file)
     second = held_by(other, first.node_id)
     return _compared(held_by(file, second.node_id), _knowing(_kept(second, first), first), None, shows_all=shows_all)
 

@@ -12,6 +12,7 @@ from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.errors import RuleError, UsageError
 from dvtcli.files.device_file import read_device_file
+from dvtcli.files.lost_values import must_tell_values
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
 from dvtcli.operations.whole_device.device_suffix import holds_values
@@ -195,8 +196,9 @@ def dcf_wish(node: Node, file: str) -> Wish:
         if found.pdos or found.values or file.lower().endswith(".jsonl"):
             return found
     try:
-        dictionary = read_device_file(Path(file)).dictionary
+        read = read_device_file(Path(file))
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
-    values = FileValues(dictionary, node.node_id)
-    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)})
+    must_tell_values(read, file)
+    values = FileValues(read.dictionary, node.node_id)
+    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, read.dictionary)})

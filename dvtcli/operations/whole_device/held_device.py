@@ -59,7 +59,7 @@ def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:
 def held_by(file: str, node_id: int | None = None) -> HeldDevice:
     """What *file* says; where it says no node-ID itself, of a node with *node_id*.
 
-    UsageError where it cannot be read, InputFileError where it is none of these files.
+    UsageError where it cannot be read, InputFileError where it is none of these files, or a value in it is unreadable.
     """
     try:
         if file.lower().endswith(SUFFIX):
@@ -72,9 +72,11 @@ def held_by(file: str, node_id: int | None = None) -> HeldDevice:
 
 def _described(file: str, node_id: int | None) -> HeldDevice:
     from dvtcli.files.device_file import must_not_be_cut, read_device_file
+    from dvtcli.files.lost_values import must_tell_values
 
     read = read_device_file(Path(file))
     must_not_be_cut(read)
+    must_tell_values(read, file)
     dictionary = read.dictionary
     info = dictionary.info
     own_id = info.node_id or node_id
