@@ -86,7 +86,7 @@ def _add(one: Sought, given: Identity | None, *, dry_run: bool) -> AddedFile:
         return AddedFile(one.shown, THERE, *identity, str(same.path), note)
     target = _target(one, identity, there, data)
     outcome = REPLACED if target.path.exists() else ADDED
-    is_preferred = outcome == REPLACED and first_of(there) == (target, True)
+    is_preferred = target in there and first_of(there) == (target, True)  # else it came this moment
     if not dry_run:
         _keep(target, data, Remembered(one.origin, preferred=is_preferred), dictionary)
     beside = [kept for kept in there if kept != target]

@@ -330,11 +330,21 @@ def test_a_network_file_finds_its_nodes_files_by_their_identity(offline: Bench) 
     assert "Input 2" in Path("net.html").read_text("utf-8")
 
 
-def test_several_that_add_at_once_disturb_nobody() -> None:
+@pytest.fixture
+def often_switching() -> Iterator[None]:
+    """Threads take turns a thousand times as often: what falls between two steps does, and not once in a hundred."""
+    usual_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    yield
+    sys.setswitchinterval(usual_s)
+
+
+@pytest.mark.parametrize("_again", range(4))
+def test_several_that_add_at_once_disturb_nobody(often_switching: None, _again: int) -> None:
     for number in range(1, 9):
         write(f"all/{number}.eds", text(product=number))
-    with ThreadPoolExecutor(4) as pool:
-        added = list(pool.map(lambda _: dvtcli.add_eds("all"), range(4)))
+    with ThreadPoolExecutor(8) as pool:
+        added = list(pool.map(lambda _: dvtcli.add_eds("all"), range(8)))
     assert all(added)
     listed = dvtcli.eds_library()
     assert [row.product_code for row in listed] == list(range(1, 9))
