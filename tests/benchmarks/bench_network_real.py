@@ -1,15 +1,16 @@
-"""`apply` of a network in real time, nodes and dvtcli in processes of their own: `bench_network_real.py [NODES…]`.
+"""`apply` of a network in real time: `bench_network_real.py [--alone] [NODES…]`.
 
-The nodes of `bench_network.py`, served by `dvtcli sim` on 127.0.0.1 with a bit rate and servers that take their time,
-without stores. Beside the seconds that `apply` says (without its 2 s of listening) stands the limit that the same
-frames have in virtual time, with the ratio of both, and that to what `apply` takes in virtual time; and what canopen's
-`PdoMap.read()` and `save()` of the same PDOs takes, node by node, on such nodes of its own. Shares are those of one
-core, over the whole process. A second `plan` has to be empty, or the row says what went wrong, and the bench ends with
-1 after all others.
+Nodes and dvtcli are in processes of their own. The nodes are those of `bench_network.py`, served by `dvtcli sim` on
+127.0.0.1 with a bit rate and servers that take their time, without stores. Beside the seconds that `apply` says
+(without its 2 s of listening) stands the limit that the same frames have in virtual time, with the ratio of both, and
+that to what `apply` takes in virtual time; and what canopen's `PdoMap.read()` and `save()` of the same PDOs takes, node
+by node, on such nodes of its own. Shares are those of one core, over the whole process. A second `plan` has to be
+empty, or the row says what went wrong, and the bench ends with 1 after all others.
 
 The rows are those of docs/explanation/measurements.md. On a machine that does something else they say little: so each
 has the load when it began, and what all other processes took of a core while dvtcli ran (Linux), and the last line
-says whether it was quiet. 16 nodes take 3 minutes there, 64 some 8, and 127 some 14, most of it canopen's.
+says whether it was quiet. 16 nodes take 3 minutes there, 64 some 8, and 127 some 14, most of it canopen's,
+which `--alone` leaves out.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -97,8 +99,8 @@ def everything_s() -> float:
     return (user + nice + system + hard + soft) / 100
 
 
-def measured(count: int, bitrate: int, server_ms: int) -> Row:
-    """One line of the table."""
+def measured(count: int, bitrate: int, server_ms: int, *, alone: bool) -> Row:
+    """One line of the table, *alone* without canopen."""
     load = os.getloadavg()[0]
     virtual_s, limit_s, _ = in_virtual_time(count, bitrate, server_ms / 1000)
     served = (*(f"generic@{node_id}" for node_id in range(1, count + 1)), "-b", str(bitrate))
@@ -110,13 +112,13 @@ def measured(count: int, bitrate: int, server_ms: int) -> Row:
         ran = dvtcli(one, folder, bitrate, "apply", str(file))
         sim_s, all_s, sim_mb = one.cpu_s() - before_s, everything_s() - all_before_s, peak_mb(one.process.pid)
         dvtcli(one, folder, bitrate, "plan", str(file), "--exit-code")
-    with sim(*served) as one:
-        canopen_s = canopen_takes(one, count)
+    with nullcontext() if alone else sim(*served) as other:
+        canopen_took = "" if other is None else f"{canopen_takes(other, count):.2f} s"
     took_s = float(str(ran.document["seconds"]))
     others = max(0.0, all_s - sim_s - ran.cpu_s) / ran.took_s
     return Row(
         f"| {count} | {bitrate // 1000} | {server_ms} ms | {took_s:.2f} s | {limit_s:.2f} s | {took_s / limit_s:.2f} "
-        f"| {took_s / virtual_s:.2f} | {canopen_s:.2f} s | {ran.cpu_s / ran.took_s:.0%} | {sim_s / ran.took_s:.0%} "
+        f"| {took_s / virtual_s:.2f} | {canopen_took} | {ran.cpu_s / ran.took_s:.0%} | {sim_s / ran.took_s:.0%} "
         f"| {1000 * ran.cpu_s / count:.0f} ms | {ran.peak_mb:.0f} MB | {sim_mb:.0f} MB | {load:.1f} | {others:.0%} |",
         others,
     )
@@ -137,7 +139,7 @@ def canopen_takes(one: Sim, count: int) -> float:
         connection.shutdown()
 
 
-def main(counts: tuple[int, ...]) -> None:
+def main(counts: tuple[int, ...], *, alone: bool) -> None:
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()
     machine = f"{os.cpu_count()} cores, Python {platform.python_version()}, {platform.system()} {platform.release()}"
     print(f"{datetime.now(UTC):%d %B %Y, %H:%M} UTC; {machine}\n\n{HEAD}")
@@ -147,7 +149,7 @@ def main(counts: tuple[int, ...]) -> None:
         for bitrate in BIT_RATES:
             for server_ms in SERVERS_MS:
                 try:
-                    text, others = measured(count, bitrate, server_ms)
+                    text, others = measured(count, bitrate, server_ms, alone=alone)
                     busy.append(others)
                 except Failed as why:
                     failed, text = True, f"| {count} | {bitrate // 1000} | {server_ms} ms | {why} |"
@@ -159,4 +161,5 @@ def main(counts: tuple[int, ...]) -> None:
 
 
 if __name__ == "__main__":
-    main(tuple(map(int, sys.argv[1:])) or COUNTS)
+    given = sys.argv[1:]
+    main(tuple(int(one) for one in given if one != "--alone") or COUNTS, alone="--alone" in given)
