@@ -15,6 +15,7 @@ from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted
 from dvtcli.simulator.device.simulated_faults import read_faults
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
+from dvtcli.simulator.network.station import BLOCK_PATIENCE_S
 from tests.benchmarks.bench_blocks import measure
 from tests.bus.devices import dictionary
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
@@ -154,7 +155,7 @@ def right_or_error(line: Line, data: bytes) -> None:
         assert read == held
     assert abort >> 24 == 0x05, "it is about the transfer"
     line.faults = {}
-    line.sleep(2)
+    line.sleep(BLOCK_PATIENCE_S + 1)
     line.sdo(1).download(TEXT, 0, data[::-1])
     assert line.sdo(1).upload(TEXT, 0) == data[::-1]
 

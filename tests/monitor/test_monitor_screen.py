@@ -122,15 +122,13 @@ def test_only_ascii_where_it_is_asked_for(open_terminal: Open) -> None:
 def test_another_size_is_another_picture(open_terminal: Open) -> None:
     terminal = started(open_terminal, 120, 40)
     terminal.until(lambda: "Device measurements.Battery current" in terminal.text, "the whole name")
-    terminal.screen.resize(20, 60)
-    terminal.child.setwinsize(20, 60)
+    terminal.resize(60, 20)
     terminal.until(
         lambda: "q quit" not in terminal.text.splitlines()[0] and terminal.lines[19].startswith(" p pause"),
         "the keys in the last row of the smaller screen",
     )
     assert all(len(line) <= 60 for line in terminal.lines)
-    terminal.screen.resize(40, 120)
-    terminal.child.setwinsize(40, 120)
+    terminal.resize(120, 40)
     terminal.until(lambda: terminal.lines[39].endswith("q quit"), "the keys in the last row of the larger screen")
     leave(terminal)
 

@@ -119,8 +119,7 @@ def test_objects_and_pdos_in_a_terminal(open_terminal: Open) -> None:
     terminal.until(
         lambda: "PAUSED" in terminal.lines[0] and "p go on" in terminal.lines[-1], "a screen that stands still"
     )
-    terminal.screen.resize(20, 60)
-    terminal.child.setwinsize(20, 60)
+    terminal.resize(60, 20)
     terminal.until(lambda: terminal.lines[19].startswith(" p go on"), "the keys in the last row of the smaller screen")
     terminal.type("q")
     terminal.wait_prompt("sim/1 OP> ")

@@ -44,14 +44,18 @@ def afterwards(chain: Chain, home: Path, look: Callable[[Chain], None]) -> str:
 
     *home* is where the files of the user are.
     """
+    return in_own_process(home.parent / "report", lambda: _look(chain, home, look))
+
+
+def in_own_process(report: Path, act: Callable[[], None]) -> str:
+    """What went wrong in *act*, which a copy of this process does and writes into the file *report*."""
     if not hasattr(os, "fork"):
         pytest.skip("no fork of POSIX, by which a test goes on with a copy of the devices")
-    report = home.parent / "report"
     report.unlink(missing_ok=True)
     child = os.fork()
     if not child:
         try:
-            _look(chain, home, look)
+            act()
         except BaseException:  # noqa: BLE001 - the child has nobody else to tell
             report.write_text(traceback.format_exc())
         finally:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,7 @@ import pytest
 from dvtcli.operations.recover.recover_change import recover
 from tests.faults.matrix import Snapshot
 from tests.network.bench import Chain, Heard
-from tests.network.killed import Watched, afterwards
+from tests.network.killed import Watched, afterwards, in_own_process
 from tests.network.test_network_faults import OPERATIONAL, STEPS, storing
 from tests.sample import part
 
@@ -33,9 +34,6 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 @contextmanager
 def at_files(below: Path, act: Callable[[int], None]) -> Iterator[list[str]]:
     """Call *act* with their number so far before a file *below* a folder is renamed or removed; their names."""
-    if not hasattr(sys, "_dvtcli_tests_hear_files"):
-        sys.addaudithook(_heard)  # stays for good: nothing takes one away
-        sys._dvtcli_tests_hear_files = True  # type: ignore[attr-defined]
     names: list[str] = []
 
     def heard(path: Path) -> None:
@@ -53,6 +51,21 @@ def at_files(below: Path, act: Callable[[int], None]) -> Iterator[list[str]]:
         yield names
     finally:
         _listeners.remove(heard)
+
+
+def listening(home: Path, act: Callable[[], None]) -> str:
+    """What went wrong in *act*, in a process of its own: a hook stays in its process for good.
+
+    While a line of it runs between two steps of `settrace`, no other thread can begin to be measured; so none is.
+    """
+
+    def with_a_hook() -> None:
+        threading.settrace(None)  # type: ignore[arg-type]
+        sys.settrace(None)
+        sys.addaudithook(_heard)
+        act()
+
+    return in_own_process(home.parent / "what went wrong", with_a_hook)
 
 
 def network(home: Path, name: str, bus: type[Heard] = Heard) -> Chain:
@@ -76,6 +89,10 @@ def recovered(after: Chain, *ends: dict[int, Snapshot]) -> None:
 @pytest.mark.counted
 def test_no_node_is_left_alone_wherever_apply_ends(home: Path, pytestconfig: pytest.Config) -> None:
     """Before as many of its files as `--kills` says."""
+    assert listening(home, lambda: _wherever_apply_ends(home, pytestconfig)) == ""
+
+
+def _wherever_apply_ends(home: Path, pytestconfig: pytest.Config) -> None:
     chain = network(home, "counted")
     with at_files(home.parent, lambda _number: None) as names:
         chain.apply(storing(chain.folder))
@@ -103,6 +120,10 @@ def test_no_node_is_left_alone_wherever_apply_ends(home: Path, pytestconfig: pyt
 @pytest.mark.counted
 def test_nor_wherever_the_recover_after_it_ends(home: Path, pytestconfig: pytest.Config) -> None:
     """`apply` ends at a write, one for three of `--kills`, then `recover` before each of its files."""
+    assert listening(home, lambda: _wherever_recover_ends(home, pytestconfig)) == ""
+
+
+def _wherever_recover_ends(home: Path, pytestconfig: pytest.Config) -> None:
     chain = network(home, "files", Watched)
     assert isinstance(chain.bus, Watched)
     before = chain.held()

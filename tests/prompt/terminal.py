@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import struct
 import sys
 import time
@@ -147,6 +148,18 @@ class Terminal:
         self.type(line)
         self.until(lambda: line[-20:] in self.cursor_line, f"{line!r} on the line")
         self.type(ENTER)
+
+    def resize(self, columns: int, rows: int) -> None:
+        """Give the terminal another size between two drawings, as a terminal does that keeps what it is told in order.
+
+        The program stands still meanwhile: what it drew for the old size is on the screen when that changes.
+        """
+        self.child.kill(signal.SIGSTOP)
+        while self._read():
+            pass
+        self.screen.resize(rows, columns)
+        self.child.setwinsize(rows, columns)
+        self.child.kill(signal.SIGCONT)
 
     def wait(self, *texts: str) -> None:
         """Wait until the screen shows all of *texts* at once."""

@@ -123,8 +123,7 @@ def resized(stage: Stage) -> Terminal:
     terminal.type("map tpdo1 6C01:1 velocity_a")
     terminal.wait("4 of 6 free bytes")
     columns, rows = next(size for size in SIZES if size[0] != stage.columns)
-    terminal.screen.resize(rows, columns)
-    terminal.child.setwinsize(rows, columns)
+    terminal.resize(columns, rows)
     terminal.until(lambda: terminal.toolbar.startswith(" SIMULATED"), "the toolbar in the last row")
     return terminal
 

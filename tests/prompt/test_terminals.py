@@ -20,8 +20,7 @@ def test_a_narrow_terminal_shows_what_matters_most_whole(open_terminal: Open) ->
     terminal.wait_prompt("sim/1 PRE-OP*> ")
     terminal.until(lambda: terminal.toolbar.endswith("TPDO1 not stored"), "what is not stored")
     assert "F1" not in terminal.toolbar
-    terminal.child.setwinsize(24, 100)
-    terminal.screen.resize(24, 100)
+    terminal.resize(100, 24)
     terminal.until(lambda: terminal.toolbar.endswith("TPDO1 not stored │ F1 help"), "all of it on the wider screen")
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
 #: how long the next frame of a block transfer is waited for (s): a client on a busy computer may take seconds
-_PATIENCE_S = 10.0
+BLOCK_PATIENCE_S = 10.0
 LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
 
 
@@ -174,7 +174,7 @@ class SimulatedNode:
 
     def _give_up_on_silence(self, now_s: float) -> None:
         """A client that ended in the middle of a block transfer is not waited for: the next one would not be heard."""
-        if now_s - self._asked_s > _PATIENCE_S:
+        if now_s - self._asked_s > BLOCK_PATIENCE_S:
             self.server.give_up()
         self._asked_s = now_s
 
