@@ -113,7 +113,7 @@ def measured(count: int, bitrate: int, server_ms: int, *, alone: bool) -> Row:
         sim_s, all_s, sim_mb = one.cpu_s() - before_s, everything_s() - all_before_s, peak_mb(one.process.pid)
         dvtcli(one, folder, bitrate, "plan", str(file), "--exit-code")
     with nullcontext() if alone else sim(*served) as other:
-        canopen_took = "" if other is None else f"{canopen_takes(other, count):.2f} s"
+        canopen_took = "-" if other is None else f"{canopen_takes(other, count):.2f} s"
     took_s = float(str(ran.document["seconds"]))
     others = max(0.0, all_s - sim_s - ran.cpu_s) / ran.took_s
     return Row(
