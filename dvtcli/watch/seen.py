@@ -157,8 +157,8 @@ class FrameStore:
         self.events.append(Event(time_s, text, bad=True))
 
     def sorted_rows(self) -> list[Row]:
-        """The rows in the order of their CAN-IDs, 29-bit ones last."""
-        return sorted(self.rows.values(), key=lambda row: (row.extended, row.can_id))
+        """The rows in the order of their CAN-IDs, 29-bit ones behind them, SDO, of which most is dvtcli's own, last."""
+        return sorted(self.rows.values(), key=lambda row: (row.service.kind == "sdo", row.extended, row.can_id))
 
     def forget(self) -> None:
         """Begin anew with all statistics."""

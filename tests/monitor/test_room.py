@@ -94,11 +94,13 @@ def test_every_node_is_on_the_line_of_nodes_or_counted(names: dict[int, str], wi
     store.states.update(dict.fromkeys(list(names)[::2], NmtState.PRE_OPERATIONAL))
     line = "".join(cell.text for cell in picture(store, View(plain=plain), MOMENT, width, 12)[1])
     assert len(line) <= width
-    shown = [int(number) for number in re.findall(r"(?:^|   )(\d+)(?= x| PRE-OP|   |$)(?! nodes?$)", line)]
-    more = re.search(r"(?:\+|^)(\d+) nodes?$", line)
+    counted = sum(int(number) for number in re.findall(r"(?:^|   )(\d+) nodes?(?= PRE-OP| no heartbeat|$)", line))
+    numbers = re.findall(r"(?:^|   )([\d,-]+)(?= x| PRE-OP| no heartbeat|   |$)", line)
+    runs = [run.split("-") for number in numbers for run in number.split(",")]
+    shown = [node for run in runs for node in range(int(run[0]), int(run[-1]) + 1)]
     assert len(shown) == len(set(shown)), line
     assert set(shown) <= set(names), line
-    assert len(shown) + (int(more[1]) if more else 0) == len(names), line
+    assert len(shown) + counted == len(names), line
 
 
 def line_of_nodes(states: dict[int, NmtState], width: int, name: str = "Generic CANopen device") -> str:
@@ -117,7 +119,66 @@ def test_nodes_lose_the_length_of_their_states_and_their_names_before_they_are_o
     assert "1 Generic CANopen device PRE-OP   2 Gen" in line_of_nodes(states, 220)
 
 
-def test_of_more_nodes_than_there_is_room_for_those_in_another_state_come_first() -> None:
-    states = dict.fromkeys(range(1, 13), NmtState.PRE_OPERATIONAL) | {9: NmtState.STOPPED}
-    assert line_of_nodes(states, 80).startswith("9 STOPPED   1 PRE-OP   2 PRE-OP   3 PRE-OP ")
-    assert line_of_nodes(states, 30) == "9 STOPPED   … +11 nodes"
+def test_nodes_without_room_stand_by_their_states_those_in_another_state_than_most_first() -> None:
+    states = dict.fromkeys(range(1, 21), NmtState.PRE_OPERATIONAL)
+    assert line_of_nodes(states, 80) == "1-20 PRE-OP"
+    states |= {9: NmtState.STOPPED}
+    assert line_of_nodes(states, 80) == "9 STOPPED   1-8,10-20 PRE-OP"
+    assert line_of_nodes(states, 27) == "9 STOPPED   19 nodes PRE-OP"
+    assert line_of_nodes(states, 20) == "20 nodes"
+
+
+def test_a_node_without_a_heartbeat_is_told_from_those_that_have_one() -> None:
+    store = FrameStore(Decoder({}, dict.fromkeys(range(1, 21), "Generic CANopen device")))
+    store.states.update(dict.fromkeys(range(2, 21), NmtState.OPERATIONAL))
+    line = "".join(cell.text for cell in picture(store, View(), MOMENT, 80, 12)[1])
+    assert line == "1 no heartbeat   2-20 OP"
+
+
+def many_nodes() -> FrameStore:
+    """A bus of 20 nodes whose mappings were just read: an SDO answer of each, then its heartbeat."""
+    store = FrameStore(Decoder())
+    for node in range(1, 21):
+        store.take(Frame(0x580 + node, bytes(8), timestamp_s=BEGIN_S))
+        store.take(Frame(0x700 + node, b"\x7f", timestamp_s=BEGIN_S + 1))
+    return store
+
+
+def body(store: FrameStore, view: View, after_s: float) -> list[str]:
+    moment = Moment("sim", after_s, 0, BEGIN_S + after_s)
+    return ["".join(cell.text for cell in line) for line in picture(store, view, moment, 80, 24)[3:19]]
+
+
+def test_heartbeats_stand_before_the_sdo_that_is_most_often_dvtclis_own() -> None:
+    lines = body(many_nodes(), View(), 2.0)
+    assert [line.split("  ")[0] for line in lines] == [
+        f"0x{0x700 + node:03X} heartbeat node {node}" for node in range(1, 17)
+    ]
+
+
+def test_sdo_that_is_over_goes_unless_it_is_wanted() -> None:
+    store, view = many_nodes(), View()
+    view.choose(99, 0)
+    assert body(store, view, 4.9)[-1].startswith("0x594 SDO answer node 20")
+    lines = body(store, view, 5.1)
+    assert [line.split("  ")[0] for line in lines[:-1]] == [
+        f"0x{0x700 + node:03X} heartbeat node {node}" for node in range(6, 21)
+    ]
+    assert lines[-1] == "  20 idle SDO rows left out: f sdo shows them"
+    assert body(store, View(filter="SDO"), 5.1)[0].startswith("0x581 SDO answer node 1 ")
+
+
+def test_rows_behind_the_last_signal_are_scrolled_to() -> None:
+    store, view = many_nodes(), View()
+    store.know(decoder())
+    store.take(Frame(0x201, bytes(8), timestamp_s=BEGIN_S + 1))
+    view.choose(2, 3)
+    assert body(store, view, 6.0)[3].startswith("  > 6041:00")
+    view.choose(1, 3)
+    assert body(store, view, 6.0)[2].startswith("  > 6041:00")
+    view.choose(90, 3)
+    assert body(store, view, 6.0)[-2].startswith("0x714 heartbeat node 20")
+    view.choose(-9, 3)
+    assert body(store, view, 6.0)[3].startswith("  > 6041:00")
+    view.choose(-1, 3)
+    assert body(store, view, 6.0)[2].startswith("  > 606C:00")

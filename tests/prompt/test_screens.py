@@ -23,6 +23,7 @@ from tests.serve.served import bus_words
 SCREENS = Path(__file__).parent / "screens"
 SIZES = [(80, 24), (120, 40)]
 MAP = "map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1"
+_SDO_IDLE = "  2 idle SDO rows left out: f sdo shows them"
 _VOLATILE = [
     (re.compile(r"HB \d\.\d s"), "HB 0.0 s"),
     (re.compile(r"equal, \d+\.\d\d s"), "equal, 0.00 s"),
@@ -30,7 +31,8 @@ _VOLATILE = [
     (re.compile(r"127\.0\.0\.1:\d{4,5}"), "127.0.0.1:00000"),
     (re.compile(r"\d\d:\d\d:\d\d\.\d{3}"), "00:00:00.000"),
     (re.compile(r"\d+ frames  \d+/s"), "0 frames  0/s"),
-    (re.compile(r"(0x\d{3} SDO \w+ node 5) .*"), r"\1 ..."),  # how fast the mapping was read
+    # the mapping was read at once, or more than 5 s ago
+    (re.compile(r"(0x\d{3} SDO \w+ node 5 .*\n){1,2}(  1 idle SDO row .*\n)?"), f"{_SDO_IDLE}\n\n"),
     (re.compile(r"( +\d+(\.\d)? Hz)?( +±\d+\.\d ms)?( +\d+) +\d+\.\d s  "), r"\4  0.0 s  "),
     (re.compile(r"(MONITOR \S{12})\S*  \d\d:\d\d:\d\d"), r"\1  00:00:00"),
 ]

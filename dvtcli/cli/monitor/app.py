@@ -74,9 +74,8 @@ class Monitor:
         self._still = (deepcopy(self.store), self._moment()) if self.view.paused else None
 
     def choose(self, step: int) -> None:
-        """Choose another signal."""
-        last = len(chosen_signals(self._shown()[0], self.view)) - 1
-        self.view.chosen = max(0, min(last, self.view.chosen + step))
+        """Choose another signal; behind the last one, scroll to the frames that stand there."""
+        self.view.choose(step, len(chosen_signals(self._shown()[0], self.view)))
 
     def _shown(self) -> tuple[FrameStore, Moment]:
         return self._still or (self.store, self._moment())

@@ -51,7 +51,7 @@ def _keys(monitor: Monitor) -> KeyBindings:
 def _look(view: View, mode: str) -> None:
     """Show *mode*; the same key again goes back to the table."""
     view.mode = TABLE if view.mode == mode else mode
-    view.top = 0
+    view.top = view.beyond = 0
 
 
 def _type(view: View) -> None:
@@ -63,7 +63,7 @@ def _typing_keys(keys: KeyBindings, view: View) -> None:
     typing = Condition(lambda: view.typing)
 
     def change(text: str) -> None:
-        view.filter, view.chosen, view.top = text, 0, 0
+        view.filter, view.chosen, view.top, view.beyond = text, 0, 0, 0
 
     @keys.add("<any>", filter=typing)
     def _letter(event: KeyPressEvent) -> None:

@@ -13,7 +13,6 @@ from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.glyphs import ascii_only
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.safe_text import safe
-from dvtcli.domain.several import plural
 
 #: significant digits that are tried, the most first, where all of a number's are too many
 _DIGITS = (6, 5, 4, 3, 2)
@@ -37,18 +36,6 @@ def cut(line: list[Cell], width: int, *, plain: bool) -> list[Cell]:
 def wide(groups: Sequence[list[Cell]], *, plain: bool) -> int:
     """The columns that *groups* take on one line."""
     return columns("".join(_shown(cell.text, plain=plain) for group in groups for cell in group).rstrip())
-
-
-def counted(groups: Sequence[list[Cell]], width: int, *, plain: bool) -> list[Cell]:
-    """The first of *groups*, a node each and whole, in *width* columns, and how many more there are.
-
-    Where there is room for none, how many there are.
-    """
-    for many in range(len(groups), 0, -1):
-        left = [Cell(f"… +{plural(len(groups) - many, 'node')}", "yellow")] if many < len(groups) else []
-        if wide([*groups[:many], left], plain=plain) <= width:
-            return [cell for group in [*groups[:many], left] for cell in group]
-    return [Cell(plural(len(groups), "node"), "yellow")] if groups else []
 
 
 def filled(text: str, width: int, *, plain: bool) -> str:

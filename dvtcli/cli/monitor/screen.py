@@ -5,17 +5,17 @@ Pure. Does not know the terminal, the keys or the bus.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.room import counted, cut, filled, least_and_most, wide
+from dvtcli.cli.monitor.node_line import node_line
+from dvtcli.cli.monitor.room import cut, filled, least_and_most
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.shown_value import value_text
-from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.several import plural
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.recent_load import HIGH_LOAD
 from dvtcli.watch.seen import Event, FrameStore, Row
@@ -34,11 +34,9 @@ SPARK, LONG_SPARK, GRAPH_S = 8, 60, 60.0
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
 #: of a bus's name so many columns stay, however much there is to say of its state
 SHORTEST_NAME = 12
-#: columns of each node's name in the line of nodes, as many as there is room for; in the end none
-_NAMES = (60, 30, 20, 14, 10, 0)
+#: an SDO exchange that is over for so long (s) has no line of its own any more: most are dvtcli's own, of the start
+IDLE_S = 5.0
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
-
-_STATE_STYLES: dict[NmtState | None, str] = {NmtState.OPERATIONAL: "green", None: ""}
 
 Lines = list[list[Cell]]
 
@@ -56,6 +54,14 @@ class View:
     changes: bool = False
     #: the first line of the body that is shown
     top: int = 0
+    #: lines by which the body is scrolled beyond the last signal
+    beyond: int = 0
+
+    def choose(self, step: int, count: int) -> None:
+        """Choose another one of *count* signals; behind the last one scroll, back from there first."""
+        place = self.chosen + self.beyond + step
+        self.chosen = max(0, min(count - 1, place))
+        self.beyond = 0 if self.mode == GRAPH else max(0, place - self.chosen)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +85,7 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     events = events[len(events) - min(len(events), max(0, height // 4)) :]
     above = [head_line("MONITOR", moment, _state(store, view, moment), width)]
     if view.mode != GRAPH and height >= ABOVE_FROM:
-        above += [_nodes_line(store, view, moment, width), _heads()]
+        above += [node_line(store, moment.reading, width, plain=view.plain), _heads()]
     room = max(0, height - 1 - len(above) - len(events))
     body = _graph(store, view, moment, width, room) if view.mode == GRAPH else _table(store, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
@@ -141,39 +147,6 @@ def _business(store: FrameStore, moment: Moment) -> list[Cell]:
     return cells if share is None else [*cells, Cell(f"load {share:.0%}  ", "yellow" if share > HIGH_LOAD else "")]
 
 
-def _nodes_line(store: FrameStore, view: View, moment: Moment, width: int) -> list[Cell]:
-    """The nodes that are heard or known, with their names and states, and which one is being read.
-
-    Where they are too many the states get shorter, then their names, which go in the end. Then those in another state
-    than most come first; of whom there is no room the number is said.
-    """
-    names, heard = store.decoder.names, {row.service.node for row in store.rows.values()}
-    reading = f"reading the mapping of node {moment.reading}...  " if moment.reading is not None else ""
-    shown = sorted({node for node in heard if node is not None} | set(names))
-    room = width - len(reading)
-    for most, short in ((_NAMES[0], False), *((most, True) for most in _NAMES)):
-        nodes = [_node_cells(one, names.get(one, ""), store.states.get(one), most, short=short) for one in shown]
-        if wide(nodes, plain=view.plain) <= room:
-            break
-    else:
-        nodes = [nodes[shown.index(one)] for one in _others_first(shown, store.states)]
-    said = counted(nodes, room, plain=view.plain) or [Cell("no node is heard", "dim")]
-    return [Cell(reading, "cyan"), *said] if reading else said
-
-
-def _others_first(nodes: list[int], states: Mapping[int, NmtState]) -> list[int]:
-    """*nodes* in order, and those before whose state fewer have: of these more is to be seen."""
-    many = Counter(map(states.get, nodes))
-    return sorted(nodes, key=lambda one: (many[states.get(one)], one))
-
-
-def _node_cells(node_id: int, name: str, state: NmtState | None, most: int, *, short: bool) -> list[Cell]:
-    """A node with its name, of at most *most* columns, and its state; in few words where *short*."""
-    label = f"{node_id} {clipped(name, most)}" if name and most else f"{node_id}" if not most else f"node {node_id}"
-    said = f" {state.short if short else state.label}   " if state is not None else "   "
-    return [Cell(label, "bold"), Cell(said, _STATE_STYLES.get(state, "yellow"))]
-
-
 def _heads() -> list[Cell]:
     return [Cell(f"{'FRAME':<24}{'RATE':>8}{'JITTER':>9}{'COUNT':>7}{'AGE':>7}  BYTES", "dim")]
 
@@ -195,10 +168,13 @@ def _event_line(event: Event) -> list[Cell]:
 def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
     lines: Lines = []
     wanted = view.filter.lower()
-    number, at_chosen = 0, 0
+    number, at_chosen, idle = 0, 0, 0
     for row in store.sorted_rows():
         signals = _shown(row, wanted)
         if not signals and wanted not in _title(row).lower():
+            continue
+        if row.service.kind == "sdo" and not wanted and moment.now_s - row.last_s > IDLE_S:
+            idle += 1
             continue
         lines.append(_row_line(row, store, moment, width))
         for signal, course in signals:
@@ -207,8 +183,12 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
             if view.mode == TABLE:
                 lines.append(_signal_line(signal, course, view, moment, width, chosen=chosen))
             number += 1
+    if idle:
+        lines.append([Cell(f"  {plural(idle, 'idle SDO row')} left out: f sdo shows them", "dim")])
     view.top = scrolled(view.top, at_chosen, len(lines), room)
-    return lines[view.top :] or [[Cell("  nothing yet" if not store.rows else "  nothing fits the filter", "dim")]]
+    view.beyond = min(view.beyond, max(0, len(lines) - room - view.top))
+    nothing = "  nothing fits the filter" if store.rows else "  nothing yet"
+    return lines[view.top + view.beyond :] or [[Cell(nothing, "dim")]]
 
 
 def scrolled(top: int, chosen: int, count: int, room: int) -> int:
