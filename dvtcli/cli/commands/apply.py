@@ -50,11 +50,11 @@ def command(
     Asks first. PDOs go off, everything is written and read back, then consumers go on, then producers. Nodes store
     where the file says so, once all of them are verified. A saved plan is refused (6) where a node has changed since.
 
-    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too. Then what differs of its configuration is
-    written; commands, outputs, and the maker's own objects are not. --include writes of those what it names: a range
-    no command, and what an RPDO could take only where its name says a setting. A setting that differs and is not
-    written is told last. Another product is refused (6), another revision asked about, and a power stage
-    (0x6041) must be off.
+    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too, or, where none is selected, of the one
+    whose node-ID it has. Then what differs of its configuration is written; commands, outputs, and the maker's own
+    objects are not. --include writes of those what it names: a range no command, and what an RPDO could take only
+    where its name says a setting. A setting that differs and is not written is told last. Another product is refused
+    (6), another revision asked about, and a power stage (0x6041) must be off.
 
     With --to-manager one node is written instead: the manager that downloads to the others (0x1F22, 0x1F26, 0x1F27).
 

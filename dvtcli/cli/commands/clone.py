@@ -26,12 +26,13 @@ TASK = ("Whole devices", 30)
 def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> NetworkApplied:
     """Write to the selected node what FILE (a DCF, an XDC or a backup's .jsonl) says that another one held.
 
-    Shows what is to be written and asks. Another product is refused (6), another revision asked about. As apply, and
-    with the maker's own objects that the file has a value for and that no PDO can map; --include names those that one
-    could. A node-ID, passcodes, and commands and outputs of the standards are never written; a command of the maker by
-    its name, and what an RPDO could take and no word calls a setting, only where --include names that very object, not
-    by a range. What is left out is listed with why. A setting that differs and is not written ends it
-    with 3: the node is no clone then. With a fault the node is as it was.
+    Shows what is to be written and asks. The node is never the file's own: -n names it, or `node ID` before it.
+    Another product is refused (6), another revision asked about. As apply, and with the maker's own objects that the
+    file has a value for and that no PDO can map; --include names those that one could. A node-ID, passcodes, and
+    commands and outputs of the standards are never written; a command of the maker by its name, and what an RPDO
+    could take and no word calls a setting, only where --include names that very object, not by a range. What is left
+    out is listed with why. A setting that differs and is not written ends it with 3: the node is no clone then. With
+    a fault the node is as it was.
 
     \b
     clone press.dcf --yes

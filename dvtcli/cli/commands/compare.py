@@ -24,7 +24,8 @@ TASK = ("Whole devices", 20)
 @click.option("--all", "everything", is_flag=True, help="Show what else differs, too: what is no setting.")
 @click.pass_obj
 def command(session: Session, /, file: str, other: str | None, everything: bool) -> WholeCompared:
-    """Say which settings of the selected node, or of the file OTHER, are not as FILE says.
+    """Say which settings of the selected node, or of the file OTHER, are not as FILE says. Where no node is selected it
+    is the one whose node-ID FILE has.
 
     A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by what they mean. Settings are what a
     file may write; what the device says of itself, what commands or measures, and what changes by itself, is told and

@@ -31,8 +31,8 @@ def command(
 ) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs: plan, with exit code 3 where it does.
 
-    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too: a setting that differs and that apply does
-    not write counts as well, and is listed with why.
+    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too, or, where none is selected, of the one
+    whose node-ID it has. A setting that differs and that apply does not write counts as well, and is listed with why.
 
     \b
     diff press.yaml

@@ -43,7 +43,8 @@ def command(
     """Read the nodes of the network FILE and show what differs, and what apply would write.
 
     Everything that is wrong, on any node, is said at once. --format github or junit is for CI. FILE may be a DCF, an
-    XDC or a backup (.jsonl) of the selected node, too, or a saved plan: is it still what apply would carry out?
+    XDC or a backup (.jsonl) of the selected node, too, or, where none is selected, of the one whose node-ID it has;
+    or a saved plan: is it still what apply would carry out?
 
     \b
     plan press.yaml

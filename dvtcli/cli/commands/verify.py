@@ -29,7 +29,8 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
     """Compare what the nodes hold now; exit code 3 where it differs, 1 where no frame came.
 
     FILE is a script (what its lines would set), a network file (YAML), a DCF, XDC or backup (its settings, also those
-    that apply does not write), or an EDS (its PDOs); without one it compares with the lines before it.
+    that apply does not write), or an EDS (its PDOs); without one it compares with the lines before it. Where no node
+    is selected, a DCF, XDC or backup is compared with the one whose node-ID it has.
 
     \b
     verify                   everything this session changed, on every node

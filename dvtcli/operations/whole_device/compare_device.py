@@ -20,6 +20,7 @@ from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompa
 from dvtcli.operations.whole_device.export_dcf import why_unread
 from dvtcli.operations.whole_device.held_device import HeldDevice, held_by
 from dvtcli.operations.whole_device.look_through import configuration, read_entries
+from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -58,19 +59,28 @@ class _Second:
 def compare_device(
     session: Session, file: str, other: str | None = None, node_id: int | None = None, *, shows_all: bool = False
 ) -> WholeCompared:
-    """Compare what *file* says with the file *other*, or with what node *node_id* (None: the selected one) holds.
+    """Compare what *file* says with the file *other*, or with what node *node_id* holds.
 
-    A file is a DCF, an EDS, an XDD, an XDC or a backup's `.jsonl`. Of the node what the file says something of is read;
-    an object that differs is read again, and if it has changed by then it is told apart. UsageError where a file cannot
-    be read, or no setting could be compared; InputFileError where it is none.
+    None is the selected one; without one it is the one whose node-ID the file has. A file is a DCF, an EDS, an XDD,
+    an XDC or a backup's `.jsonl`. Of the node what the file says something of is read; an object that differs is read
+    again, and if it has changed by then it is told apart. UsageError where a file cannot be read, or no setting could
+    be compared; InputFileError where it is none.
     """
     first = held_by(file)
     if other is None:
-        node = session.node(node_id)
+        node = session.node(_meant(session, first) if node_id is None else node_id)
         first = first if first.node_id else held_by(file, node.node_id)
         return _compared(first, _knowing(_live(session, node, first), first), node.node_id, shows_all=shows_all)
     second = held_by(other, first.node_id)
     return _compared(held_by(file, second.node_id), _knowing(_kept(second, first), first), None, shows_all=shows_all)
+
+
+def _meant(session: Session, first: HeldDevice) -> int:
+    """The node that is meant where the line names none."""
+    selected = selected_nodes(session)
+    if len(selected) > 1:
+        return session.node_id()  # which says that this is about one
+    return selected[0] if selected else node_of_file(session, first)
 
 
 def _knowing(second: _Second, first: HeldDevice) -> _Second:

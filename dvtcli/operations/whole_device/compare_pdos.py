@@ -16,6 +16,8 @@ from dvtcli.files.lost_values import must_tell_values
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
 from dvtcli.operations.whole_device.device_suffix import holds_values
+from dvtcli.operations.whole_device.held_device import held_by
+from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -44,7 +46,10 @@ def verify(
     None for the selected node; none means everything. With *frame* each node is started and a frame of each enabled
     TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
     """
-    wanted, lacking = _wishes(session, rehearse, pdos, file)
+    if file is not None and not _is_network(file) and not _is_script(file):
+        pdos, wanted, lacking = *_device_wishes(session, pdos, file), None
+    else:
+        wanted, lacking = _wishes(session, rehearse, file)
     if lacking is not None and pdos:
         asked = {(session.node_id() if node_id is None else node_id, pdo) for node_id, pdo in pdos}
         if not asked.isdisjoint((*lacking.lacking, *lacking.torn)):
@@ -61,30 +66,32 @@ def verify(
     return compared[0] if len(compared) == 1 and lacking is None else ComparedNodes(compared, lacking)
 
 
-def _wishes(
-    session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None
-) -> tuple[dict[int, Wish], RuleError | None]:
-    """What should be on each node, by *file* or by what this session set, and what of a network file nodes lack."""
-    if file is not None and file.lower().endswith((".yaml", ".yml")):
-        return _network_wishes(session, file)
-    return _wishes_alone(session, rehearse, pdos, file), None
+def _wishes(session: Session, rehearse: Rehearse, file: str | None) -> tuple[dict[int, Wish], RuleError | None]:
+    """What should be on each node, by a network file, a script or this session; and what of the former nodes lack."""
+    if file is not None:
+        return _network_wishes(session, file) if _is_network(file) else (rehearse(file), None)
+    return _session_wishes(session), None
 
 
-def _wishes_alone(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None) -> dict[int, Wish]:
-    """What should be on each node, by this session, a script, or a file about one node."""
-    if file is None:
-        network = session.network
-        for node_id, before in tuple(network.left.items()):
-            if before.wanted or before.wanted_values:
-                network.node(node_id)  # it was changed before the bus was gone: who is it now?
-        return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
-    if _is_script(file):
-        return rehearse(file)
+def _is_network(file: str) -> bool:
+    return file.lower().endswith((".yaml", ".yml"))
+
+
+def _session_wishes(session: Session) -> dict[int, Wish]:
+    network = session.network
+    for node_id, before in tuple(network.left.items()):
+        if before.wanted or before.wanted_values:
+            network.node(node_id)  # it was changed before the bus was gone: who is it now?
+    return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
+
+
+def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tuple[list[NodePdo], dict[int, Wish]]:
+    """*pdos*, each with its node, and what should be on each of these, by a *file* about one device."""
     named = {node_id for node_id, _ in pdos if node_id is not None}
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")
-    node = session.node(named.pop() if named else None)
-    return {node.node_id: dcf_wish(node, file)}
+    meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held_by(file)),)
+    return [(one, pdo) for one in meant for _, pdo in pdos], {one: dcf_wish(session.node(one), file) for one in meant}
 
 
 def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], RuleError | None]:

@@ -23,6 +23,7 @@ from dvtcli.operations.wanted.meet_network import meet, unlike_wanted
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
 from dvtcli.operations.whole_device.held_device import held_by
 from dvtcli.operations.whole_device.included import included_of
+from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_alone, selected_nodes
 from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_of_file
 
 if TYPE_CHECKING:
@@ -49,8 +50,9 @@ class DeviceOptions:
 def plan_device(session: Session, file: str, options: DeviceOptions | None = None) -> NetworkPlan:
     """What has to be written for the selected nodes to hold what *file*, a DCF, an XDC or a backup, says.
 
-    Without a selected node it is the one whose node-ID the file has. SafetyRefusal where a node is another product than
-    the file is about, RuleError with all that the rules refuse, UsageError where the file cannot be read.
+    Without a selected node it is the one whose node-ID the file has, but for a clone. SafetyRefusal where a node is
+    another product than the file is about, RuleError with all that the rules refuse, UsageError where the file cannot
+    be read, or no node is meant.
     """
     options = options or DeviceOptions()
     refuse_kind(file)
@@ -86,10 +88,10 @@ def _unwritten(one: LeftOut) -> str:
 
 def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:
     """The nodes that are meant; the file's own node-ID is told where it is another one."""
-    ids = options.nodes or (session.base.nodes if len(session.base.nodes) > 1 else ())
-    if not ids:
-        selected = session.selected_id()
-        ids = (selected if selected is not None else held.node_id or session.node_id(),)
+    if options.is_clone:
+        ids = options.nodes or selected_alone(session, held)
+    else:
+        ids = options.nodes or selected_nodes(session) or (node_of_file(session, held),)
     others = [str(one) for one in ids if held.node_id not in (None, one)]
     if others:
         text = f"{held.name} is of node {held.node_id}: on node {', '.join(others)} what follows the node-ID does so"

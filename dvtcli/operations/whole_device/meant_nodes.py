@@ -1,0 +1,40 @@
+"""Which nodes a file about one device is for: those of -n, else the file's own. Reads no node and no file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.whole_device.held_device import HeldDevice
+
+
+def selected_nodes(session: Session) -> tuple[int, ...]:
+    """The selected node, or those of -n; none where nobody selected one. UsageError for `-n all`."""
+    if session.selected is None and session.base.every_node:
+        raise UsageError("-n all: a file about one device is for nodes that are named", hint="-n 3,4,5 names several")
+    if session.selected is None and len(session.base.nodes) > 1:
+        return session.base.nodes
+    selected = session.selected_id()
+    return () if selected is None else (selected,)
+
+
+def node_of_file(session: Session, held: HeldDevice) -> int:
+    """The node whose node-ID *held* has, which is told; UsageError where it has none."""
+    if held.node_id is None:
+        return session.node_id()
+    session.tell.note(f"node {held.node_id}, as {held.name} says")
+    return held.node_id
+
+
+def selected_alone(session: Session, held: HeldDevice) -> tuple[int, ...]:
+    """As `selected_nodes`; UsageError where nobody selected one, since what *held* is of may be another device."""
+    if found := selected_nodes(session):
+        return found
+    own = "" if held.node_id is None else f" ({held.name} was made of node {held.node_id})"
+    raise UsageError(
+        "no node is selected", place=held.name,
+        hint=f"this writes to the device that takes the other one's place: -n ID{own}, or `node ID`",
+    )  # fmt: skip
