@@ -5,25 +5,20 @@ Knows the signatures and capability bits of CiA 301 (7.5.2.13, 7.5.2.14). Does n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import ABSENT
+from dvtcli.device.resets import return_to
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.ports import CanopenBus, SdoTransport
+from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import StorePolicy
 from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
 STORE, RESTORE = 0x1010, 0x1011
 SIGNATURES = {STORE: b"save", RESTORE: b"load"}
-#: How long a node may take from reset to its boot-up message, in seconds.
-BOOT_TIMEOUT_S = 10.0
-#: How often it is looked after whether waiting for a power cycle shall end, in seconds.
-_LOOK_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,67 +172,3 @@ def _refused(aborted: SdoAborted, node_id: int, index: int, sub_index: int) -> D
     if aborted.code == Abort.HARDWARE:
         error.state = "unknown"
     return error
-
-
-def reset_and_wait(access: Access, command: NmtCommand, timeout_s: float = BOOT_TIMEOUT_S) -> float:
-    """Reset the node and wait for its boot-up message; the seconds it took. NoAnswer where none comes."""
-    bus, node_id = access.bus, access.node_id
-    seen, started_s = bus.boot_ups(node_id), bus.now_s()
-    bus.send_nmt(command, node_id)
-    if not bus.wait_boot_up(node_id, seen, timeout_s):
-        silent = NoAnswer(
-            f"node {node_id} sent no boot-up message within {timeout_s:.0f} s after its reset",
-            node=node_id,
-            hint="look at the node, then scan",
-            state="unknown",
-        )
-        if (state := bus.nmt_state(node_id)) is not None:  # heard since the reset was sent
-            silent.hint = "it restarts without that message, or ignores resets: `pdo` shows what it holds"
-            silent.state_text = f"{state.label}, as its heartbeat says; whether it was reset is not known"
-        raise silent
-    return bus.now_s() - started_s
-
-
-def await_power_cycle(
-    access: Access, timeout_s: float, ask: Callable[[], None], stop: Callable[[], None] = lambda: None
-) -> None:
-    """Let *ask* ask somebody to switch the node off and on, and wait for its boot-up; NoAnswer where none comes.
-
-    *stop* is called again and again meanwhile, and raises where nobody wants to wait any longer.
-    """
-    bus, node_id = access.bus, access.node_id
-    seen, deadline_s = bus.boot_ups(node_id), bus.now_s() + timeout_s
-    ask()
-    while not bus.wait_boot_up(node_id, seen, min(_LOOK_S, max(0.0, deadline_s - bus.now_s()))):
-        stop()
-        if bus.now_s() >= deadline_s:
-            raise NoAnswer(
-                f"node {node_id} was not switched off and on: no boot-up message within {timeout_s:g} s",
-                node=node_id,
-                hint="store --prove power --within S gives more time",
-            )
-
-
-def reset_all_and_wait(
-    bus: CanopenBus, command: NmtCommand, known: Collection[int], timeout_s: float = BOOT_TIMEOUT_S
-) -> None:
-    """Reset all nodes and wait for the boot-ups of the *known* ones (node-IDs); NoAnswer names those that gave none."""
-    seen, deadline_s = {node_id: bus.boot_ups(node_id) for node_id in known}, bus.now_s() + timeout_s
-    bus.send_nmt(command, 0)
-    silent = [
-        str(node_id)
-        for node_id, count in sorted(seen.items())
-        if not bus.wait_boot_up(node_id, count, max(0.0, deadline_s - bus.now_s()))
-    ]
-    if silent:
-        raise NoAnswer(
-            f"no boot-up message within {timeout_s:.0f} s after the reset from node {', '.join(silent)}",
-            hint="look at it, then scan",
-            state="unknown",
-        )
-
-
-def return_to(access: Access, state: NmtState | None) -> None:
-    """Bring a node that was OPERATIONAL before its reset back there."""
-    if state is NmtState.OPERATIONAL:
-        access.request(NmtState.OPERATIONAL)

@@ -9,7 +9,8 @@ import pytest
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.read_pdos import exists, read_pdo
-from dvtcli.device.store_parameters import RESTORE, STORE, reset_and_wait, sign
+from dvtcli.device.resets import reset_and_wait
+from dvtcli.device.store_parameters import RESTORE, STORE, sign
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted, SdoProtocolError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.device.nmt_gate import Access
-from dvtcli.device.store_parameters import await_power_cycle, reset_all_and_wait, reset_and_wait
+from dvtcli.device.resets import await_power_cycle, reset_all_and_wait, reset_and_wait
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import Interrupted, NoAnswer

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import select
 import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import count
 
 from canopen import Network, ObjectDictionary, RemoteNode
@@ -18,6 +20,7 @@ from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.telling import Silent
 from tests.process import PATIENCE_S
+from tests.virtual_time import VirtualTimeBus
 
 
 class Heard(Silent):
@@ -33,6 +36,13 @@ class Heard(Silent):
     warning = note
 
 
+def _session(options: Options, tell: Heard, *, in_virtual_time: bool) -> Session:
+    session = Session(options, tell)
+    if in_virtual_time:
+        session.simulate = partial(VirtualTimeBus, name="sim")
+    return session
+
+
 @contextmanager
 def served(
     *sim: str,
@@ -40,11 +50,12 @@ def served(
     dialect: Dialect = Dialect.HASH,
     tell: Heard | None = None,
     dry_run: bool = False,
+    in_virtual_time: bool = False,
 ) -> Iterator[tuple[Session, Gateway]]:
     """A session on simulated nodes, and its gateway, which runs in a thread."""
     options = Options(sim=sim, yes=True, dry_run=dry_run)
     with (
-        Session(options, tell or Heard()) as session,
+        _session(options, tell or Heard(), in_virtual_time=in_virtual_time) as session,
         gateway(session, ("127.0.0.1", 0), allow_changes=allow_changes, dialect=dialect) as running,
     ):
         failed: list[BaseException] = []
@@ -87,6 +98,10 @@ class Client:
     def say(self, data: bytes) -> None:
         """Send *data* as it is."""
         self.link.sendall(data)
+
+    def is_answered(self) -> bool:
+        """Whether anything came that was not read yet."""
+        return bool(select.select([self.link], [], [], 0)[0])
 
     def line(self) -> str:
         """The next line, empty where the connection ended."""

@@ -86,6 +86,41 @@ def test_a_command_to_nobody_is_not_ok(command: str) -> None:
         assert client.ask("0 preop") == "OK"
 
 
+def test_who_resets_a_node_that_is_not_there_waits_alone() -> None:
+    """Others are answered meanwhile, but for the node itself; the client's next line has its turn after the answer."""
+    heard = Heard()
+    with (
+        served("generic@4", tell=heard, in_virtual_time=True) as (_, running),
+        Client(running) as first,
+        Client(running) as second,
+        Client(running) as third,
+    ):
+        first.say(b"[1] 7 reset node\r\n[2] 4 r 0x1017 0\r\n")
+        while "node 7: nmt reset-node" not in heard.said:
+            assert second.ask("4 r 0x1017 0") == "500"
+        third.say(b"[1] 7 r 0x1017 0\r\n")
+        assert second.ask("4 w 0x1017 0 u16 9") == "OK"
+        assert second.ask("info version").startswith("dvtcli ")
+        assert not first.is_answered()
+        while not first.is_answered():
+            assert second.ask("9 r 0x1017 0").startswith("ERROR:103 #")  # makes time go on
+        assert first.line().startswith("[1] ERROR:103 #node 7 sent no boot-up message within 10 s after its reset")
+        assert first.line() == "[2] 9"
+        assert third.line().startswith("[1] ERROR:103 #node 7 did not answer")
+
+
+def test_a_reset_ends_though_its_client_has_gone() -> None:
+    heard = Heard()
+    with served("generic@4", tell=heard) as (session, running), Client(running) as client:
+        assert client.ask("4 w 0x1017 0 u16 9") == "OK"
+        with Client(running) as hasty:
+            hasty.say(b"4 reset node\r\n")
+            while "node 4: nmt reset-node" not in heard.said:
+                assert client.ask("info version").startswith("dvtcli ")
+        assert client.ask("4 r 0x1017 0") == "500", "it waited for the restart"
+        assert "nmt reset-node" in [line for _, line in session.record.lines]
+
+
 def test_the_other_dialect() -> None:
     with served("generic@4", dialect=Dialect.PAREN) as (_, running), Client(running) as client:
         assert client.ask("4 r 0x5FFF 0 u8").startswith("ERROR: 06020000 (")

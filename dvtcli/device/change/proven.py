@@ -14,7 +14,8 @@ from dvtcli.device.canary import Canary, Place, harmless_places
 from dvtcli.device.change.proving import AGAIN, Restart, acknowledged, uncovered_group, unread_of
 from dvtcli.device.compare import differences as pdo_differences
 from dvtcli.device.held import Held
-from dvtcli.device.store_parameters import Signed, return_to
+from dvtcli.device.resets import return_to
+from dvtcli.device.store_parameters import Signed
 from dvtcli.device.wish import unlike_values
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.proof import Proof

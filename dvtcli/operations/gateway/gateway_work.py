@@ -5,6 +5,9 @@ Does not know sockets, nor how an answer is written.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import SIGNATURES
@@ -15,24 +18,22 @@ from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
 from dvtcli.domain.gateway.value_words import HEX, value_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
+from dvtcli.operations.gateway.client_orders import NET, ordered
 from dvtcli.operations.gateway.gateway_lss import LSS, LssLines
 from dvtcli.operations.gateway.gateway_pdos import GatewayPdos
 from dvtcli.operations.meanings.object_values import type_of
-from dvtcli.operations.nodes.command_nmt import command_nmt
+from dvtcli.operations.nodes.command_nmt import begin_reset, command_nmt, end_reset
 from dvtcli.operations.objects.write_object import signature, write_bytes
-from dvtcli.version import __version__
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from dvtcli.domain.gateway.requests import Request
     from dvtcli.operations.gateway.line_client import LineClient
+    from dvtcli.operations.nodes.command_nmt import BegunReset
     from dvtcli.operations.session.session import Session
 
-#: the only net that there is
-NET = 1
-#: how long an SDO of a client may take, since all clients wait meanwhile (ms)
-_MOST_SDO_MS = 5000
 READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
-_HELP = "r w start stop preop reset set info lss_... (CiA 309-3)"
 
 
 class GatewayWork:
@@ -43,23 +44,47 @@ class GatewayWork:
         self._allow_changes = allow_changes
         self._lss = LssLines(session, allow_changes=allow_changes)
         self._pdos = GatewayPdos(session, allow_changes=allow_changes)
+        self._resets: list[_Reset] = []
 
     def close(self) -> None:
         """Listen no longer."""
         self._pdos.close()
 
-    def answer(self, client: LineClient, request: Request) -> Answer:
-        """What *client* is answered; BusUnavailable and Interrupted end the gateway."""
+    def answer(self, client: LineClient, request: Request) -> Answer | None:
+        """What *client* is answered, None where `later` says it; BusUnavailable and Interrupted end the gateway."""
         net = client.net if request.net is None else request.net
         if net is None:
             return Failed(GatewayError.NO_DEFAULT_NET)
         if net != NET:
             return Failed(GatewayError.UNSUPPORTED_NET)
-        timeout_s = client.timeout_s
-        given = {} if timeout_s is None else {"timeout": timeout_s}
+        return self._tried(client, lambda: self._done(client, request))
+
+    def later(self) -> Iterator[tuple[LineClient, Request, Answer]]:
+        """Each request whose answer had to be waited for, once there is one, also where its client has left."""
+        for reset in [one for one in self._resets if one.begun.sent.is_over()]:
+            self._resets.remove(reset)
+            ended = partial(self._end_reset, reset)
+            answer = self._tried(reset.client, ended)
+            if answer is not None:
+                yield reset.client, reset.request, answer
+
+    def waits(self, client: LineClient) -> bool:
+        """Whether *client* waits for an answer that `later` says: nothing else of it is done meanwhile."""
+        return any(one.client is client for one in self._resets)
+
+    def must_wait(self, client: LineClient, request: Request) -> bool:
+        """Whether *request* is about a node whose restart is not over."""
+        if not isinstance(request.command, Read | Write | Nmt):
+            return False
+        node_id = client.node if request.node is None else request.node
+        return any(node_id in (0, one.begun.node_id) for one in self._resets)
+
+    def _tried(self, client: LineClient, work: Callable[[], Answer | None]) -> Answer | None:
+        """What *work* answers for *client*, or why it failed."""
+        given = {} if client.timeout_s is None else {"timeout": client.timeout_s}
         try:
             with self._session.under(**given):
-                return self._done(client, request)
+                return work()
         except BusUnavailable:
             raise
         except DvtcliError as failed:
@@ -67,18 +92,19 @@ class GatewayWork:
                 self._session.tell.warning(failed.text)
             return failure(failed)
 
-    def _done(self, client: LineClient, request: Request) -> Answer:
+    def _done(self, client: LineClient, request: Request) -> Answer | None:
         match request.command:
             case Order(name, numbers) if name in LSS:
                 return self._lss.answer(client, name, numbers)
             case Order(name, numbers):
-                return _ordered(client, name, numbers)
+                return ordered(client, name, numbers)
             case Read() | Write() | Nmt() as command:
-                return self._to_node(client.node if request.node is None else request.node, command)
+                return self._to_node(client, request, command)
             case command:
                 return self._pdos.answer(command)
 
-    def _to_node(self, node_id: int | None, command: Read | Write | Nmt) -> Answer:
+    def _to_node(self, client: LineClient, request: Request, command: Read | Write | Nmt) -> Answer | None:
+        node_id = client.node if request.node is None else request.node
         if node_id is None:
             return Failed(GatewayError.NO_DEFAULT_NODE)
         if not (0 if isinstance(command, Nmt) else 1) <= node_id <= 127:
@@ -92,11 +118,21 @@ class GatewayWork:
                 return Failed(GatewayError.TIME_OUT, _silent(node_id, command, silent))
         if isinstance(command, Read):
             return self._read(node_id, command)
+        with self._line():
+            if isinstance(command, Write):
+                return self._write(node_id, command)
+            if node_id and command.command.is_reset:
+                self._resets.append(_Reset(client, request, begin_reset(self._session, command.command, node_id)))
+                self._note_nmt(node_id, command.command)
+                return None
+            return self._nmt(node_id, command.command)
+
+    @contextmanager
+    def _line(self) -> Iterator[None]:
+        """A block that changes something: nodes go back to where they were at its end."""
         code = 1
         try:
-            answer = (
-                self._write(node_id, command) if isinstance(command, Write) else self._nmt(node_id, command.command)
-            )
+            yield
             code = 0
         except DvtcliError as failed:
             code = failed.exit_code
@@ -104,7 +140,6 @@ class GatewayWork:
         finally:
             self._session.end_line(code)
             self._session.cancellation.release()  # what was asked for has ended: Ctrl-C ends the gateway at once again
-        return answer
 
     def _read(self, node_id: int, command: Read) -> Answer:
         node = self._session.node(node_id)
@@ -137,7 +172,7 @@ class GatewayWork:
         network = self._session.open_network()
         there = {*self._session.network.nodes, *network.simulated_ids, *network.bus.heard_nodes()}
         done = command_nmt(self._session, command, node_id)
-        self._session.tell.note(f"node {node_id or 'all'}: nmt {command.word}")
+        self._note_nmt(node_id, command)
         if done.exit_code:
             return Failed(GatewayError.WRONG_NMT_STATE)
         seen = {one for one, state in done.states if state is not None}
@@ -145,6 +180,23 @@ class GatewayWork:
             return Done()
         nobody = f"node {node_id} was" if node_id else "a node was"
         return Failed(GatewayError.TIME_OUT, f"sent, and not seen to be obeyed: nothing of {nobody} ever heard")
+
+    def _note_nmt(self, node_id: int, command: NmtCommand) -> None:
+        self._session.tell.note(f"node {node_id or 'all'}: nmt {command.word}")
+
+    def _end_reset(self, reset: _Reset) -> Answer:
+        with self._line():
+            done = end_reset(self._session, reset.begun)
+        return Failed(GatewayError.WRONG_NMT_STATE) if done.exit_code else Done()
+
+
+@dataclass(frozen=True, slots=True)
+class _Reset:
+    """A node's restart that a *client* waits for, and nobody else but who asks for that node."""
+
+    client: LineClient
+    request: Request
+    begun: BegunReset
 
 
 _LENGTH = 0x0607_0010
@@ -165,39 +217,6 @@ def failure(failed: DvtcliError) -> Failed:
     if isinstance(failed, UsageError):
         return Failed(GatewayError.SYNTAX, failed.text)
     return Failed(GatewayError.INTERNAL_STATE, failed.text)
-
-
-def _ordered(client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
-    """Do what the order *name* sets for its *client*, or says."""
-    match name, numbers:
-        case "set network", (net,):
-            if net != NET:
-                return Failed(GatewayError.UNSUPPORTED_NET)
-            client.net = net
-        case "set node", (node_id,):
-            if not 1 <= node_id <= 127:
-                return Failed(GatewayError.UNSUPPORTED_NODE)
-            client.node = node_id
-        case "set sdo_timeout", (milliseconds,):
-            return _set_sdo_time_out(client, milliseconds)
-        case "set command_timeout", _:
-            pass  # an answer always comes, within the time of its SDOs
-        case "boot_up_indication enable" | "boot_up_indication disable", _:
-            client.told_boot_ups = name.endswith("enable")
-        case "info version", _:
-            return Done(f"dvtcli {__version__} CiA 309-3")
-        case "help" | "help datatype" | "help lss", _:
-            return Done(_HELP)
-        case _:
-            return Failed(GatewayError.NOT_SUPPORTED)
-    return Done()
-
-
-def _set_sdo_time_out(client: LineClient, milliseconds: int) -> Answer:
-    if milliseconds > _MOST_SDO_MS:
-        return Failed(GatewayError.SYNTAX, f"at most {_MOST_SDO_MS} ms: all clients wait meanwhile")
-    client.timeout_s = milliseconds / 1000
-    return Done()
 
 
 def _word_of(short: str) -> str:

@@ -37,6 +37,8 @@ class LineClient(Client):
     told_boot_ups: bool = True
     #: the slave that it selected by LSS
     selected: LssAddress | None = None
+    #: whether its next line has to wait for a node that restarts
+    stalled: bool = False
 
     def greet(self) -> None:
         """A gateway says nothing first."""

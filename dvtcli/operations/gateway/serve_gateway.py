@@ -1,7 +1,8 @@
 """A gateway for other programs (CiA 309-3): clients come and go, and each gets its answers in its turn.
 
 One thread does everything. A client that says nothing, reads nothing or says nonsense is nobody else's trouble: one
-line of each is done before the next one's turn. Does not know what lines mean.
+line of each is done before the next one's turn. Who waits for a node that restarts waits alone. Does not know what
+lines mean.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.gateway_answers import Dialect, Failed, format_answer
+from dvtcli.domain.gateway.gateway_answers import Answer, Dialect, Failed, format_answer
 from dvtcli.domain.gateway.parse import parse_request, sequence_of
 from dvtcli.domain.node_events import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal
-from dvtcli.operations.gateway.gateway_work import NET, GatewayWork
+from dvtcli.operations.gateway.client_orders import NET
+from dvtcli.operations.gateway.gateway_work import GatewayWork
 from dvtcli.operations.gateway.line_client import MOST_LINES, LineClient
 from dvtcli.operations.gateway.unattended import Unattended
 from dvtcli.operations.opening.serve import is_loopback
@@ -24,6 +26,7 @@ from dvtcli.operations.results import Facts
 from dvtcli.simulator.network.hub import Hub
 
 if TYPE_CHECKING:
+    from dvtcli.domain.gateway.requests import Request
     from dvtcli.domain.node_events import NodeEvent
     from dvtcli.operations.session.session import Session
     from dvtcli.simulator.network.hub_client import Client
@@ -115,13 +118,19 @@ class Gateway:
         while not self._stopping:
             if self._session.cancellation.requested:
                 raise KeyboardInterrupt
-            waiting = any(client.lines for client in self._clients())
+            waiting = any(self._may_go_on(client) for client in self._clients())
             self.hub.wait(0.0 if waiting else _TURN_S, _may_read)
             for client in self._clients():
-                if client.lines:
+                if client.lines and not self._work.waits(client):
                     self._answer(client, client.lines.popleft())
             self._session.bus.idle(_BUS_S)
             self._tell_events()
+            for client, request, answer in self._work.later():
+                self._reply(client, request, answer)
+
+    def _may_go_on(self, client: LineClient) -> bool:
+        """Whether *client* said a line that, as far as is known, can be answered at once."""
+        return bool(client.lines) and not client.stalled and not self._work.waits(client)
 
     def _clients(self) -> list[LineClient]:
         """Who is connected; who came or left since is said."""
@@ -142,12 +151,19 @@ class Gateway:
             client.reply(self._line(format_answer(sequence, Failed(wrong.error, str(wrong)), self._dialect)))
             return
         client.opened = True
-        if request is not None:
+        client.stalled = request is not None and self._work.must_wait(client, request)
+        if client.stalled:
+            client.lines.appendleft(line)
+        elif request is not None:
             answer = self._work.answer(client, request)
-            client.reply(self._line(format_answer(request.sequence, answer, self._dialect)))
+            if answer is not None:
+                self._reply(client, request, answer)
         elif sequence is not None:
             empty = Failed(GatewayError.SYNTAX, "a command is missing")
             client.reply(self._line(format_answer(sequence, empty, self._dialect)))
+
+    def _reply(self, client: LineClient, request: Request, answer: Answer) -> None:
+        client.reply(self._line(format_answer(request.sequence, answer, self._dialect)))
 
     def _tell_events(self) -> None:
         while self._events:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.nmt_gate import Access
+from dvtcli.device.resets import SentReset, reset_all_and_wait, send_reset
 from dvtcli.device.seen_state import CONFIRM_S, seen_state, seen_states
-from dvtcli.device.store_parameters import reset_all_and_wait, reset_and_wait
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -16,6 +17,7 @@ from dvtcli.operations.consent.reset_consent import consent_to_reset, consent_to
 from dvtcli.operations.results import Commanded
 
 if TYPE_CHECKING:
+    from dvtcli.device.node import Node
     from dvtcli.operations.session.session import Session
 
 
@@ -25,20 +27,62 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
     A reset of a node that could move needs consent: SafetyRefusal without. What a reset took is named in the answer.
     """
     target = session.node_id() if node_id is None else node_id
-    reset = command.is_reset
+    if target and command.is_reset:
+        return end_reset(session, begin_reset(session, command, target))
     if session.dry_run and not target:
         _meet_all(session)
-    if reset:
-        concerned = {target} if target else _heard(session)
+    concerned = {target} if target else _known(session)
+    if command.is_reset:
+        concerned = _heard(session)
         consent_to_reset(session, concerned)
         if not concerned:
             consent_to_reset_unheard(session)
-    else:
-        concerned = {target} if target else _known(session)
-    nodes = [node for node in session.network.nodes.values() if node.node_id in concerned]
+    nodes = _told(session, concerned)
+    states = {target: _to_one(session, target, command)} if target else _to_all(session, command)
+    return _commanded(session, target, command, nodes, states)
+
+
+@dataclass(frozen=True, slots=True)
+class BegunReset:
+    """One node that was told to restart, and was not waited for yet; *met* holds it where it was known before."""
+
+    command: NmtCommand
+    sent: SentReset
+    met: list[Node]
+
+    @property
+    def node_id(self) -> int:
+        """The node's."""
+        return self.sent.access.node_id
+
+
+def begin_reset(session: Session, command: NmtCommand, node_id: int) -> BegunReset:
+    """Send the reset *command* to *node_id* (1..127), after consent where it could move; SafetyRefusal without."""
+    consent_to_reset(session, {node_id})
+    met = _told(session, {node_id})
+    return BegunReset(command, send_reset(_access(session, node_id), command), met)
+
+
+def end_reset(session: Session, begun: BegunReset) -> Commanded:
+    """Wait for the node's boot-up, and look at its state; NoAnswer where none comes."""
+    begun.sent.wait()
+    state = session.node(begun.node_id).access.state()
+    return _commanded(session, begun.node_id, begun.command, begun.met, {begun.node_id: state})
+
+
+def _told(session: Session, node_ids: Collection[int]) -> list[Node]:
+    """Those of *node_ids* that were met: what was read of them counts no more, since they are commanded now."""
+    nodes = [node for node in session.network.nodes.values() if node.node_id in node_ids]
     for node in nodes:
         node.commanded()
-    states = {target: _to_one(session, target, command)} if target else _to_all(session, command)
+    return nodes
+
+
+def _commanded(
+    session: Session, target: int, command: NmtCommand, nodes: Sequence[Node], states: Mapping[int, NmtState | None]
+) -> Commanded:
+    """The answer: which *states* were seen, and what a reset took from the *nodes* that were met before."""
+    reset = command.is_reset
     communication = command is NmtCommand.RESET_COMMUNICATION
     lost = tuple(
         f"{label} of node {node.node_id}"
@@ -97,11 +141,8 @@ def _access(session: Session, node_id: int) -> Access:
 
 
 def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | None:
-    """Command one node; the state that it is seen in, None where it cannot be seen."""
+    """Command one node, which is not reset; the state that it is seen in, None where it cannot be seen."""
     access = _access(session, target)
-    if command.is_reset:
-        reset_and_wait(access, command)
-        return session.node(target).access.state()
     session.bus.send_nmt(command, target)
     if command.after is not NmtState.STOPPED:
         access = session.node(target).access

@@ -10,8 +10,9 @@ from dvtcli.device.change.proven import prepare_proof, prove_store
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.change.proving import Restart
 from dvtcli.device.held import Held
+from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
-from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, chosen, reset_and_wait, return_to, sign
+from dvtcli.device.store_parameters import RESTORE, STORE, chosen, sign
 from dvtcli.device.storing import is_stored, prepare_store
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Plan

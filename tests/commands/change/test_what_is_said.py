@@ -74,7 +74,7 @@ class Quiet(StrictDevice):
 
 def test_a_reset_without_a_boot_up_but_with_heartbeats_tells_the_state() -> None:
     from dvtcli.device.nmt_gate import Access
-    from dvtcli.device.store_parameters import reset_and_wait
+    from dvtcli.device.resets import reset_and_wait
     from dvtcli.errors import NoAnswer
     from tests.laws.bench import NODE, dictionary, profile
     from tests.virtual_time import VirtualTimeBus

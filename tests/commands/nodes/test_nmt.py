@@ -246,7 +246,7 @@ def test_a_node_that_is_heard_and_answers_nothing_is_asked_about(eds: str) -> No
 
 
 def test_all_are_reset_or_who_is_not_is_named() -> None:
-    from dvtcli.device.store_parameters import reset_all_and_wait
+    from dvtcli.device.resets import reset_all_and_wait
 
     bus = VirtualTimeBus([device("generic", 3)])
     reset_all_and_wait(bus, NmtCommand.RESET_NODE, {3})
