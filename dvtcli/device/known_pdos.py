@@ -44,7 +44,7 @@ class KnownPdos(Reached):
     _present: list[Pdo] | None = field(default=None, init=False)
 
     def describe(self, dictionary: ObjectDictionary) -> None:
-        """Take the node's *dictionary*, which was not known when it was met."""
+        """Take the node's *dictionary*, which was not known, or was another one, when it was met."""
         self.dictionary, self._present = dictionary, None
 
     def present(self) -> list[Pdo]:

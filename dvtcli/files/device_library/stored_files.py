@@ -73,6 +73,12 @@ def stored_file(path: Path) -> StoredFile:
     return StoredFile(path, vendor_id, product_code, revision)
 
 
+def stored_path(name: str) -> Path | None:
+    """The file of the library whose whole name *name* is; None where it has none."""
+    path = folder() / name
+    return path if _NAME.fullmatch(name) and path.parent == folder() and path.is_file() else None
+
+
 def stored_place(identity: tuple[int, int, int], name: str) -> Path:
     """Where a file called *name* is kept for *identity*: vendor, product, revision (0: none)."""
     stem, suffix = os.path.splitext(re.sub(r"[\x00-\x1f\x7f]", "_", name))  # noqa: PTH122 - a name, not a path

@@ -69,17 +69,13 @@ class Exported:
         return f"left out: {several(self.left_out)} {verb}, or multiplexed; `pdo` shows what is held"
 
 
-def exported(
-    holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *, with_names: bool = True, whole: bool = False
-) -> Exported:
+def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *, whole: bool = False) -> Exported:
     """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of the rest.
 
-    Without *with_names* objects are numbers, and their names are remarked. With *whole* what is as usual is said, too.
+    With *whole* what is as usual is said, too.
     """
     remarks: dict[str, str] = {}
-    wishes = tuple(
-        _pdo(holder, pdo, config, remarks, with_names=with_names) for pdo, config in held.items() if is_whole(config)
-    )
+    wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
     found = exported_objects(values, holder.dictionary, whole=whole)
     objects = sorted(found, key=lambda one: (one.index, one.sub_index))
     watches = tuple(exported_watches(values))
@@ -111,7 +107,7 @@ def _identity(holder: Holder) -> WantedIdentity:
     return WantedIdentity(found["vendor"] or None, found["product"] or None)
 
 
-def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str], *, with_names: bool) -> PdoWish:
+def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PdoWish:
     held = config.communication
     cob_id = held.cob_id
     named = bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
@@ -126,14 +122,14 @@ def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str], *
         inhibit_time=held.inhibit_time if pdo.is_tpdo else None,
         event_timer=held.event_timer,
         sync_start_value=held.sync_start_value if pdo.is_tpdo else None,
-        mapping=tuple(_entry(holder, entry, remarks, with_names=with_names) for entry in config.mapping),
+        mapping=tuple(_entry(holder, entry, remarks) for entry in config.mapping),
     )
 
 
-def _entry(holder: Holder, entry: PdoMappingEntry, remarks: dict[str, str], *, with_names: bool) -> FileWord:
+def _entry(holder: Holder, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
     """The entry by its object's name where that means it alone, else by its number; the other one is its remark."""
     name = "" if holder.dictionary is None else holder.dictionary.display_name(entry.index, entry.sub_index)
-    word = "" if entry.is_dummy or not with_names else _named(holder, name, entry)
+    word = "" if entry.is_dummy else _named(holder, name, entry)
     remarks[word or str(entry)] = f"skips {entry.bits} bits" if entry.is_dummy else str(entry) if word else name
     return FileWord(word or str(entry))
 

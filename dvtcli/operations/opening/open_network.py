@@ -102,11 +102,14 @@ class Network:
             (self.warn if doubtful else self.note)(text)
 
     def describe(self, node_id: int) -> None:
-        """Give a node that was met without an EDS the one that is known by now."""
+        """Give a node that was met without an EDS the one that is known by now, and any the one chosen since then."""
         node = self.nodes[node_id]
-        if node.dictionary is None and (dictionary := self.files.dictionary(node_id)) is not None:
+        if node.dictionary is not None and node_id not in self.files.own_eds:
+            return
+        dictionary = self.files.dictionary(node_id)
+        if dictionary is not None and dictionary is not node.dictionary:
             node.describe(dictionary)
-            node.profile = as_file_says(node.profile, dictionary)
+            node.profile = as_file_says(self.files.profile(node_id), dictionary)
             if self.keeping is not None and node.keeper is not None:
                 node.keeper.is_fixed = self.keeping.is_fixed(dictionary)
             node.unlike_file = self.files.unlike(node_id, dictionary)

@@ -98,8 +98,6 @@ def _joined(failures: list[DvtcliError]) -> None:
 
 def _choose_files(session: Session, file: str, node: NodeWish) -> None:
     files, met = session.network.files, session.network.nodes
-    if node.node_id in met and met[node.node_id].dictionary is not None:
-        return
     if node.profile is not None and session.options.profile is None and node.node_id not in met:
         files.own_profile[node.node_id] = node.profile
     if node.dcf is None or session.options.eds is not None:
@@ -109,7 +107,9 @@ def _choose_files(session: Session, file: str, node: NodeWish) -> None:
         files.own_eds[node.node_id] = path
     else:
         place, named = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}", Path(file).parent / node.dcf.text
-        session.tell.note(f"{place}: there is no {named}: what is known of node {node.node_id} otherwise counts")
+        note = f"{place}: there is no {named}: what is known of node {node.node_id} otherwise counts"
+        if files.is_news(note):
+            session.tell.note(note)
 
 
 def is_wanted(node: Node, wanted: WantedIdentity) -> bool:

@@ -21,15 +21,16 @@ def read_wish(file: str) -> NetworkWish:
 
 
 def eds_of(file: str, node: NodeWish) -> Path | None:
-    """What `dcf` of *node* in the network *file* names: a file beside it, else that of a simulated family of that name.
+    """What `dcf` of *node* in the network *file* names: a file beside it, that of a simulated family, or the library's.
 
-    None where it names neither, or nothing.
+    None where it names none of these, or nothing.
     """
     if node.dcf is None:
         return None
     path = Path(file).parent / node.dcf.text
     if path.is_file():
         return path
+    from dvtcli.files.device_library.stored_files import stored_path
     from dvtcli.simulator.network.family_file import family_eds, family_names
 
-    return family_eds(node.dcf.text) if node.dcf.text in family_names() else None
+    return family_eds(node.dcf.text) if node.dcf.text in family_names() else stored_path(node.dcf.text)

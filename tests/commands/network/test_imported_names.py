@@ -57,10 +57,10 @@ def pump(node_id: int) -> StrictDevice:
     return StrictDevice(read_device_file(Path("made.eds")).dictionary, Family(), node_id)
 
 
-def frame_of(offline: Bench, frame: str) -> str:
-    """How the imported file decodes one *frame*."""
+def frame_of(offline: Bench, frame: str, file: str = "net.yaml") -> str:
+    """How the imported *file* decodes one *frame*."""
     write("run.log", f"(0.000000) can0 {frame}\n")
-    ran = offline.run("decode run.log -d net.yaml")
+    ran = offline.run(f"decode run.log -d {file}")
     assert (ran.code, ran.stderr) == (0, "")
     return ran.stdout
 
@@ -84,22 +84,37 @@ def test_a_served_generic_device_is_decoded_by_its_family(offline: Bench) -> Non
     assert "Statusword" in offline.run("decode run.log -d net.yaml --csv").stdout.splitlines()[0]
 
 
-@pytest.mark.parametrize(("added", "named"), [((0x10001,), True), ((0x10001, 0x20000), False)])
-def test_objects_are_numbers_where_the_file_would_lead_to_another_revision(
-    added: tuple[int, ...], named: bool, offline: Bench
+@pytest.mark.parametrize("before", [(0x10001,), (0x10000, 0x10001, 0x20000), (0x0,)])
+def test_an_imported_file_means_the_same_whatever_is_added_to_the_library(
+    before: tuple[int, ...], offline: Bench
 ) -> None:
+    """Files added later know the object by another name: also those of the device's own revision, the newest of it."""
+    _added(offline, "before", before, "Pressure")
     with Bench((), bus=live(pump(5))) as bench:
-        for revision in added:
-            write(f"r{revision:X}.eds", text(revision))
-            assert bench.run(f"eds add r{revision:X}.eds").code == 0
+        for line in ("map 5:tpdo1 2100", "import net.yaml", "node 5", "export one.yaml", "plan net.yaml --exit-code"):
+            assert bench.run(line).code == 0, line
+        assert re.search("- pressure +# 2100:00/8", Path("net.yaml").read_text("utf-8"))
+        _added(offline, "later", (0x0, 0x10000, 0x10001, 0x10002, 0x20000), "Depth")
+        for file in ("net.yaml", "one.yaml"):
+            assert "Pressure" in frame_of(offline, "185#07", file)
+            assert offline.run(f"check {file}").code == 0
+    with Bench((), bus=live(pump(5))) as bench:
         assert bench.run("map 5:tpdo1 2100").code == 0
-        assert bench.run("import net.yaml").code == 0
         assert bench.run("plan net.yaml --exit-code").code == 0
-    (node,) = read_network_file(Path("net.yaml")).nodes
-    (word,) = node.pdos[0].mapping or ()
-    assert (word.text == "2100:00/8") is not named
-    assert ("# 2100:00/8" in Path("net.yaml").read_text("utf-8")) is named
-    assert "Pressure" in frame_of(offline, "185#07")
+
+
+def test_a_file_of_the_library_that_was_removed_is_said_to_be_missing(offline: Bench) -> None:
+    _added(offline, "only", (0x10001,), "Pressure")
+    with Bench((), bus=live(pump(5))) as bench:
+        for line in ("map 5:tpdo1 2100", "import net.yaml", "eds remove only10001.eds --yes"):
+            assert bench.run(line).code == 0, line
+    assert "nothing here says which object 'pressure' of node 5 is" in offline.run("check net.yaml").stdout
+
+
+def _added(offline: Bench, name: str, revisions: tuple[int, ...], pressure: str) -> None:
+    for revision in revisions:
+        write(f"{name}{revision:X}.eds", text(revision).replace("Pressure", pressure))
+        assert offline.run(f"eds add {name}{revision:X}.eds").code == 0
 
 
 def test_a_file_that_is_added_later_does_not_take_an_imported_familys_names(offline: Bench) -> None:
