@@ -15,4 +15,5 @@ def frame_of(message: can.Message) -> Frame:
         extended=message.is_extended_id,
         remote=message.is_remote_frame,
         timestamp_s=message.timestamp,
+        dlc=message.dlc if message.is_remote_frame else 0,
     )

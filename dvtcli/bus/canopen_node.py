@@ -17,6 +17,7 @@ import canopen
 from canopen import SdoAbortedError, SdoCommunicationError, objectdictionary
 from canopen.sdo.client import SdoClient
 
+from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry
 from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
@@ -84,8 +85,7 @@ class _Sender(can.BusABC):
         if msg.arbitration_id == _NMT and not msg.is_extended_id and msg.dlc == 2:
             self._shared.send_nmt(NmtCommand(msg.data[0]), msg.data[1])
             return
-        frame = Frame(msg.arbitration_id, bytes(msg.data), msg.is_extended_id, msg.is_remote_frame)
-        self._shared.send(frame)
+        self._shared.send(frame_of(msg))
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:  # noqa: ARG002 - as above
         return None, False

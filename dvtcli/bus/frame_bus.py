@@ -71,15 +71,15 @@ class FrameBus(ReadBus[M]):
             raise UsageError(f"CAN-ID 0x{frame.can_id:X} has more than {29 if frame.extended else 11} bits: not sent")
         self.drain()
         self._traffic.keep_answers()
-        self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote)
+        self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote, dlc=frame.dlc)
 
     def send_sdo(self, can_id: int, data: bytes) -> None:
         """Send one SDO frame (SdoLink)."""
         self._send(can_id, data)
 
     @abstractmethod
-    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
-        """Send one frame, and tell those who watch; raises BusUnavailable."""
+    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False, dlc: int = 0) -> None:
+        """Send one frame, of which *dlc* is a remote one's, and tell those who watch; raises BusUnavailable."""
 
     def _most_at_once(self) -> int:
         """One as long as a machine may be running, or the bit rate is not known.

@@ -154,8 +154,11 @@ class CanBus(FrameBus[can.Message]):
         with suppress(*BUS_FAILURES):  # it is gone either way, and nobody uses it any more
             self._bus.shutdown()
 
-    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
-        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=extended, is_remote_frame=remote)
+    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False, dlc: int = 0) -> None:
+        message = can.Message(
+            arbitration_id=can_id, data=data, is_extended_id=extended, is_remote_frame=remote,
+            dlc=dlc if remote else len(data),
+        )  # fmt: skip
         for patience in range(SEND_PATIENCE, -1, -1):
             if self._closed:
                 raise bus_closed()

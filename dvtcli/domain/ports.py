@@ -16,13 +16,17 @@ from dvtcli.domain.node_events import Emergency, HeardEmergency, NodeEvent
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A CAN data or remote frame; *timestamp_s* is the bus's clock in seconds."""
+    """A CAN data or remote frame; *timestamp_s* is the bus's clock in seconds.
+
+    *dlc* is the data length code of a remote frame, which has no data: how many bytes (0..8) it asks for.
+    """
 
     can_id: int
     data: bytes
     extended: bool = False
     remote: bool = False
     timestamp_s: float = 0.0
+    dlc: int = 0
 
 
 class SdoReader(Protocol):

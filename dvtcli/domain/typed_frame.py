@@ -37,7 +37,8 @@ def typed_frame(text: str) -> Frame:
 def frame_text(frame: Frame) -> str:
     """*frame* as `typed_frame` reads it: `185#1027000000`."""
     digits = 8 if frame.extended else _SHORT_DIGITS
-    return f"{frame.can_id:0{digits}X}#{'R' if frame.remote else frame.data.hex().upper()}"
+    behind = f"R{frame.dlc or ''}" if frame.remote else frame.data.hex().upper()
+    return f"{frame.can_id:0{digits}X}#{behind}"
 
 
 def _compact(line: str) -> Frame | None:
@@ -48,7 +49,7 @@ def _compact(line: str) -> Frame | None:
     if flexible:
         raise ValueError("a CAN FD frame: CANopen (CiA 301) has none")
     if data[:1] in ("R", "r"):
-        return _frame(digits, b"", remote=True)
+        return _frame(digits, b"", remote=True, dlc=int(data[1:] or 0))
     data = data.replace(".", "").replace("_", "")
     if len(data) % 2:
         raise ValueError(f"{data} has half a byte")
@@ -61,20 +62,20 @@ def _spaced(line: str) -> Frame | None:
         return None
     digits, length, rest = found.groups()
     if rest.strip().lower().startswith("remote"):
-        return _frame(digits, b"", remote=True)
+        return _frame(digits, b"", remote=True, dlc=int(length or 0))
     data = bytes(int(word, 16) for word in rest.split())
     if length is not None and int(length) != len(data):
         raise ValueError(f"[{length}] says another length than the {len(data)} bytes behind it")
     return _frame(digits, data)
 
 
-def _frame(digits: str, data: bytes, *, remote: bool = False) -> Frame:
+def _frame(digits: str, data: bytes, *, remote: bool = False, dlc: int = 0) -> Frame:
     can_id = int(digits, 16)
     if can_id > _MOST_EXTENDED:
         raise ValueError(f"0x{can_id:X} is no CAN-ID: it has 29 bits at most")
-    if len(data) > _MOST_BYTES:
-        raise ValueError(f"{len(data)} bytes: a frame has 8 at most")
+    if max(len(data), dlc) > _MOST_BYTES:
+        raise ValueError(f"{max(len(data), dlc)} bytes: a frame has 8 at most")
     extended = len(digits) > _SHORT_DIGITS
     if can_id > _MOST_STANDARD and not extended:
         raise ValueError(f"0x{can_id:X} is above 0x7FF: a CAN-ID of 29 bits has 8 digits, {can_id:08X}")
-    return Frame(can_id, data, extended=extended, remote=remote)
+    return Frame(can_id, data, extended=extended, remote=remote, dlc=dlc)

@@ -41,7 +41,7 @@ class Recorder:
             return
         message = _message(frame)
         try:
-            self._file_for(message).on_message_received(message)
+            _write(self._file_for(message), message)
         except OSError as failed:
             raise self._failed(failed) from failed
         self.frames += 1
@@ -129,10 +129,19 @@ def _message(frame: Frame) -> can.Message:
         arbitration_id=frame.can_id,
         is_extended_id=frame.extended,
         is_remote_frame=frame.remote,
-        dlc=len(frame.data),
+        dlc=frame.dlc if frame.remote else len(frame.data),
         data=None if frame.remote else frame.data,
         channel="can0",
     )
+
+
+def _write(writer: Any, message: can.Message) -> None:
+    """Write *message*; python-can's candump leaves out how many bytes a remote frame asks for."""
+    if isinstance(writer, can.CanutilsLogWriter) and message.is_remote_frame and message.dlc:
+        can_id = f"{message.arbitration_id:0{8 if message.is_extended_id else 3}X}"
+        writer.file.write(f"({message.timestamp:f}) {message.channel} {can_id}#R{message.dlc} R\n")
+    else:
+        writer.on_message_received(message)
 
 
 def size_of(path: Path) -> int:

@@ -39,7 +39,7 @@ class Parties:
     """Who sends and who takes which frame: of *nodes* it is known, of all others only what the standard presumes.
 
     *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *services* are where nodes say that they have
-    SYNC, EMCY and SDO servers.
+    SYNC, TIME, EMCY, SDO servers, and the servers that they ask as clients.
     """
 
     nodes: set[int] = field(default_factory=set)
@@ -90,7 +90,8 @@ def _of_service(frame: Frame, service: Service) -> str:
         return _command(frame.data)
     if service.label == _SDO_REQUEST:
         writes = bool(frame.data) and frame.data[0] >> 5 in _DOWNLOADS
-        return f"SDO request to node {service.node}: it {'writes' if writes else 'reads, or goes on with a transfer'}"
+        to = "" if service.node is None else f" to node {service.node}"
+        return f"SDO request{to}: it {'writes' if writes else 'reads, or goes on with a transfer'}"
     if service.kind == "heartbeat" and frame.remote:
         return f"node guarding of node {service.node}: its life guarding may begin with it"
     return _WORDS[service.kind].format(of="" if service.node is None else f" of node {service.node}")

@@ -38,6 +38,8 @@ def test_any_text_is_a_frame_or_said_to_be_none(text: str) -> None:
     [
         ("185#10.27", Frame(0x185, b"\x10\x27")),
         ("701#R", Frame(0x701, b"", remote=True)),
+        ("181#R6", Frame(0x181, b"", remote=True, dlc=6)),
+        ("can0  181   [6]  remote request", Frame(0x181, b"", remote=True, dlc=6)),
         ("  can0  705   [1]  7F   'x'", Frame(0x705, b"\x7f")),
         ("(1.5) can0 00000185#1027", Frame(0x185, b"\x10\x27", extended=True)),
         ("can0  601   [0]  remote request", Frame(0x601, b"", remote=True)),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
@@ -21,12 +23,12 @@ def one_frame(draw: st.DrawFn, *, remote: bool) -> Frame:
     can_id = draw(st.integers(0, 0x1FFF_FFFF if extended else 0x7FF))
     is_remote = remote and draw(st.booleans())
     data = b"" if is_remote else draw(st.binary(max_size=8))
-    return Frame(can_id, data, extended, is_remote)
+    return Frame(can_id, data, extended, is_remote, dlc=draw(st.integers(0, 8)) if is_remote else 0)
 
 
 def _timed(gaps: list[tuple[int, Frame]]) -> list[Frame]:
     at_ms, timed = 0, []
     for gap_ms, frame in gaps:
         at_ms += gap_ms
-        timed.append(Frame(frame.can_id, frame.data, frame.extended, frame.remote, BEGIN_S + at_ms / 1000))
+        timed.append(replace(frame, timestamp_s=BEGIN_S + at_ms / 1000))
     return timed

@@ -52,7 +52,7 @@ def test_requests_survive_being_split_and_merged(frames: list[Frame], cuts: list
         (b"send 1AAAAAAA 2 1 F1", Frame(0x1AAAAAAA, b"\x01\xf1", extended=True)),
         (b"send 7ff 3 a B 0c", Frame(0x7FF, b"\x0a\x0b\x0c")),
         (b"send 00000123 1 11", Frame(0x123, b"\x11", extended=True)),
-        (b"sendrtr 181 8", Frame(0x181, bytes(8), remote=True)),
+        (b"sendrtr 181 8", Frame(0x181, b"", remote=True, dlc=8)),
         (b"echo", None),
     ],
 )
@@ -98,4 +98,4 @@ def test_opening(request_: bytes, name: bytes | None) -> None:
 
 
 def test_a_remote_frame_is_told_with_its_length() -> None:
-    assert told_frame(Frame(0x181, bytes(6), remote=True), 1.5) == b"< rtr 181 1.500000 6 >"
+    assert told_frame(Frame(0x181, b"", remote=True, dlc=6), 1.5) == b"< rtr 181 1.500000 6 >"

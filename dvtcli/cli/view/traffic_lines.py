@@ -17,7 +17,8 @@ def traffic_line(frame: Frame, verbose: int, *, sent: bool, secret: bool = False
         way = "->" if sent else "<-"
         kind = " remote" if frame.remote else ""
         shown = frame.data[:4].hex(" ").upper() + " ** ** ** **" if secret else frame.data.hex(" ").upper()
-        return f"{way} 0x{frame.can_id:03X} [{len(frame.data)}]{kind} {shown}"
+        length = frame.dlc if frame.remote else len(frame.data)
+        return f"{way} 0x{frame.can_id:03X} [{length}]{kind} {shown}"
     base, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
     if frame.extended or len(frame.data) < 8 or base not in (_REQUEST, _ANSWER):
         return None

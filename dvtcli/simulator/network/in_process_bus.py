@@ -85,13 +85,13 @@ class InProcessBus(FrameBus[Frame]):
     def _say(self, frame: Frame, at_s: float) -> None:
         self._said.put(Frame(frame.can_id, frame.data, frame.extended, frame.remote, self._wall_s + at_s))
 
-    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
+    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False, dlc: int = 0) -> None:
         if self._closed:
             raise bus_closed()
         self._check_if_alive("send")
         if self._nodes.only_heard:
             raise BusUnavailable("nothing is sent while it is only listened")
-        frame = Frame(can_id, data, extended, remote)
+        frame = Frame(can_id, data, extended, remote, dlc=dlc)
         self._traffic.sent(frame)
         with self._lock:
             self._nodes.hear(frame, monotonic())

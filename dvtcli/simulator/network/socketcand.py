@@ -63,14 +63,14 @@ def sent_frame(request: bytes) -> Frame | None:
     match = _SEND_RTR.fullmatch(request)
     if match is None:
         raise ValueError("no such frame")
-    return _frame(match[1], bytes(int(match[2])), remote=True)
+    return _frame(match[1], b"", remote=True, dlc=int(match[2]))
 
 
-def _frame(digits: bytes, data: bytes, *, remote: bool) -> Frame:
+def _frame(digits: bytes, data: bytes, *, remote: bool, dlc: int = 0) -> Frame:
     can_id, extended = int(digits, 16), len(digits) > _BASE_DIGITS
     if can_id > (0x1FFF_FFFF if extended else 0x7FF):
         raise ValueError("no such CAN-ID")
-    return Frame(can_id, data, extended, remote)
+    return Frame(can_id, data, extended, remote, dlc=dlc)
 
 
 def opened_bus(request: bytes) -> bytes | None:
@@ -83,5 +83,5 @@ def told_frame(frame: Frame, wall_s: float) -> bytes:
     """*frame* as clients are told it; *wall_s* is its time, in seconds since 1970."""
     digits = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
     if frame.remote:
-        return f"< rtr {digits} {wall_s:.6f} {len(frame.data)} >".encode()
+        return f"< rtr {digits} {wall_s:.6f} {frame.dlc} >".encode()
     return f"< frame {digits} {wall_s:.6f} {frame.data.hex().upper()} >".encode()

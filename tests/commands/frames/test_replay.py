@@ -37,8 +37,8 @@ FILTERS = {
 }  # fmt: skip
 
 
-def told(frame: Frame) -> tuple[int, bool, bool, bytes]:
-    return frame.can_id, frame.extended, frame.remote, frame.data
+def told(frame: Frame) -> tuple[int, bool, bool, bytes, int]:
+    return frame.can_id, frame.extended, frame.remote, frame.data, frame.dlc
 
 
 def recorded(path: Path, sent: list[Frame]) -> Path:
@@ -80,6 +80,7 @@ def test_what_is_replayed_is_what_was_recorded(
     """Frame by frame, and each as long after the first one; a recording of it is that recording again."""
     with tempfile.TemporaryDirectory() as folder, on_an_empty_bus() as bench:
         path = recorded(Path(folder) / f"run.{suffix}", some)
+        assert [told(one) for one in read_recording(path)] == [told(one) for one in some]
         meant = [one for one in read_recording(path) if not words or any(FILTERS[word](one) for word in words)]
         only = "".join(f" --filter {word}" for word in words)
         code, sent = replayed(bench, f"replay {path}{only} --rate {rate} --loop {loops} --yes")

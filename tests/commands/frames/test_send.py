@@ -19,7 +19,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.frame_effect import Parties, effects
 from dvtcli.watch.lateness import Lateness
 from tests.commands.bench import Bench
-from tests.small_eds import U32, Eds, var
+from tests.small_eds import U8, U32, Eds, var
 from tests.virtual_time import VirtualTimeBus
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
@@ -95,6 +95,12 @@ def moved(tmp_path: Path) -> str:
     eds.variable(0x1014, var("COB-ID EMCY", U32, 0x7B1))
     eds.record(0x1200, "SDO server 1", {1: var("Request", U32, 0x601, "ro"), 2: var("Answer", U32, 0x581, "ro")})
     eds.record(0x1201, "SDO server 2", {1: var("Request", U32, 0x6B2), 2: var("Answer", U32, 0x3B3)})
+    eds.variable(0x1012, var("COB-ID TIME", U32, 0x800007B5))
+    eds.record(
+        0x1280, "SDO client 1", {1: var("Request", U32, 0x6C2), 2: var("Answer", U32, 0x7C2), 3: var("Server", U8, 9)}
+    )
+    eds.record(0x1281, "SDO client 2", {1: var("Request", U32, 0x80000000), 2: var("Answer", U32, 0x80000000)})
+    eds.record(0x1283, "SDO client 4", {1: var("Request", U32, 0x2000B6B6), 2: var("Answer", U32, 0x7C3)})
     eds.record(0x1203, "SDO server 4", {1: var("Request", U32, 0x800007B4), 2: var("Answer", U32, 0x2000B5B5)})
     path = tmp_path / "moved.eds"
     path.write_text(eds.text(), "utf-8")
@@ -109,6 +115,11 @@ def moved(tmp_path: Path) -> str:
         ("6B2#2B17100007000000", "SDO request to node 1: it writes"),
         ("3B3#4018100000000000", "SDO answer of node 1: whoever"),
         ("0000B5B5#4018100000000000", "SDO answer of node 1: whoever"),
+        ("7B5#000000000000", "TIME: nodes set their clocks by it"),
+        ("6C2#2B17100007000000", "SDO request to node 9: it writes"),
+        ("7C2#4018100000000000", "SDO answer of node 9: whoever"),
+        ("0000B6B6#4018100000000000", "SDO request: it reads"),
+        ("7C3#4018100000000000", "SDO answer: whoever asks"),
     ],
 )
 def test_services_that_a_node_has_elsewhere_need_consent(frame: str, why: str, moved: str, tmp_path: Path) -> None:
@@ -124,6 +135,15 @@ def test_services_that_a_node_has_elsewhere_need_consent(frame: str, why: str, m
 def test_a_service_that_is_off_is_none(moved: str) -> None:
     with Bench((moved,)) as bench:
         assert bench.run("send 7B4#00").code == 0
+
+
+def test_time_that_a_node_neither_takes_nor_sends_is_none(tmp_path: Path) -> None:
+    eds = Eds()
+    eds.variable(0x1012, var("COB-ID TIME", U32, 0x7B5))
+    path = tmp_path / "no_time.eds"
+    path.write_text(eds.text(), "utf-8")
+    with Bench((f"{path}@1",)) as bench:
+        assert bench.run("send 7B5#00").code == 0
 
 
 def test_a_dry_run_sends_nothing() -> None:
