@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wcwidth import wcswidth
 
-from dvtcli.cli.view.columns import clipped, columns
+from dvtcli.cli.view.columns import clipped, columns, squeezed
 from dvtcli.cli.view.lines import Table
 
 
@@ -28,6 +28,22 @@ def test_it_is_what_wcwidth_says_sign_by_sign(text: str) -> None:
 def test_what_is_clipped_fits(text: str, width: int) -> None:
     assert columns(clipped(text, width)) <= max(width, 1)
     assert columns(text) > width or clipped(text, width) == text
+
+
+@given(st.text(), st.integers(1, 20))
+def test_what_is_squeezed_fits_and_keeps_both_ends(text: str, width: int) -> None:
+    said = squeezed(text, width)
+    begin, _, end = said.rpartition("…")
+    assert columns(said) <= width
+    if columns(text) <= width:
+        assert said == text
+    else:
+        assert text.startswith(begin)
+        assert text.endswith(end)
+
+
+def test_a_long_name_is_known_by_its_ends() -> None:
+    assert squeezed("maxon_epos4-50-15-node1.dcf", 18) == "maxon_ep…node1.dcf"
 
 
 def test_columns_of_a_table_stand_below_each_other() -> None:

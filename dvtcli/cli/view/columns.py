@@ -28,6 +28,19 @@ def clipped(text: str, width: int, mark: str = "…") -> str:
     return kept + mark[: max(1, width)]
 
 
+def squeezed(text: str, width: int) -> str:
+    """*text* in at most *width* columns; `…` in its middle where something is left out, so that both ends are seen."""
+    if columns(text) <= width:
+        return text
+    begin = clipped(text, (width + 1) // 2)
+    room, end = width - columns(begin), ""
+    for sign in reversed(text):
+        if columns(sign + end) > room:
+            break
+        end = sign + end
+    return begin + end
+
+
 def broken(text: str, width: int) -> list[str]:
     """*text* as lines of at most *width* columns, broken between words; a word that is wider stands alone, whole."""
     lines: list[str] = []

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.columns import clipped
+from dvtcli.cli.view.columns import clipped, columns, squeezed
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import GENERIC
+from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 
 if TYPE_CHECKING:
@@ -19,10 +20,10 @@ _STATE_STYLES = {
     NmtState.PRE_OPERATIONAL.label: "yellow",
     NmtState.STOPPED.label: "red",
 }
-#: states that leave room beside them; the first as the prompt says it
-_SHORT = {NmtState.PRE_OPERATIONAL.label: "PRE-OP", "state unknown": "unknown"}
-#: A node's name has this many columns at least, and more where a screen is wider than these.
-_NAME, _BESIDE_NAME = 8, 72
+#: states that leave room beside them, as the prompt says them
+_SHORT = {state.label: state.short for state in NmtState} | {"state unknown": "unknown", "no heartbeat": "no HB"}
+#: A node's name has so many columns at least, and a file's, by which it can be told from others.
+_NAME, _FILE = 8, 16
 
 
 def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
@@ -30,15 +31,8 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
     if result.detail and result.rows:
         yield from _node_detail(result.rows[0])
         return
-    table = Table(("NODE", "STATE", "TYPE", "VENDOR", "PRODUCT", "NAME", "KNOWN BY"), frozenset({0}), shrink=(6, 5))
-    for row in result.rows:
-        table.add(
-            str(row.node), Cell(_SHORT.get(row.state, row.state), _STATE_STYLES.get(row.state, "")),
-            _word(row.device_type), _word(row.vendor_id), _word(row.product_code),
-            clipped(row.name or "-", max(_NAME, width - _BESIDE_NAME)), _known_by(row),
-        )  # fmt: skip
     if result.rows:
-        yield from table.lines(width)
+        yield from _listed(result.rows, width)
     yield from _files_of_others(result)
     noted = [row for row in result.rows if row.note]
     yield from ([Cell(f"  {row.note}", "yellow")] for row in noted)
@@ -49,6 +43,43 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
     yield what + (
         f" Select one: node {result.rows[0].node}" if result.rows else " Is the bit rate right? Is the bus powered?"
     )
+
+
+def _listed(rows: Sequence[NodeRow], width: int) -> Iterator[Line]:
+    """A line for each node; where one has no room for the file's name, that stands on a line of its own."""
+    table = Table(("NODE", "STATE", "TYPE", "VENDOR", "PRODUCT", ""), frozenset({0}))
+    for row in rows:
+        table.add(
+            str(row.node), Cell(_SHORT.get(row.state, row.state), _STATE_STYLES.get(row.state, "")),
+            _word(row.device_type), _word(row.vendor_id), _word(row.product_code), "",
+        )  # fmt: skip
+    names, files = ["NAME", *(safe(row.name or "-") for row in rows)], [Cell("KNOWN BY", "dim"), *map(_known_by, rows)]
+    lines = [list(line) for line in table.lines()]
+    room = width - sum(columns(cell.text) for cell in lines[0])
+    name_width, file_width = _shared(room, max(map(columns, names)), max(columns(cell.text) for cell in files))
+    for line, name, file in zip(lines, names, files, strict=True):
+        shown = clipped(name, name_width)
+        line.append(Cell(shown, line[1].style if line is lines[0] else ""))
+        if file_width:
+            gap = Cell(" " * (name_width - columns(shown) + 2))
+            yield [*line, gap, Cell(_squeezed(file.text, file_width), file.style)]
+            continue
+        yield line
+        if line is not lines[0] and file.text != "-":
+            yield [Cell(f"{'':8}known by ", "dim"), Cell(_squeezed(file.text, width - 17), file.style)]
+
+
+def _squeezed(file: str, width: int) -> str:
+    """The file's name in *width* columns, the profile before it whole where there is room."""
+    profile, colon, name = file.rpartition(": ")
+    return squeezed(f"{profile}{colon}{squeezed(name, max(_NAME, width - columns(profile + colon)))}", width)
+
+
+def _shared(room: int, name: int, file: int) -> tuple[int, int]:
+    """How many of *room* columns a name and a file get that want *name* and *file*; 0 for a file: a line of its own."""
+    name_width = max(min(name, _NAME), min(name, max(room - 2 - file, (room - 2) // 3)))
+    file_width = min(file, room - 2 - name_width)
+    return (name_width, file_width) if file_width >= min(file, _FILE) else (max(min(name, _NAME), min(name, room)), 0)
 
 
 def _known_by(row: NodeRow) -> Cell:
