@@ -199,7 +199,7 @@ class Terminal:
         while not self.child.eof():
             assert time.monotonic() < end_s, f"dvtcli did not end; the screen is:\n{self.text}"
             self._read()
-        self.child.close()
+        self._close()
         return self.child.exitstatus
 
     def _rest(self) -> None:
@@ -224,4 +224,12 @@ class Terminal:
         return True
 
     def close(self) -> None:
-        self.child.close(force=True)
+        self._close(force=True)
+
+    def _close(self, *, force: bool = False) -> None:
+        """Wait for the program's end, however long that takes; with *force* it is killed."""
+        if isinstance(self.child, pexpect.spawn) and not self.child.closed:  # its own way gives it a tenth of a second
+            if force and self.child.isalive():
+                self.child.kill(signal.SIGKILL)
+            self.child.wait()
+        self.child.close(force=force)
