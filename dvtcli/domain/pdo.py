@@ -18,6 +18,8 @@ EVENT_DRIVEN = 255
 #: the parameters of a PDO that somebody can wish, as `PdoCommunicationParameter` calls them, and its mapping
 MAPPING = "mapping"
 PARAMETERS = ("cob_id", "transmission_type", "inhibit_time", "event_timer", "sync_start_value", MAPPING)
+#: those of 0x1400 and 0x1800 by their sub-index (CiA 301, 7.5.2.35 and 7.5.2.37; 4 is reserved)
+BY_SUB_INDEX = {1: "cob_id", 2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
 
 
 class Direction(StrEnum):

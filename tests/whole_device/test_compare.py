@@ -138,9 +138,11 @@ def test_what_changes_by_itself_is_told_apart(tmp_path: Path) -> None:
 def test_a_setting_that_was_not_read_is_not_called_equal(tmp_path: Path) -> None:
     eds = plain()
     eds.variable(0x1017, var("Producer heartbeat time", U16, 500, ObjFlags=2))
+    eds.variable(0x2001, var("Ramp", U16, 5))
     flagged, said, same = tmp_path / "flagged.eds", tmp_path / "said.dcf", tmp_path / "same.jsonl"
     flagged.write_text(eds.text(), "utf-8")
     eds.variable(0x1017, var("Producer heartbeat time", U16, 500, ObjFlags=2, ParameterValue=2000))
+    eds.variable(0x2001, var("Ramp", U16, 5, ParameterValue=5))
     said.write_text(eds.text(), "utf-8")
     with Bench((f"{flagged}@5",)) as bench:
         compared = bench.run(f"compare {said} --json")

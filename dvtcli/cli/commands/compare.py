@@ -29,8 +29,8 @@ def command(session: Session, /, file: str, other: str | None, everything: bool)
 
     A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by what they mean. Settings are what a
     file may write; what the device says of itself, what commands or measures, and what changes by itself, is told and
-    does not count: --all says why. Of an object without a ParameterValue a DCF means the DefaultValue. --format github
-    or junit is for CI.
+    does not count: --all says why. Of an object without a ParameterValue a DCF says nothing; an EDS means its defaults.
+    --format github or junit is for CI.
 
     \b
     compare press.dcf

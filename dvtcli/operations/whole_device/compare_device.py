@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from dvtcli.device.read_whole import Unread
 from dvtcli.device.same_device import unlike_before
 from dvtcli.domain.configuration import Configuration, NotWritten, configuration_of
 from dvtcli.domain.object_dictionary import Access, OdEntry
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import BY_SUB_INDEX, Pdo
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_entry
 from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
@@ -85,7 +85,7 @@ def _meant(session: Session, first: HeldDevice) -> int:
 
 def _knowing(second: _Second, first: HeldDevice) -> _Second:
     """*second*, which knows what enabled RPDOs of either side take: that is no setting."""
-    taken = frozenset([*_taken(first.objects), *_taken(second.objects)])
+    taken = frozenset([*_taken({**second.objects, **first.objects}), *_taken(second.objects)])
     return replace(second, known=replace(second.known, taken=taken))
 
 
@@ -105,11 +105,12 @@ def _live(session: Session, node: Node, first: HeldDevice) -> _Second:
     """What *node* holds of what *first* says."""
     dictionary = node.dictionary or first.dictionary
     known = Configuration(node.profile) if dictionary is None else configuration(node, dictionary)
-    entries = [entry_of(dictionary, place) for place, kept in first.objects.items() if kept.data is not None]
+    said = {place for place, kept in first.objects.items() if kept.data is not None}
+    entries = [entry_of(dictionary, place) for place in sorted({*said, *_beside(said, dictionary)})]
 
     def again(one: ReadObject) -> bool:
         wanted = first.on_node(one.place, one.entry, node.node_id)
-        return not same_value(one.entry.data_type, wanted, one.data)
+        return one.place in said and not same_value(one.entry.data_type, wanted, one.data)
 
     read = read_entries(session, node, entries, known, again)
     objects = {
@@ -119,6 +120,15 @@ def _live(session: Session, node: Node, first: HeldDevice) -> _Second:
     }
     changing = frozenset(place for place, one in read.items() if one.changes)
     return _Second(f"node {node.node_id}", node.node_id, objects, known, dictionary, node.identity(), changing)
+
+
+def _beside(said: Collection[ObjectAddress], dictionary: ObjectDictionary | None) -> Iterator[ObjectAddress]:
+    """What decides what the objects that are *said* mean: counts of mappings, and what RPDOs take."""
+    mappings = {index for index, _ in said if is_pdo_mapping(index)}
+    for entry in () if dictionary is None else dictionary.entries():
+        pdo = Pdo.at(entry.index)
+        if pdo is not None and (not pdo.is_tpdo or (entry.index in mappings and not entry.sub_index)):
+            yield entry.index, entry.sub_index
 
 
 def _kept(second: HeldDevice, first: HeldDevice) -> _Second:
@@ -154,7 +164,10 @@ def is_setting(why: NotWritten | None) -> bool:
 
 
 def kind_of(known: Configuration, entry: OdEntry) -> Kind:
-    """What a difference of the object that *entry* describes means."""
+    """What a difference of the object that *entry* describes means; what a PDO is set to counts, fixed or not."""
+    if (pdo := Pdo.at(entry.index)) is not None:
+        is_parameter = entry.index == pdo.mapping_index or entry.sub_index in BY_SUB_INDEX
+        return Kind.SETTING if is_parameter else Kind.APART
     why = known.why_not(entry)
     if is_setting(why):
         return Kind.SETTING
@@ -208,12 +221,13 @@ def _nothing_compared(first: HeldDevice, second: _Second) -> UsageError:
 
 
 def _is_beyond_count(place: ObjectAddress, first: HeldDevice, second: _Second) -> bool:
-    """Whether *place* is an entry of a PDO mapping that neither side counts."""
+    """Whether *place* is an entry of a PDO mapping that neither side counts; one that says no count has the other's."""
     index, sub_index = place
     if not is_pdo_mapping(index) or not sub_index:
         return False
-    counts = [held.data for held in (first.objects.get((index, 0)), second.objects.get((index, 0))) if held is not None]
-    return len(counts) == 2 and all(data is not None and len(data) == 1 and data[0] < sub_index for data in counts)
+    sides = (first.objects.get((index, 0)), second.objects.get((index, 0)))
+    counts = [held.data for held in sides if held is not None and held.data is not None]
+    return bool(counts) and all(len(data) == 1 and data[0] < sub_index for data in counts)
 
 
 def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:

@@ -200,7 +200,7 @@ def dcf_wish(node: Node, file: str) -> Wish:
         from dvtcli.operations.whole_device.plan_device import wanted_alone
 
         found = wanted_alone(node, file)
-        if found.pdos or found.values or file.lower().endswith(".jsonl"):
+        if found is not None:
             return found
     try:
         read = read_device_file(Path(file))

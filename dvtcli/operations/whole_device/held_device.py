@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptObject, read_whole_device
+from dvtcli.operations.whole_device.device_suffix import holds_values
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
@@ -29,7 +30,7 @@ class HeldDevice:
     identity: Mapping[str, int | None]
     objects: Mapping[ObjectAddress, KeptObject]
     dictionary: ObjectDictionary | None = None
-    #: objects of which the file has no value, but what a device comes up with
+    #: all objects of a file that only describes: it has no value of any, but what a device comes up with
     assumed: frozenset[ObjectAddress] = frozenset()
 
     def on_node(self, place: ObjectAddress, entry: OdEntry | None, node_id: int) -> bytes | None:
@@ -59,6 +60,7 @@ def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:
 def held_by(file: str, node_id: int | None = None) -> HeldDevice:
     """What *file* says; where it says no node-ID itself, of a node with *node_id*.
 
+    A DCF or XDC says nothing of an object without a value; an EDS, an XDD, and one without any value, the defaults.
     UsageError where it cannot be read, InputFileError where it is none of these files, or a value in it is unreadable.
     """
     try:
@@ -82,11 +84,12 @@ def _described(file: str, node_id: int | None) -> HeldDevice:
     own_id = info.node_id or node_id
     objects: dict[ObjectAddress, KeptObject] = {}
     assumed = set()
+    has_values = holds_values(file) and any(entry.value is not None for entry in dictionary.entries())
     for entry in dictionary.entries():
-        if (data := _said(entry, own_id)) is not None:
+        if (entry.value is not None or not has_values) and (data := _said(entry, own_id)) is not None:
             kind = "" if entry.data_type is None else entry.data_type.short
             objects[entry.index, entry.sub_index] = KeptObject(data, type_name=kind)
-            if entry.value is None:
+            if not has_values:
                 assumed.add((entry.index, entry.sub_index))
     identity = {**info.identity, "serial": None}
     return HeldDevice(file, own_id, identity, objects, dictionary, frozenset(assumed))

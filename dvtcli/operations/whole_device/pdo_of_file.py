@@ -1,6 +1,6 @@
 """A PDO as a file about one device wants it on a node: what the file says, else what the node holds.
 
-What the node does not let write stays. Reads no node.
+What the node does not let write stays. Writes nothing.
 """
 
 from __future__ import annotations
@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.described_node import ToldValues
 from dvtcli.device.read_pdos import read_pdo
-from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import LeftOut
-from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.pdo import BY_SUB_INDEX, PdoConfig
 from dvtcli.domain.rules.mappable import enables_nothing
 from dvtcli.errors import SdoAborted
 from dvtcli.operations.whole_device.compare_device import entry_of
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.operations.whole_device.held_device import HeldDevice
-
-#: Parameters of a PDO by their sub-index of 0x1400 or 0x1800
-_PARAMETERS = {1: "cob_id", 2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
 
 
 def pdo_of_file(
@@ -53,6 +49,9 @@ def _wanted(
         if said != now:
             _leave_out(left_out, pdo.label, "is no whole PDO in the file, or multiplexed")
         return None
+    if any(not entry.index for entry in said.mapping) and said.mapping != now.mapping:
+        _leave_out(left_out, f"{pdo.mapping_index:04X}:00", "the file does not say all that it maps")
+        return replace(now, communication=_communication(node, known, pdo, now, said, left_out))
     wanted = replace(now, communication=_communication(node, known, pdo, now, said, left_out))
     if not said.has_mapping or (said.mapping == now.mapping and not _has_odd_mapping(now)):
         return wanted
@@ -64,7 +63,7 @@ def _wanted(
 
 def _said(node: Node, held: HeldDevice, pdo: Pdo) -> PdoConfig | None:
     try:
-        return read_pdo(_Values(held, node.dictionary, node.node_id), pdo)
+        return read_pdo(_Values(held, node), pdo)
     except SdoAborted:
         return None
 
@@ -78,7 +77,7 @@ def _communication(
 ) -> PdoCommunicationParameter:
     """The parameters that *said* says, where the node has them and lets them be written; else those of *now*."""
     wanted = now.communication
-    for sub_index, name in _PARAMETERS.items():
+    for sub_index, name in BY_SUB_INDEX.items():
         value, place = getattr(said.communication, name), (pdo.communication_index, sub_index)
         if value in (None, getattr(wanted, name)) or (name == "cob_id" and not said.has_cob_id):
             continue
@@ -103,15 +102,13 @@ def _why_not(known: Configuration, dictionary: ObjectDictionary | None, place: O
 
 @dataclass(frozen=True, slots=True)
 class _Values(ToldValues):
-    """What *held* says of a node with *node_id*, behind the same seam as a node."""
+    """What *held* says of *node*, else what the node holds, behind the same seam as a node."""
 
     held: HeldDevice
-    dictionary: ObjectDictionary | None
-    node_id: int
+    node: Node
 
     def told(self, index: int, sub_index: int) -> bytes:
-        """What the file says; SdoAborted where it says nothing of it."""
-        data = self.held.on_node((index, sub_index), entry_of(self.dictionary, (index, sub_index)), self.node_id)
-        if data is None:
-            raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX, node=self.node_id)
-        return data
+        """What the file says, else what the node does; SdoAborted where that refuses it."""
+        place = index, sub_index
+        data = self.held.on_node(place, entry_of(self.node.dictionary, place), self.node.node_id)
+        return self.node.memory.upload(index, sub_index) if data is None else data

@@ -67,10 +67,15 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     return with_unknown_syncs(session, NetworkPlan(file, tuple(planned)), frames)
 
 
-def wanted_alone(node: Node, file: str) -> Wish:
-    """What *file* wants of *node*, not judged, read anew; SafetyRefusal where it is about another product."""
-    node.read_anew()
+def wanted_alone(node: Node, file: str) -> Wish | None:
+    """What *file* wants of *node*, not judged, read anew; None where it has no value of any object.
+
+    SafetyRefusal where it is about another product.
+    """
     held = held_by(file, node.node_id)
+    if not _says_anything(held):
+        return None
+    node.read_anew()
     for unlike in unlike_wanted(node, _wish(held, node.node_id).identity, force=False):
         raise unlike
     found = wanted_of_file(node, held)
@@ -104,9 +109,13 @@ def _wish(held: HeldDevice, node_id: int) -> NodeWish:
     return NodeWish(Path(held.name).name, node_id, identity)
 
 
+def _says_anything(held: HeldDevice) -> bool:
+    return bool(held.objects.keys() - held.assumed)
+
+
 def _refuse_nothing(held: HeldDevice) -> None:
     """UsageError where *held* says no value itself: that every device is as it says would be no answer."""
-    if not held.objects.keys() - held.assumed:
+    if not _says_anything(held):
         raise UsageError(
             f"{held.name} does not say what a device is to hold: it has no value of any object", place=held.name,
             hint="`compare` and `verify` take its defaults; `restore` brings a device's own; `export x.dcf` writes one",

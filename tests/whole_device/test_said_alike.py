@@ -1,0 +1,88 @@
+"""A file about one device means one thing to `compare`, `diff`, `verify`, `plan` and `clone`, whatever is unsaid."""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.commands.bench import Bench
+from tests.whole_device.test_apply_file import made
+from tests.whole_device.test_export_dcf import FAMILIES
+
+pytestmark = pytest.mark.drawn(12, "said alike")
+
+LINES = ("compare {}", "diff {}", "verify {}", "plan {} --exit-code")
+#: one of each kind: of a PDO, of communication, of the mapping's count and entry
+CHANGES = (
+    "set tpdo1 --timer 70", "set rpdo1 --type 254", "disable rpdo1", "map tpdo1 6041 --off", "clear tpdo2",
+    "write 1017 700", "write 1017 900",
+)  # fmt: skip
+VALUE = re.compile(r"(?mi)^ParameterValue=.*\n")
+
+
+def thinned(text: str, keep: float, draw: random.Random) -> str:
+    """The DCF *text* with about *keep* of its values, and at least the producer heartbeat time."""
+    before, sign, after = text.partition("[1017]")
+    kept = re.search(VALUE, after)
+    assert sign
+    assert kept
+    head, tail = after[: kept.end()], after[kept.end() :]
+    some = [VALUE.sub(lambda line: line[0] if draw.random() < keep else "", part) for part in (before, tail)]
+    return some[0] + sign + head + some[1]
+
+
+@settings(max_examples=6)
+@given(
+    family=st.sampled_from(FAMILIES), of_file=st.lists(st.sampled_from(CHANGES), max_size=3),
+    of_node=st.lists(st.sampled_from(CHANGES), max_size=3), keep=st.sampled_from((0.1, 0.5, 0.9)),
+    draw=st.randoms(use_true_random=False),
+)  # fmt: skip
+def test_all_agree_whether_a_node_is_as_a_file_says(
+    family: str, of_file: list[str], of_node: list[str], keep: float, draw: random.Random
+) -> None:
+    with TemporaryDirectory() as folder:
+        file = made(Path(folder), family, "dcf", *of_file)
+        file.write_text(thinned(file.read_text("utf-8"), keep, draw), "utf-8")
+        with Bench((f"{family}@5",)) as bench:
+            bench.run("write 6040 6")  # a drive's power stage is on, and a clone is refused then
+            for line in of_node:
+                assert bench.run(line).code in (0, 1), line
+            ran = [bench.run(line.format(file)) for line in LINES]
+            cloned = bench.run(f"clone {file} --dry-run --yes --json")
+        equal = {one.code == 0 for one in ran}
+        if cloned.code != 6:  # the file of a family without a product number is for no clone
+            equal.add(not (cloned.document["writes"] or cloned.document["remaining"]))
+        assert len(equal) == 1, [(one.code, one.stdout, one.stderr) for one in ran]
+
+
+def test_a_mapping_of_which_neither_side_says_an_entry_is_left(tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf", "map tpdo1 6041 6064")
+    text = file.read_text("utf-8")
+    before, _, after = text.partition("[1A00sub2]")
+    file.write_text(f"{before}[1A00sub2]{VALUE.sub('', after, count=1)}", "utf-8")
+    with Bench(("generic@5",)) as bench:
+        assert bench.run("clear tpdo1").code == 0
+        found = bench.run(f"diff {file} --json")
+        (left,) = (one for one in found.document["nodes"][0]["left_out"] if one["object"] == "1A00:00")
+        assert (found.code, left["remains"], left["why"]) == (3, True, "the file does not say all that it maps")
+        assert bench.run("map tpdo1 6061 6064").code == 0
+        assert bench.run(f"diff {file} --json").document["nodes"][0]["pdos"][0]["map"] == [
+            ["6061:00/8", "6064:00/32"], ["6041:00/16", "6064:00/32"],
+        ]  # fmt: skip
+
+
+def test_a_file_that_says_no_setting_is_compared_with_nothing(tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf")
+    before, sign, after = file.read_text("utf-8").partition("[1008]")
+    file.write_text(VALUE.sub("", before) + sign + VALUE.sub("", after) + "", "utf-8")
+    text = file.read_text("utf-8").replace("[1008]\n", "[1008]\nParameterValue=Pump\n")
+    file.write_text(text, "utf-8")
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"verify {file}").code == 2, "its defaults are not taken for values"
+        assert bench.run(f"compare {file}").code == 2
