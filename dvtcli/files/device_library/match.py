@@ -117,6 +117,14 @@ def first_of(same: Sequence[StoredFile], added: StoredFile | None = None) -> tup
     return chosen, True
 
 
+def taken_of(files: Iterable[StoredFile]) -> dict[StoredFile, bool]:
+    """The one of *files* that is taken for each of their identities, with whether it is since somebody preferred it."""
+    by_identity: dict[tuple[int, int, int], list[StoredFile]] = {}
+    for one in files:
+        by_identity.setdefault(one.identity, []).append(one)
+    return dict(first_of(same) for same in by_identity.values())
+
+
 def _fit(one: StoredFile, revision: int | None) -> Fit:
     if revision is not None and one.revision == revision:
         return Fit.EXACT

@@ -15,7 +15,7 @@ from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import must_be_whole, parse_device_file
 from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, note_about, remembered
-from dvtcli.files.device_library.match import first_of
+from dvtcli.files.device_library.match import first_of, taken_of
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
 from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.operations.eds_library.sought_files import Sought, sought_files
@@ -57,9 +57,9 @@ def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, i
 
 def _are_all_taken(rows: list[AddedFile]) -> bool:
     """Whether each kept file is, now, the one that is taken for a node of its identity."""
-    files = stored_files()
-    kept = [one for one in files if str(one.path) in {row.kept for row in rows}]
-    return all(first_of([other for other in files if other.identity == one.identity])[0] == one for one in kept)
+    files, kept = stored_files(), {row.kept for row in rows}
+    taken = {str(one.path) for one in taken_of(files)}
+    return all(str(one.path) in taken for one in files if str(one.path) in kept)
 
 
 def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:

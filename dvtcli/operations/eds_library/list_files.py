@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.object_dictionary import ERASED
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, remembered
-from dvtcli.files.device_library.match import first_of
+from dvtcli.files.device_library.match import taken_of
 from dvtcli.files.device_library.stored_files import StoredFile, folder, identity_word, stored_file, stored_files
 from dvtcli.operations.eds_library.add_files import described, put_first, remember, write_note
 from dvtcli.operations.results.library_files import LibraryListing, LibraryRow
@@ -106,11 +106,11 @@ def _remove(one: StoredFile) -> None:
 
 def _listing(session: Session, removed: tuple[str, ...] = (), preferred: str = "") -> LibraryListing:
     files = stored_files()
+    taken = taken_of(files)
     rows = []
     for number, one in enumerate(files):
         session.tell.progress("reading the library", number, len(files))
-        first, chosen = first_of([other for other in files if other.identity == one.identity])
-        rows.append(replace(_row(number + 1, one), taken=one == first, preferred=one == first and chosen))
+        rows.append(replace(_row(number + 1, one), taken=one in taken, preferred=taken.get(one, False)))
     return LibraryListing(tuple(rows), str(folder()), removed, preferred, _strangers(len(files)), session.dry_run)
 
 

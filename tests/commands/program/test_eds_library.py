@@ -6,6 +6,7 @@ import json
 import os
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -371,6 +372,18 @@ def test_the_list_opens_no_file_that_it_knows(offline: Bench) -> None:
         bench.run("scan")
         assert all(bench.run(f"read {node}:1000").code == 0 for node in range(1, 11))
     assert len([name for name in opened if name.endswith(".eds")]) <= 2  # what it is, then what is in it
+
+
+def test_the_list_opens_each_note_as_often_however_many_there_are(offline: Bench) -> None:
+    for number in range(12):
+        write(f"all/{number}.eds", text(name=f"pump {number}"))
+    assert offline.run("eds add all").code == 0
+    with opened_files(folder()) as opened:
+        files = offline.run("eds list --json").document["files"]
+    assert [one["taken"] for one in files].count(True) == 1
+    notes = Counter(name for name in opened if name.endswith(".json"))
+    assert len(notes) == 12
+    assert max(notes.values()) <= 2  # whether it is preferred, and what is in its file
 
 
 @pytest.mark.parametrize(
