@@ -16,12 +16,12 @@ from dvtcli.errors import (
     Bug,
     DeviceRefused,
     DvtcliError,
+    Interrupted,
     LeftChanged,
     NoAnswer,
     ResultsLost,
     SdoAborted,
     SdoProtocolError,
-    State,
     UsageError,
 )
 
@@ -89,12 +89,18 @@ def _shown(session: Conversation, error: DvtcliError) -> int:
 
 
 def _stopped(session: Conversation) -> int:
-    """Say that a signal ended it, and what a script leaves changed."""
+    """Say that a signal ended it, and what a script leaves changed; of a change or a comparison what nodes hold."""
     from dvtcli.domain.several import several
 
     code, staying = session.cancellation.exit_code, session.staying()
+    word = "interrupted" if code == INTERRUPTED else "terminated"
+    if session.tells_state:
+        state, said = session.state_now()
+        stopped = Interrupted(word, state=state)
+        stopped.exit_code, stopped.state_text = code, said
+        return _shown(session, stopped)
     left = f": what {several(staying)} changed stays" if staying else ""
-    session.output.lines([("interrupted" if code == INTERRUPTED else "terminated") + left])
+    session.output.lines([word + left])
     return code
 
 
@@ -136,9 +142,9 @@ def _lost(session: Conversation, failed: OSError) -> int:
     from dvtcli.cli.view.streams import silence
 
     silence(sys.stdout)
-    wrote = not session.only_looked or any(node.came_up.written for node in session.met_nodes())  # as `pdo edit` does
-    state: State = "unknown" if wrote else "unchanged"
+    state, said = session.state_now()
     lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state=state)
+    lost.state_text = said
     lost.stays = session.staying()
     session.output.error(lost, session.place, readable=True)
     return lost.exit_code

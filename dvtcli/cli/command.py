@@ -78,7 +78,8 @@ class DvtCommand(click.Command):
         """Run the command with its line's own global options in force."""
         session: Conversation = ctx.obj
         run = super().invoke
-        session.only_looked &= self.effect in _LOOKING
+        changes = self.effect is Effect.CHANGES
+        session.begin_line(is_noted=changes or self.effect in _LOOKING, tells_state=changes or bool(self.formats))
         with session.line(taken(ctx.params)):
             self._require_format(session.output.format)
             if self.needs_settings:

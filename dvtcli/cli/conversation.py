@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.errors import UsageError
+from dvtcli.errors import State, UsageError
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import START_ONLY, Options
 
@@ -96,8 +96,12 @@ class Conversation(Session):
         self.report: ScriptReport | None = None
         #: `FILE:LINE` of the script line that runs
         self.place: str | None = None
-        #: whether no line so far was of a command that does something to nodes
-        self.only_looked = True
+        #: whether what the line that runs does to nodes is noted there: it reads, or writes what they hold
+        self.is_noted = True
+        #: whether the user of the line that runs wants to know what nodes hold where it is stopped
+        self.tells_state = False
+        #: what was written to nodes before the line that runs
+        self._written_before: dict[int, int] = {}
         #: whether lines are typed at the prompt, where one follows the other
         self.at_prompt = False
         #: the Tcl of its lines, None until there was one
@@ -117,6 +121,26 @@ class Conversation(Session):
         found = self.settings.start(given, where)
         self.base = self.options = Options()._replace(**found)
         self._apply()
+
+    def begin_line(self, *, is_noted: bool, tells_state: bool) -> None:
+        """A line of a command begins; a script's are one with it."""
+        if self.in_script:
+            self.is_noted &= is_noted
+            return
+        self.is_noted, self.tells_state, self._written_before = is_noted, tells_state, self.writes()
+
+    def state_now(self) -> tuple[State, str | None]:
+        """What is known of what nodes hold where the line that runs ends without its answer; in words, too."""
+        written = {node for node, count in self.writes().items() if count != self._written_before.get(node, 0)}
+        if self.is_noted and not written:
+            return "unchanged", None
+        if (
+            self.is_noted
+            and self.ends_with_line
+            and all(node.history for node in self._nodes() if node.node_id in written)
+        ):
+            return "unknown", "written as planned, and read back equal before that"
+        return "unknown", None
 
     @property
     def in_script(self) -> bool:

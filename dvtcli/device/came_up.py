@@ -19,6 +19,8 @@ class CameUp:
     boot_ups: int = 0
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     written: bool = False
+    #: how often that was so, however often it restarted
+    writes: int = 0
 
     def _follow(self, boot_ups: int) -> None:
         if boot_ups != self.boot_ups:
@@ -35,6 +37,7 @@ class CameUp:
         """Something was written to the node, or may have been."""
         self._follow(boot_ups)
         self.written = True
+        self.writes += 1
 
     def why_not(self, boot_ups: int, now: Mapping[Pdo, PdoConfig]) -> str:
         """Why *now* may differ from what is stored; empty where it is what came up, and nothing was written since."""

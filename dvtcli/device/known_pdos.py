@@ -159,8 +159,11 @@ class KnownPdos(Reached):
     def forget(self) -> None:
         """Drop what was read: the device was written, or may hold something else now."""
         self.read_anew()
-        with suppress(BusUnavailable):  # a dead bus stays dead: nothing will be stored over it
-            self.came_up.wrote(self.bus.boot_ups(self.node_id))
+        try:
+            boot_ups = self.bus.boot_ups(self.node_id)
+        except BusUnavailable:  # a dead bus stays dead: nothing will be stored over it
+            boot_ups = self.came_up.boot_ups
+        self.came_up.wrote(boot_ups)
 
     def commanded(self) -> None:
         """An NMT command was sent by hand: the gate no longer knows the state, and what was read may be old."""

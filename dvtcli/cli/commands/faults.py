@@ -59,5 +59,5 @@ def command(session: Conversation, /, clear: bool, watch: bool, duration_s: floa
 
     if not clear:
         return show_faults(session)
-    session.only_looked = False
+    session.is_noted = False
     return clear_faults(session)

@@ -234,6 +234,11 @@ class Opened(Said):
         for network in (self._network, self._twin):
             yield from network.nodes.values() if network else ()
 
+    def writes(self) -> dict[int, int]:
+        """How often something was written to each node, no twin, however it ended, or stored there; by node-ID."""
+        nodes = {node.node_id: node for node in (*self.left_nodes(), *self._nodes())}
+        return {node_id: node.came_up.writes + node.pending.stores for node_id, node in nodes.items()}
+
     def seen_nodes(self) -> dict[int, Node]:
         """The nodes that were met, or their twins under --dry-run, by node-ID; opens nothing, also where it is gone."""
         network = self._twin if self.dry_run else self._network

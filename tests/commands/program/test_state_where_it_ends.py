@@ -1,0 +1,84 @@
+"""What a command that was stopped, or whose results are lost, says of what the node holds: what is so, and no more."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.ports import Frame
+from tests.commands.bench import Bench, beside
+from tests.process import PATIENCE_S, ROOT, environment
+from tests.simulator.bench import booted
+
+UNCHANGED = "  state   unchanged: nothing was written\n"
+WORDS = ("diff x.dcf", "plan x.dcf", "verify x.dcf", "compare x.dcf", "apply x.dcf --yes", "clone x.dcf --yes")
+
+
+def bench_with_file() -> Bench:
+    """A node, and `x.dcf`, by which its TPDO1 is another one."""
+    bench = Bench((), {"sim": (), "node": 1}, beside([booted("gen4")]))
+    assert bench.run("export x.dcf").code == 0
+    assert bench.run("map tpdo1 606C").code == 0
+    return bench
+
+
+def interrupt(bench: Bench, after: int) -> list[Frame]:
+    """Ctrl-C at the frame of ours that comes behind *after* others; all that were sent go to the list."""
+    sent: list[Frame] = []
+
+    def note(frame: Frame, ours: bool) -> None:
+        if ours:
+            sent.append(frame)
+            if len(sent) == after:
+                raise KeyboardInterrupt
+
+    bench.session.open_network().bus.tap(note)
+    return sent
+
+
+@pytest.mark.parametrize("line", WORDS)
+@pytest.mark.parametrize("json", [False, True])
+def test_who_stops_what_still_reads_is_told_that_nothing_was_written(line: str, json: bool) -> None:
+    with bench_with_file() as bench:
+        sent = interrupt(bench, after=3)
+        ran = bench.run(line + (" --json" if json else ""))
+        assert ran.code == 130, ran
+        assert len(sent) == 3
+        if json:
+            assert (ran.document["error"], ran.document["state"]) == ("interrupted", "unchanged")
+        else:
+            assert ran.stderr.endswith(f"error: interrupted\n{UNCHANGED}"), ran.stderr
+
+
+def test_a_line_answers_for_itself_and_not_for_those_before_it() -> None:
+    with bench_with_file() as bench:
+        assert bench.session.state_now() == ("unknown", None), "bench_with_file wrote, and others may follow"
+        for line, state in (("read 6041", "unchanged"), ("nmt preop", "unknown"), ("verify x.dcf", "unchanged")):
+            bench.run(line)
+            assert bench.session.state_now() == (state, None), line
+        bench.session.started = False  # the program's only line
+        assert bench.run("map tpdo1 6041").code == 0
+        assert bench.session.state_now() == ("unknown", "written as planned, and read back equal before that")
+
+
+def test_what_a_dry_run_writes_to_a_twin_is_written_to_nobody() -> None:
+    with bench_with_file() as bench:
+        assert bench.run("map tpdo1 6041 --dry-run").code == 0
+        assert bench.session.state_now() == ("unchanged", None)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_results_that_are_lost_before_the_first_write_leave_the_node_unchanged(tmp_path: Path) -> None:
+    (tmp_path / "n.yaml").write_text("nodes:\n  a: {node_id: 1, tpdo: {1: {event_timer: 50}}}\n", "utf-8")
+    with Path("/dev/full").open("w") as full:
+        words = ("--sim", "gen4", "apply", "n.yaml", "--yes")
+        done = subprocess.run(
+            [sys.executable, "-m", "dvtcli", *words], stdout=full, stderr=subprocess.PIPE, encoding="utf-8",
+            env=environment() | {"PYTHONPATH": str(ROOT)}, cwd=tmp_path, timeout=PATIENCE_S, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "the results cannot be written" in done.stderr
+    assert UNCHANGED in done.stderr
