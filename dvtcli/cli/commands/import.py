@@ -10,7 +10,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import FILE
+from dvtcli.cli.params import FILE, NODE_ID
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -22,8 +22,15 @@ TASK = ("Scripts and files", 55)
 @click.command("import", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.argument("folder", type=FILE, required=False)
+@click.option(
+    "--from-manager",
+    "manager",
+    type=NODE_ID,
+    metavar="NODE",
+    help="Not the nodes: what NODE, a CANopen manager, downloads to each of them that boots (0x1F22).",
+)
 @click.pass_obj
-def command(session: Session, /, file: str, folder: str | None) -> Facts:
+def command(session: Session, /, file: str, folder: str | None, manager: int | None) -> Facts:
     """Write every PDO of every node that answers, as it is now, and what joins them, to FILE (.yaml).
 
     With `-n 1,5` these nodes only. With FOLDER its EDS, DCF, XDD and XDC files count instead of a bus: a DCF's node-ID,
@@ -33,7 +40,8 @@ def command(session: Session, /, file: str, folder: str | None) -> Facts:
     \b
     import press.yaml
     import press.yaml eds-files/     no bus is needed
+    import press.yaml --from-manager 3
     """
     from dvtcli.operations.exchange.import_network import import_network
 
-    return import_network(session, file, folder)
+    return import_network(session, file, folder, manager)

@@ -44,7 +44,7 @@ class NetworkCalls:
 
         chosen = str(path("file", file))
         flags(trust_stamp=trust_stamp)
-        words, manager = tuple(include), _manager(to_manager)
+        words, manager = tuple(include), _manager("to_manager", to_manager)
         answer = self._calls.run(
             lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=words, manager=manager)
         )
@@ -53,19 +53,26 @@ class NetworkCalls:
         return answer
 
     def import_network(
-        self, file: str | Path, folder: str | Path | None = None, *, yes: bool = False
+        self,
+        file: str | Path,
+        folder: str | Path | None = None,
+        *,
+        from_manager: int | None = None,
+        yes: bool = False,
     ) -> tuple[str, ...]:
         """Write every node that answers, as it is now, and the links between them to the network *file* (.yaml).
 
-        With *folder* what its EDS, DCF, XDD and XDC files say instead of the bus. The answer is what there is to say of
-        it: what was left out, which layouts differ. Writing over a file needs *yes*. NoAnswer where no node answers,
-        UsageError for another suffix, or where the file cannot be written.
+        With *folder* what its EDS, DCF, XDD and XDC files say instead of the bus; with *from_manager* what that node
+        (1…127), a CANopen manager, downloads to the nodes that it boots (0x1F22, CiA 302-3). The answer is what there
+        is to say of it: what was left out, which layouts differ. Writing over a file needs *yes*. NoAnswer where no
+        node answers, UsageError for another suffix, where the file cannot be written, or that node is no manager.
         """
         from dvtcli.operations.exchange.import_network import import_network
 
         chosen = str(path("file", file))
         files = None if folder is None else str(path("folder", folder))
-        done = self._calls.run(lambda: import_network(self._session, chosen, files), yes=yes)
+        manager = _manager("from_manager", from_manager)
+        done = self._calls.run(lambda: import_network(self._session, chosen, files, manager), yes=yes)
         return tuple(dict(done.rows)["notes"])
 
     def export(
@@ -187,7 +194,7 @@ class NetworkCalls:
         chosen = str(path("file", file))
         flags(prove=prove, trust_stamp=trust_stamp)
         prove_by, words = "reset" if prove else None, tuple(include)
-        manager = _manager(to_manager)
+        manager = _manager("to_manager", to_manager)
         return self._calls.run(
             lambda: applied(
                 self._session, chosen, prove=prove_by, trust_stamp=trust_stamp, include=words, manager=manager
@@ -239,5 +246,5 @@ class NetworkCalls:
         )
 
 
-def _manager(to_manager: int | None) -> int | None:
-    return None if to_manager is None else whole("to_manager", to_manager, "a node-ID", 127, low=1)
+def _manager(name: str, manager: int | None) -> int | None:
+    return None if manager is None else whole(name, manager, "a node-ID", 127, low=1)

@@ -35,8 +35,11 @@ def _dcf(session: Session, node: Node, path: Path) -> FileWord | None:
     if session.options.eds is not None:
         return beside(file_or_family(session.options.eds), path)
     eds = session.network.files.eds_path(node.node_id)
-    if eds is None:
-        return None
+    return None if eds is None else eds_word(eds, path)
+
+
+def eds_word(eds: Path, path: Path) -> FileWord:
+    """What the network file *path* says to mean *eds*: its family, its whole name in the library, or where it is."""
     family = family_of(eds)
     if family is not None:
         return FileWord(family)

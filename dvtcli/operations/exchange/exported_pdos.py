@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
 
 
-class Holder(Protocol):
-    """What holds PDOs: a node, or a file that says what one holds."""
+class Described(Protocol):
+    """A node whose objects may have names."""
 
     @property
     def node_id(self) -> int:
@@ -46,6 +46,10 @@ class Holder(Protocol):
     def profile(self) -> DeviceProfile:
         """Its family's profile."""
         ...
+
+
+class Holder(Described, Protocol):
+    """What holds PDOs: a node, or a file that says what one holds."""
 
     def identity(self) -> dict[str, int | None]:
         """What 0x1018 says of it."""
@@ -82,8 +86,8 @@ def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *
     others = dict(exported_values(values, holder.dictionary, watches)) if whole else {}
     remarks |= {one.object.text: sense for one, sense in others.items()}
     wish = NodeWish(
-        _name(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects), values=tuple(others),
-        watches=watches, pins=tuple(exported_pins(values, holder.profile.vpdo)),
+        title_word(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
+        values=tuple(others), watches=watches, pins=tuple(exported_pins(values, holder.profile.vpdo)),
     )  # fmt: skip
     left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
     return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
@@ -95,7 +99,7 @@ def is_whole(config: PdoConfig) -> bool:
     return config.mpdo is None and not config.inconsistency and has_bits
 
 
-def _name(holder: Holder) -> str:
+def title_word(holder: Described) -> str:
     """The node's name in the file: what its device is called, and its node-ID, so that two of a kind differ."""
     word = re.sub(r"[^a-z0-9_]", "", normalised(holder.title).replace(".", "_"))
     return f"{word}_{holder.node_id}" if word and word[0].isalpha() else f"node_{holder.node_id}"
@@ -122,11 +126,11 @@ def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -
         inhibit_time=held.inhibit_time if pdo.is_tpdo else None,
         event_timer=held.event_timer,
         sync_start_value=held.sync_start_value if pdo.is_tpdo else None,
-        mapping=tuple(_entry(holder, entry, remarks) for entry in config.mapping),
+        mapping=tuple(mapped_word(holder, entry, remarks) for entry in config.mapping),
     )
 
 
-def _entry(holder: Holder, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
+def mapped_word(holder: Described, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
     """The entry by its object's name where that means it alone, else by its number; the other one is its remark."""
     name = "" if holder.dictionary is None else holder.dictionary.display_name(entry.index, entry.sub_index)
     word = "" if entry.is_dummy else _named(holder, name, entry)
@@ -134,7 +138,7 @@ def _entry(holder: Holder, entry: PdoMappingEntry, remarks: dict[str, str]) -> F
     return FileWord(word or str(entry))
 
 
-def _named(holder: Holder, name: str, entry: PdoMappingEntry) -> str:
+def _named(holder: Described, name: str, entry: PdoMappingEntry) -> str:
     """The name as one word, where the device's file knows the object by it, with the length that is mapped."""
     word = normalised(name)
     if not re.fullmatch(r"[a-z_][a-z0-9_]*", word) or holder.dictionary is None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,28 +10,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.described_node import FileValues
-from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
 from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
-from dvtcli.domain.network.found_links import found_links
-from dvtcli.domain.network.heartbeats import watched_ms
-from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
 from dvtcli.files.lost_values import must_tell_values
-from dvtcli.files.network.write_network import write_network
 from dvtcli.files.profile.library import profile_of
 from dvtcli.operations.exchange.export_network import network_place
 from dvtcli.operations.exchange.exported_node import beside, exported_node
-from dvtcli.operations.exchange.exported_pdos import Exported, exported
+from dvtcli.operations.exchange.exported_pdos import exported
 from dvtcli.operations.exchange.listed_files import listed_files, nodelist_in
+from dvtcli.operations.exchange.written_network import FoundNode, write_found
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.opening.simulated_nodes import read_dictionary
-from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, write_whole
+from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 
 if TYPE_CHECKING:
@@ -41,16 +35,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """A node of the network: what it exports to, what its PDOs hold, and where heartbeats are read."""
-
-    exported: Exported
-    held: Mapping[Pdo, PdoConfig]
-    values: SdoReader
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +67,20 @@ class _Described:
         return {name: told[name] or read_identity(self.values, sub) for sub, name in enumerate(told, 1)}
 
 
-def import_network(session: Session, file: str, folder: str | None = None) -> Facts:
+def import_network(session: Session, file: str, folder: str | None = None, manager: int | None = None) -> Facts:
     """Write the nodes that answer, and what joins them, to the network file *file*: a scan, or the nodes of `-n`.
 
     With *folder* its EDS and DCF files instead, which needs no bus: a DCF's node-ID counts, others are numbered. Of a
-    nodelist (CiA 306-3) in it, or as *folder*, its nodes and their DCFs. Asks before it overwrites. NoAnswer where no
-    node answers, UsageError where there is no such file or nothing in it.
+    nodelist (CiA 306-3) in it, or as *folder*, its nodes and their DCFs. With *manager* what the node of that node-ID
+    downloads to its nodes. Asks before it overwrites. NoAnswer where no node answers, UsageError where there is no such
+    file or nothing in it, or both are given.
     """
+    if manager is not None:
+        from dvtcli.operations.exchange.import_manager import import_manager
+
+        if folder is not None:
+            raise UsageError(f"{folder} and --from-manager {manager}: the file is made of one of them")
+        return import_manager(session, file, manager)
     path = network_place(file, "import {}/NAME.yaml")
     ask_before_overwriting(session, path)
     notes: list[str] = []
@@ -100,61 +93,10 @@ def import_network(session: Session, file: str, folder: str | None = None) -> Fa
         title = f"What the files of {folder} say"
         found = [_of_file(one, path, notes) for one in _described(Path(folder), notes)]
     notes += (f"node {one.exported.wish.node_id}: {note}" for one in found if (note := one.exported.left_out_note))
-    return _written(path, file, title, found, notes)
+    return write_found(path, file, title, found, notes)
 
 
-def _written(path: Path, file: str, title: str, found: list[_Found], notes: list[str]) -> Facts:
-    """The file, written, and what there is to say of it."""
-    nodes = {one.exported.wish.node_id: one for one in found}
-    links = found_links(
-        {node_id: one.held for node_id, one in nodes.items()},
-        lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
-    )
-    for consumer, producer in links.unlike:
-        heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
-        notes.append(f"{heard} hears {sent}, and their layouts differ: no link")
-    wishes = tuple(one.exported.wish for _, one in sorted(nodes.items()))
-    remarks = {word: text for one in found for word, text in one.exported.remarks.items()}
-    write_whole(path, write_network(NetworkWish(wishes, links.links), title, remarks))
-    pdos = sum(len(wish.pdos) for wish in wishes)
-    counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
-    errors = _errors(file)
-    judged = f"{plural(errors, 'error')} by `check`, to be mended first" if errors else "Check it"
-    said = [f"{file}: {counts}. {judged}: dvtcli check {shlex.quote(file)}", *(f"note: {note}" for note in notes)]
-    rows = (
-        ("file", file),
-        ("nodes", [_row(one) for _, one in sorted(nodes.items())]),
-        ("links", len(links.links)),
-        ("errors", errors),
-        ("notes", notes),
-    )
-    return Facts("import", rows, tuple(said))
-
-
-def _errors(file: str) -> int:
-    """How many errors `check` finds in the file that was written: of what devices hold not all can be written again."""
-    from dvtcli.operations.network.check_networks import CheckWishes, check_networks
-
-    (report,) = check_networks((file,), CheckWishes(as_findings=True)).reports
-    return report.count()["error"]
-
-
-def _row(one: _Found) -> dict[str, object]:
-    wish = one.exported.wish
-    left_out = list(one.exported.left_out)
-    return {"node": wish.node_id, "name": wish.name, "pdos": len(wish.pdos), "left_out": left_out}
-
-
-def _watches(consumer: SdoReader, producer: SdoReader, producer_id: int) -> bool:
-    """Whether nothing is left to set up: the producer sends no heartbeat, or the consumer waits long enough for it."""
-    try:
-        time_ms = heartbeat_ms(producer) or 0
-        return not time_ms or watched_ms(heartbeat_slots(consumer), producer_id) > time_ms
-    except SdoAborted:
-        return False
-
-
-def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
+def _live(session: Session, path: Path, notes: list[str]) -> Iterator[FoundNode]:
     """Every node that answers; one that is there and does not is said."""
     unnamed: list[str] = []
     ids = list(_ids(session, notes))
@@ -174,7 +116,7 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
             continue
         if node.dictionary is None:
             unnamed.append(str(node_id))
-        yield _Found(found, held, _memory(node))
+        yield FoundNode(found, held, _memory(node))
     if unnamed:
         who = f"node {', '.join(unnamed)}"
         notes.append(f"{who}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
@@ -217,7 +159,7 @@ def _ids(session: Session, notes: list[str]) -> Iterator[int]:
             yield row.node
 
 
-def _of_file(one: _Described, path: Path, notes: list[str]) -> _Found:
+def _of_file(one: _Described, path: Path, notes: list[str]) -> FoundNode:
     held: dict[Pdo, PdoConfig] = {}
     lacked = _lacked(one)
     if lacked:
@@ -231,7 +173,7 @@ def _of_file(one: _Described, path: Path, notes: list[str]) -> _Found:
         except SdoAborted:
             continue  # it has neither COB-ID nor mapping: no such PDO
     found = exported(one, held, one.values)
-    return _Found(replace(found, wish=replace(found.wish, dcf=beside(one.path, path))), held, one.values)
+    return FoundNode(replace(found, wish=replace(found.wish, dcf=beside(one.path, path))), held, one.values)
 
 
 def _lacked(one: _Described) -> list[Pdo]:

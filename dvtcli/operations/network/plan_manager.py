@@ -90,17 +90,19 @@ def _held(node: Node, one: ConciseDcf) -> Iterator[tuple[tuple[int, int], bytes]
     try:
         yield (CONCISE_DCF, one.node_id), node.observed(partial(node.known_value, CONCISE_DCF, one.node_id))
     except SdoAborted as aborted:
-        place = f"1F22:{one.node_id:02X}"
-        raise UsageError(
-            f"node {node.node_id} ({node.title}) does not tell its 0x{place}: {aborted.text}",
-            node=node.node_id, place=place, hint=_NO_MANAGER,
-        ) from aborted  # fmt: skip
+        raise no_manager(node, f"1F22:{one.node_id:02X}", aborted) from aborted
     for index in _EXPECTED:
         try:
             yield (index, one.node_id), node.observed(partial(node.known_value, index, one.node_id))
         except SdoAborted as aborted:
             if aborted.code not in UNREADABLE:
                 raise
+
+
+def no_manager(node: Node, place: str, aborted: SdoAborted) -> UsageError:
+    """That *node*, which *aborted* the reading of *place*, keeps no concise DCFs there."""
+    text = f"node {node.node_id} ({node.title}) does not tell its 0x{place}: {aborted.text}"
+    return UsageError(text, node=node.node_id, place=place, hint=_NO_MANAGER)
 
 
 def _lacking(held: Mapping[tuple[int, int], bytes], mine: list[ConciseDcf]) -> list[int]:

@@ -1,0 +1,88 @@
+"""Nodes that were found, on a bus or in files, as one network file. Does not know where they come from."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
+from dvtcli.domain.network.found_links import found_links
+from dvtcli.domain.network.heartbeats import watched_ms
+from dvtcli.domain.network.wanted_state import NetworkWish
+from dvtcli.domain.several import plural
+from dvtcli.errors import SdoAborted
+from dvtcli.files.network.write_network import write_network
+from dvtcli.operations.results import Facts
+from dvtcli.operations.session.save_script import write_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.ports import SdoReader
+    from dvtcli.operations.exchange.exported_pdos import Exported
+
+
+@dataclass(frozen=True, slots=True)
+class FoundNode:
+    """A node of the network: what it exports to, what its PDOs hold, and where heartbeats are read."""
+
+    exported: Exported
+    held: Mapping[Pdo, PdoConfig]
+    values: SdoReader
+
+
+def write_found(path: Path, file: str, title: str, found: list[FoundNode], notes: list[str]) -> Facts:
+    """Write the nodes *found*, and what joins them, to *path*, which the user calls *file*, under *title*.
+
+    The answer has the *notes*, and how many errors `check` finds in it.
+    """
+    nodes = {one.exported.wish.node_id: one for one in found}
+    links = found_links(
+        {node_id: one.held for node_id, one in nodes.items()},
+        lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
+    )
+    for consumer, producer in links.unlike:
+        heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
+        notes.append(f"{heard} hears {sent}, and their layouts differ: no link")
+    wishes = tuple(one.exported.wish for _, one in sorted(nodes.items()))
+    remarks = {word: text for one in found for word, text in one.exported.remarks.items()}
+    write_whole(path, write_network(NetworkWish(wishes, links.links), title, remarks))
+    pdos = sum(len(wish.pdos) for wish in wishes)
+    counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
+    errors = _errors(file)
+    judged = f"{plural(errors, 'error')} by `check`, to be mended first" if errors else "Check it"
+    said = [f"{file}: {counts}. {judged}: dvtcli check {shlex.quote(file)}", *(f"note: {note}" for note in notes)]
+    rows = (
+        ("file", file),
+        ("nodes", [_row(one) for _, one in sorted(nodes.items())]),
+        ("links", len(links.links)),
+        ("errors", errors),
+        ("notes", notes),
+    )
+    return Facts("import", rows, tuple(said))
+
+
+def _errors(file: str) -> int:
+    """How many errors `check` finds in the file that was written: of what devices hold not all can be written again."""
+    from dvtcli.operations.network.check_networks import CheckWishes, check_networks
+
+    (report,) = check_networks((file,), CheckWishes(as_findings=True)).reports
+    return report.count()["error"]
+
+
+def _row(one: FoundNode) -> dict[str, object]:
+    wish = one.exported.wish
+    left_out = list(one.exported.left_out)
+    return {"node": wish.node_id, "name": wish.name, "pdos": len(wish.pdos), "left_out": left_out}
+
+
+def _watches(consumer: SdoReader, producer: SdoReader, producer_id: int) -> bool:
+    """Whether nothing is left to set up: the producer sends no heartbeat, or the consumer waits long enough for it."""
+    try:
+        time_ms = heartbeat_ms(producer) or 0
+        return not time_ms or watched_ms(heartbeat_slots(consumer), producer_id) > time_ms
+    except SdoAborted:
+        return False
