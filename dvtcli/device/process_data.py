@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.carried import may_be_commanded
 from dvtcli.domain.command_object import is_standard_command
 from dvtcli.domain.named_process_data import is_named_as_process_data
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.wish import Place
-    from dvtcli.domain.object_dictionary import OdEntry
 
 _MAKERS = range(0x2000, 0x6000)
 
@@ -21,26 +21,23 @@ _MAKERS = range(0x2000, 0x6000)
 def is_no_setting(node: KnownPdos, place: Place) -> bool:
     """Whether the object at *place* is a command, a target or an output by a standard; a maker's own by its name, too.
 
-    The latter only where a PDO can carry it, and so is what an enabled RPDO takes of the maker's.
+    The latter only where a PDO can carry it; and what an enabled RPDO takes of the maker's, whatever its file says.
     """
     dictionary = node.dictionary
     entry = dictionary.entry(*place) if dictionary else None
     if is_standard_command(place[0], entry):
         return True
-    if dictionary is None or entry is None or place[0] not in _MAKERS or not _is_carried(entry):
+    if place[0] not in _MAKERS:
         return False
-    return is_named_as_process_data(f"{entry.name} {dictionary.display_name(*place)}") or _is_taken(node, place)
+    if dictionary is not None and entry is not None and may_be_commanded(entry):
+        name = f"{entry.name} {dictionary.display_name(*place)}"
+        return is_named_as_process_data(name) or _is_taken(node, place)
+    return _is_taken(node, place)
 
 
 def is_process_data(node: KnownPdos, place: Place) -> bool:
     """Whether a machine may change the object at *place* at any time: no setting, or what an enabled RPDO takes."""
-    entry = node.dictionary.entry(*place) if node.dictionary else None
-    return is_no_setting(node, place) or (entry is not None and _is_carried(entry) and _is_taken(node, place))
-
-
-def _is_carried(entry: OdEntry) -> bool:
-    """Whether its file lets a PDO carry the object, and a master write it."""
-    return bool(entry.pdo_mapping) and entry.access.writable
+    return is_no_setting(node, place) or _is_taken(node, place)
 
 
 def _is_taken(node: KnownPdos, place: Place) -> bool:

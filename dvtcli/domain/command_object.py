@@ -5,6 +5,7 @@ Knows numbers of the standards, and what a file says can be mapped. Does not kno
 
 from __future__ import annotations
 
+from dvtcli.domain.carried import may_be_commanded
 from dvtcli.domain.object_dictionary import OdEntry
 
 #: How far the objects of one axis, or logical device, are from those of the next (CiA 402-2, 7)
@@ -20,12 +21,12 @@ _MAKERS = range(0x2000, 0x6000)
 def is_command(index: int, entry: OdEntry | None) -> bool:
     """Whether the object at *index*, which a file describes as *entry*, is a command, a target or an output.
 
-    Of a maker's own objects those are it that an RPDO can take, as far as the file says so.
+    Of a maker's own objects those are it that a PDO can carry, as far as the file says so.
     """
     if not 0x6000 <= index <= _LAST:
-        return index in _MAKERS and _is_taken_by_rpdos(entry)
+        return index in _MAKERS and entry is not None and may_be_commanded(entry)
     first = 0x6000 + (index - 0x6000) % _AXIS
-    return first in _OF_DRIVES or (first in _OF_OUTPUTS and _is_taken_by_rpdos(entry))
+    return first in _OF_DRIVES or (first in _OF_OUTPUTS and entry is not None and may_be_commanded(entry))
 
 
 def is_standard_command(index: int, entry: OdEntry | None) -> bool:
@@ -44,7 +45,3 @@ def commanded_by_other(heard: int, hears: OdEntry | None, sent: int, sends: OdEn
     *hears* and *sends* are what files say of them. An object of the same index is meant; a maker's own is not judged.
     """
     return heard != sent and is_standard_command(heard, hears) and not is_command(sent, sends)
-
-
-def _is_taken_by_rpdos(entry: OdEntry | None) -> bool:
-    return entry is not None and bool(entry.pdo_mapping) and entry.access.writable

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.carried import pdo_may_carry, rpdo_may_take
 from dvtcli.domain.named_process_data import is_named_as_process_data, is_named_as_setting
-from dvtcli.domain.object_dictionary import Access, normalised
+from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Range, within
 
@@ -148,7 +149,7 @@ class Configuration:
             return found
         if entry.index in _MAKERS:
             found = self._of_maker(entry)
-        elif _is_taken_by_rpdos(entry):
+        elif rpdo_may_take(entry):
             found = NotWritten.RPDO_MAPPABLE
         return None if found is not None and found.is_lifted_by_include and self._is_included(entry, found) else found
 
@@ -185,9 +186,9 @@ class Configuration:
 
     def _of_maker(self, entry: OdEntry) -> NotWritten | None:
         is_command = is_named_as_command(normalised(entry.name), self._full_name(entry))
-        if _is_mappable(entry) and (is_command or is_named_as_process_data(self._names(entry))):
+        if pdo_may_carry(entry) and (is_command or is_named_as_process_data(self._names(entry))):
             return NotWritten.NAMED_PROCESS_DATA
-        if _is_taken_by_rpdos(entry):  # a current limit or a gain, too: makers let RPDOs take much
+        if rpdo_may_take(entry):  # a current limit or a gain, too: makers let RPDOs take much
             return NotWritten.MAKERS_RPDO
         pins = {group.index for group in self.profile.vpdo.values()}
         if entry.index in pins or within(entry.index, self.profile.configuration):
@@ -274,15 +275,3 @@ def _behaviours(profile: DeviceProfile) -> set[ObjectAddress | None]:
     faults = profile.fault_list
     asked = (profile.state_object, profile.state_request, profile.master_object, profile.extended_error)
     return {*asked, profile.store.saved_by, *(() if faults is None else (faults.count, faults.position, faults.code))}
-
-
-def _is_taken_by_rpdos(entry: OdEntry) -> bool:
-    """Whether an RPDO can take it (CiA 306, 4.6.3.2); where PDOMapping is left out it is 0, but not for rww."""
-    if entry.access is Access.RWW:
-        return entry.pdo_mapping is not False
-    return bool(entry.pdo_mapping) and entry.access in (Access.RW, Access.WO)
-
-
-def _is_mappable(entry: OdEntry) -> bool:
-    """Whether an RPDO can take it, or a TPDO send it."""
-    return bool(entry.pdo_mapping) or _is_taken_by_rpdos(entry)
