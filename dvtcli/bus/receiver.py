@@ -163,7 +163,11 @@ class Receiver(Generic[M]):
         return None if inbox.empty() else inbox.get_nowait()
 
     def _follow(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
-        """The next item or note; it is the one who reads that says when the time is over, once nothing is waiting."""
+        """The next item or note; it is the one who reads that says when the time is over, once nothing is waiting.
+
+        So nothing depends on the queue's own time-out, which CPython's SimpleQueue may lose after a wake-up in vain. A
+        Queue has locks of its own, which a Ctrl-C may leave taken for good.
+        """
         try:
             return inbox.get(timeout=max(deadline_s - monotonic(), 0) + GRACE_S)
         except Empty:
@@ -177,11 +181,11 @@ class Receiver(Generic[M]):
             first_s = min(self._followers.values(), default=inf)
         return max(min(left_s, SLICE_S, first_s - monotonic()), 0.0)
 
-    def _nothing_waited(self, at_s: float) -> None:
-        """The bus was read empty, at *at_s* or later: whoever follows and wanted to wait no longer has no answer."""
+    def _end_times(self, until_s: float) -> None:
+        """What came until *until_s* was read: whoever follows and wanted to wait no longer has no answer."""
         if self._followers:
             with self._mutex:
-                for follower in [one for one, deadline_s in self._followers.items() if deadline_s <= at_s]:
+                for follower in [one for one, deadline_s in self._followers.items() if deadline_s <= until_s]:
                     self._followers[follower] = inf  # it is told once
                     follower.put(_TIME_IS_OVER)
 
@@ -206,8 +210,9 @@ class Receiver(Generic[M]):
         message = self._read(wait_s)
         if message is not None:
             self._deliver(message)
+            self._end_times(began_s - GRACE_S)  # of a bus that is never quiet
         else:
-            self._nothing_waited(began_s)
+            self._end_times(began_s)
 
     def _read_waiting(self) -> None:
         read, deliver = self._read, self._deliver
@@ -215,6 +220,6 @@ class Receiver(Generic[M]):
         for _ in range(BACKLOG):
             message = read(0.0)
             if message is None:
-                self._nothing_waited(began_s)
+                self._end_times(began_s)
                 break
             deliver(message)
