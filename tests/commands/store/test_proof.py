@@ -14,7 +14,8 @@ from dvtcli.device.canary import Canary
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.proven_restore import prove_restore
 from dvtcli.device.change.proving import Restart
-from dvtcli.device.store_parameters import RESTORE, Signed, await_power_cycle
+from dvtcli.device.resets import await_power_cycle
+from dvtcli.device.store_parameters import RESTORE, Signed
 from dvtcli.domain.proof import POWER
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
