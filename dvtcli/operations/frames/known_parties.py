@@ -23,14 +23,21 @@ _NETWORK = (".yaml", ".yml")
 
 
 class KnownParties:
-    """What is known of a session's bus: *parties* with their PDOs, and a *decoder* of what those carry."""
+    """What is known of a session's bus: *parties* with their PDOs, and a *decoder* of what those carry.
 
-    def __init__(self, session: Session, nodes: Iterable[int] = (), file: str | None = None) -> None:
+    Without *on_bus* no bus is opened: only the file says what is there.
+    """
+
+    def __init__(
+        self, session: Session, nodes: Iterable[int] = (), file: str | None = None, *, on_bus: bool = True
+    ) -> None:
         self._session = session
         self._asked: set[int] = set()
         self.parties, self.decoder = Parties(), Decoder()
         if file is not None:
             self._know_file(file)
+        if not on_bus:
+            return
         network = session.network
         known = {*nodes, *network.simulated_ids, *network.nodes, *network.bus.heard_nodes(), session.selected_id()}
         self._read(one for one in known if one is not None)

@@ -14,6 +14,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.operations.frames.known_parties import KnownParties
 from dvtcli.operations.frames.layouts import open_wire
+from dvtcli.operations.network.live_network import nobody_chose
 from dvtcli.operations.results.sent import FramesToReplay, Outcome, Replayed
 from dvtcli.watch.frame_effect import effects
 
@@ -58,17 +59,20 @@ def replay_recording(
     A frame that is late makes no other one late. CAN FD and error frames are left out and counted. Consent is asked
     once, as by `send_frames`, with a table of what would be sent. UsageError for a suffix that is no format, or where
     nothing of it is meant; InputFileError where the file is none of that format; SafetyRefusal without consent, or
-    where the file changes meanwhile. A dry run sends none.
+    where the file changes meanwhile. A dry run sends none; it needs no bus where nobody chose one.
     """
     filters = _filters(choice.only), _filters(choice.without)
     check_readable(path)
-    bus = open_wire(session)
-    _require_limit(bus, choice)
-    known = KnownParties(session, nodes, file)
-    part = _Part(path, choice, filters, known.decoder, remote=bus.carries_remote_frames)
+    bus = None if session.dry_run and not nodes and nobody_chose(session) else open_wire(session)
+    if bus is not None:
+        _require_limit(bus, choice)
+    known = KnownParties(session, nodes, file, on_bus=bus is not None)
+    part = _Part(path, choice, filters, known.decoder, remote=bus is None or bus.carries_remote_frames)
     found = part.summed_up()
     rows = _rows(found, known)
-    if not session.options.yes and not all(row.effects for row in rows):
+    if bus is None:
+        session.tell.note("no bus is chosen: what nodes there act on is told by the pre-defined connection set")
+    elif not session.options.yes and not all(row.effects for row in rows):
         known.look_around()
         rows = _rows(found, known)
     wanted = found.count * choice.loops

@@ -70,13 +70,18 @@ def live_state(session: Session, traffic: HeardTraffic | None, others: Collectio
 
 def refuse_without_bus(session: Session) -> None:
     """UsageError where nobody chose a bus; opens it."""
-    from dvtcli.operations.user.settings import NOBODY
-
-    if not has_bus(session) and session.chosen_by() == NOBODY:
+    if nobody_chose(session):
         raise UsageError(
             "no FILE, and no bus", hint="give a network file, or a bus: -i socketcan -c can0, or --sim gen4"
         )
     session.open_network()
+
+
+def nobody_chose(session: Session) -> bool:
+    """Whether nobody chose a bus, python-can's own settings neither."""
+    from dvtcli.operations.user.settings import NOBODY
+
+    return not has_bus(session) and session.chosen_by() == NOBODY
 
 
 def has_bus(session: Session) -> bool:

@@ -21,6 +21,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.service import service_of
 from tests.commands.bench import Bench
 from tests.files.recordings import BEGIN_S, frames
+from tests.process import dvtcli
 from tests.virtual_time import VirtualTimeBus
 
 #: words that filters are made of, with what they mean, said another way
@@ -284,3 +285,14 @@ def test_names_come_from_the_nodes_that_are_known(tmp_path: Path) -> None:
         rows = bench.run(f"replay {path} --dry-run --json").document["frames"]
         assert rows[0]["label"] == "RPDO2"
         assert "taken by RPDO2 of node 1" in rows[0]["effects"]
+
+
+def test_a_dry_run_needs_no_bus(tmp_path: Path) -> None:
+    path = tmp_path / "run.log"
+    path.write_text("(1.000000) can0 605#2B17100064000000\n(1.100000) can0 185#37\n(1.200000) can0 7A0#01\n", "utf-8")
+    ran = dvtcli("replay", str(path), "--dry-run")
+    assert ran.returncode == 0, ran.stderr
+    assert "SDO request to node 5: it writes" in " ".join(ran.stdout.split())
+    assert "dry run: nothing was sent of 3 frames" in ran.stdout
+    assert "no bus is chosen" in ran.stderr
+    assert dvtcli("replay", str(path)).returncode == 5, "who sends needs one"
