@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,20 +18,36 @@ if TYPE_CHECKING:
     from cantools.database.can import Message
     from cantools.database.can import Signal as DbcSignal
 
+#: a line that every DBC file has: its version, its nodes, or a message
+_SECTION = re.compile(r"^\s*(?:VERSION\b|NS_\s*:|BS_\s*:|BU_\s*:|BO_\s)", re.MULTILINE)
+_DESCRIBING = (".eds", ".dcf", ".xdd", ".xdc")
+_TAKES = "-d takes a DBC file or a network file (.yaml)"
+_INSTEAD = "a network file (-d net.yaml) or --eds FILE decodes without it"
+
 
 def read_dbc(file: str) -> dict[Address, Layout]:
     """The messages of *file*; UsageError where it is missing (or cantools is), InputFileError where it is no DBC."""
-    cantools = extra("cantools", "dbc", "reading a DBC file")
     path = Path(file)
     try:
         text = path.read_bytes().decode("cp1252", errors="replace")
     except OSError as failed:
-        raise UsageError(f"{file}: {failed.strerror or failed}", hint="-d takes the path of a DBC file") from failed
+        raise UsageError(f"{file}: {failed.strerror or failed}", hint=_TAKES) from failed
+    if not _SECTION.search(text):
+        raise InputFileError(
+            f"{path.name} is no DBC file", why="it has no section of one", hint=_hint(path), place=file
+        )
+    cantools = extra("cantools", "dbc", f"reading {path.name}, a DBC file,", instead=_INSTEAD)
     try:
         database = cantools.database.load_string(text, "dbc")
     except (cantools.Error, ValueError, KeyError, IndexError, AttributeError) as wrong:
         raise InputFileError(f"{path.name} is no DBC file", why=_first_line(wrong), place=file) from wrong
     return {(one.frame_id, one.is_extended_frame): _layout(one) for one in database.messages}
+
+
+def _hint(path: Path) -> str:
+    """What to type for a file that is none."""
+    described = path.suffix.lower() in _DESCRIBING
+    return f"--eds {path.name} takes an EDS, DCF, XDD or XDC" if described else _TAKES
 
 
 def _first_line(wrong: Exception) -> str:

@@ -8,12 +8,13 @@ from typing import Any
 from dvtcli.errors import UsageError
 
 
-def extra(package: str, name: str, purpose: str) -> Any:
-    """The *package* that comes with dvtcli's extra *name*; UsageError where it is not installed."""
+def extra(package: str, name: str, purpose: str, instead: str = "") -> Any:
+    """The *package* that comes with dvtcli's extra *name*; UsageError, with what goes *instead*, where it is missing."""
     try:
         return import_module(package)
     except ModuleNotFoundError as missing:
         if missing.name is None or missing.name.partition(".")[0] != package.partition(".")[0]:
             raise
         top = package.partition(".")[0]
-        raise UsageError(f"{purpose} needs {top}", hint=f"pip install 'dvtcli[{name}]'") from missing
+        hint = f"pip install 'dvtcli[{name}]'{f'; {instead}' if instead else ''}"
+        raise UsageError(f"{purpose} needs {top}", hint=hint) from missing

@@ -14,7 +14,8 @@ import can
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import UsageError
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.dbc import read_dbc
 from dvtcli.files.extras import extra
 from dvtcli.files.recorder import Recorder
 from dvtcli.files.recording_formats import APPENDABLE, FORMATS, ROTATING
@@ -210,7 +211,9 @@ def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None
         (["decode", "damaged.log"], 4, "damaged.log:2"),
         (["decode", "run.xyz"], 2, ".blf (Vector binary)"),
         (["decode", "run.log", "--dbc", "none.dbc"], 2, "No such file"),
+        (["decode", "run.log", "--dbc", "run.log"], 4, "-d takes a DBC file or a network file"),
         (["decode", "run.log", "--dbc", "run.log"], 4, "is no DBC file"),
+        (["decode", "run.log", "--dbc", GEN4], 4, "--eds gen4.eds takes an EDS"),
         (["decode", "run.log", "--csv"], 2, "needs a mapping"),
         (["plot", "run.log", "velocity", "--eds", GEN4], 2, "Velocity actual value"),
         (["plot", "run.log", "606C"], 2, "no signal is known"),
@@ -257,3 +260,17 @@ def test_an_extra_that_is_missing_is_named() -> None:
     with pytest.raises(UsageError, match="drawing a picture needs no_such_package") as caught:
         extra("no_such_package.figure", "plot", "drawing a picture")
     assert caught.value.hint == "pip install 'dvtcli[plot]'"
+
+
+def test_without_cantools_only_a_dbc_file_misses_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in the plain install: what is no DBC file is said to be none, and for one that is there are other ways."""
+    monkeypatch.setitem(sys.modules, "cantools", None)
+    page, dbc = tmp_path / "rep.html", tmp_path / "all.dbc"
+    page.write_text("<!DOCTYPE html>", "utf-8")
+    dbc.write_text('VERSION ""\n\nBU_: A\n', "utf-8")
+    with pytest.raises(InputFileError, match=r"^rep\.html is no DBC file$"):
+        read_dbc(str(page))
+    with pytest.raises(UsageError, match=r"^reading all\.dbc, a DBC file, needs cantools$") as caught:
+        read_dbc(str(dbc))
+    assert caught.value.hint is not None
+    assert caught.value.hint.startswith("pip install 'dvtcli[dbc]'; a network file (-d net.yaml)")
