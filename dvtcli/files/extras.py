@@ -9,7 +9,7 @@ from dvtcli.errors import UsageError
 
 
 def extra(package: str, name: str, purpose: str, instead: str = "") -> Any:
-    """The *package* that comes with dvtcli's extra *name*; UsageError, with what goes *instead*, where it is missing."""
+    """The *package* that comes with dvtcli's extra *name*; UsageError, with what goes *instead*, without it."""
     try:
         return import_module(package)
     except ModuleNotFoundError as missing:

@@ -52,8 +52,8 @@ def command(
     """Send the frames of FILE (.asc .blf .log .trc .mf4 .pcapng .pcap) as long after one another as they were recorded.
 
     It asks once, with a list, before what nodes act on, as send does; --without nmt --without sdo leaves the worst out.
-    --dry-run shows it as a table and sends nothing; it needs no bus. CAN FD and error frames are left out. While a node is OPERATIONAL,
-    with --rate 0 always, the bus is kept at --bus-share (50 %) where its bit rate is known.
+    --dry-run shows it as a table, sends nothing, and needs no bus. CAN FD and error frames are left out. While a node
+    is OPERATIONAL, with --rate 0 always, the bus is kept at --bus-share (50 %) where its bit rate is known.
 
     \b
     replay run.log --dry-run
