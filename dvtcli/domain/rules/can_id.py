@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
@@ -23,7 +24,9 @@ RULES = (
          "CiA 301, 7.3.5; the node's 0x1005 and 0x1014"),
     Rule("can-id-clash", ERROR, "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session",
          "ours"),
-    Rule("can-id-default", NOTE, "the CAN-ID is another PDO's default, or set at one that is off", "CiA 301, 7.3.5"),
+    Rule("can-id-default", NOTE,
+         "the CAN-ID is another PDO's default, or set at one that is off; that of EMCY is another node's",
+         "CiA 301, 7.3.5"),
 )  # fmt: skip
 
 #: First and last 11-bit CAN-ID of a range that CiA 301 restricts, with what it is for.
@@ -47,6 +50,17 @@ def restricted_use(can_id: int) -> str | None:
         if first <= can_id <= last:
             return use
     return None
+
+
+def emcy_findings(node_id: int, place: str, raw: int) -> Iterator[Finding]:
+    """Judge *raw* as the COB-ID of EMCY (0x1014) of the node with *node_id*: others may take it for another node's.
+
+    Source: CiA 301, 7.3.5 (pre-defined connection set).
+    """
+    want = CobId.from_raw(raw)
+    owner = want.can_id - 0x080
+    if want.valid and not want.extended and 1 <= owner <= 127 and owner != node_id:
+        yield note("can-id-default", place, f"{want} is the default COB-ID of EMCY of node {owner}")
 
 
 def can_id_findings(proposal: Proposal) -> Iterator[Finding]:

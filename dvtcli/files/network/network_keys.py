@@ -189,7 +189,10 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.SDO, "index", Kind.INTEGER, "the object's index", 0, _U16),
     NetworkKey(Where.SDO, "sub_index", Kind.INTEGER, "its sub-index, 0 unless said", 0, _U8),
     NetworkKey(Where.SDO, "object", Kind.OBJECT, "its name, or `6081:00`, instead of both"),
-    NetworkKey(Where.SDO, "value", Kind.VALUE, "what it should hold; 0 unless said, as dcfgen takes it"),
+    NetworkKey(
+        Where.SDO, "value", Kind.VALUE,
+        "what it should hold; 0 unless said, as dcfgen takes it; `$NODEID+0x80` follows the node-ID",
+    ),
     NetworkKey(Where.LINK, "from", Kind.ENDPOINT, "the TPDO", required=True),
     NetworkKey(Where.LINK, "to", Kind.ENDPOINTS, "the RPDOs that hear it", required=True),
     NetworkKey(

@@ -13,15 +13,18 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.network.wanted_state import FileWord, HeartbeatWatch, ObjectWish, ValueWish
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.network_keys import OF, Where
+from dvtcli.operations.wanted.node_id_words import following
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import SdoReader
 
-_CONSUMER = 0x1016
+_CONSUMER, _EMCY = 0x1016, 0x1014
+#: bits 0 to 29 of a COB-ID: the CAN-ID, and whether it has 29 bits; where EMCY of node-ID 0 would be (CiA 301, 7.3.5)
+_IDENTIFIER, _EMCY_BASE = 0x3FFF_FFFF, 0x80
 #: what has no key of its own: index and size in bytes, and what it is
 _WITHOUT_KEY = {
-    (0x1014, 4): "COB-ID of EMCY",
+    (_EMCY, 4): "COB-ID of EMCY",
     (0x1015, 2): "inhibit time of EMCY, 100 µs",
     (0x1019, 1): "overflow of SYNC's counter",
 }
@@ -49,16 +52,18 @@ def exported_objects(
 
 
 def exported_values(
-    values: SdoReader, dictionary: ObjectDictionary | None, watches: Collection[HeartbeatWatch]
+    values: SdoReader, dictionary: ObjectDictionary | None, watches: Collection[HeartbeatWatch], node_id: int
 ) -> Iterator[tuple[ValueWish, str]]:
     """What a node holds of emergencies, the counter of SYNC, and entries of 0x1016 besides *watches*, with its sense.
 
-    These have no key of their own. Not what the node's EDS does not have: nobody could check that without the node.
+    These have no key of their own. The COB-ID of EMCY follows the node-ID where it is the default of *node_id*. Not
+    what the node's EDS does not have: nobody could check that without the node.
     """
     for (index, size), sense in _WITHOUT_KEY.items():
         held = _held(values, index, 0, size)
         if held is not None and _is_settable(dictionary, index, 0):
-            text = f"0x{held:X}" if size == 4 else str(held)
+            is_own = index == _EMCY and held & _IDENTIFIER == _EMCY_BASE + node_id
+            text = following(held - node_id) if is_own else f"0x{held:X}" if size == 4 else str(held)
             yield ValueWish(FileWord(f"{index:04X}:00"), FileWord(text)), sense
     left = {(one.producer, one.time_ms) for one in watches}
     for sub_index, value in _slots(values).items():

@@ -83,7 +83,7 @@ def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *
     found = exported_objects(values, holder.dictionary, whole=whole)
     objects = sorted(found, key=lambda one: (one.index, one.sub_index))
     watches = tuple(exported_watches(values))
-    others = dict(exported_values(values, holder.dictionary, watches)) if whole else {}
+    others = dict(exported_values(values, holder.dictionary, watches, holder.node_id)) if whole else {}
     remarks |= {one.object.text: sense for one, sense in others.items()}
     wish = NodeWish(
         title_word(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),

@@ -18,6 +18,7 @@ from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.meanings.named_objects import entry_at, object_at
 from dvtcli.operations.meanings.physical_meanings import meaning_of, typed_bytes
 from dvtcli.operations.objects.write_object import object_type
+from dvtcli.operations.wanted.node_id_words import of_node
 from dvtcli.operations.wanted.wanted_pins import WantedValue, wanted_pins
 
 if TYPE_CHECKING:
@@ -132,7 +133,8 @@ def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
             continue
         try:
             kind = object_type(node, *place)
-            data = typed_bytes(kind, meaning_of(node, *place), one.value.text)
+            text = one.value.text if kind.limits is None else of_node(one.value.text, node.node_id)
+            data = typed_bytes(kind, meaning_of(node, *place), text)
             yield WantedValue(place, data, _name(node, place), one.value.mark)
         except ValueError as unfit:
             log.complain(one.value.mark, f"{one.value.text!r} for {_shown(place)}: {unfit}")

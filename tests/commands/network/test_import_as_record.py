@@ -61,3 +61,23 @@ def test_who_is_watched_has_a_key_and_the_other_entries_are_values(tmp_path: Pat
     (node,) = read_network_file(file).nodes
     assert [(one.producer, one.time_ms) for one in node.watches] == [(5, 500)]
     assert "1016:01" not in {one.object.text for one in node.values}
+
+
+def test_emcy_s_default_follows_the_node_id_and_another_node_s_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench(("generic@9",)) as bench:
+        assert bench.run(f"import {file}").code == 0
+        assert bench.run(f"plan {file} --exit-code").code == 0
+    text = file.read_text("utf-8")
+    assert 'object: 1014:00, value: "$NODEID+0x80"' in text
+    file.write_text(text.replace("node_id: 9", "node_id: 10"), "utf-8")
+    told = "0x089 is the default COB-ID of EMCY of node 9"
+    with Bench(("generic@10",), {"yes": True}) as bench:
+        ran = bench.run(f"plan {file}")
+        assert ("0x1014" in ran.stdout, told in ran.stdout + ran.stderr) == (False, False)
+        file.write_text("x:\n  node_id: 10\n  sdo: [{object: 1014:00, value: 0x89}]\n", "utf-8")
+        for word in ("plan", "apply"):
+            ran = bench.run(f"{word} {file}")
+            assert (ran.code, told in ran.stdout + ran.stderr) == (0, True), ran
+        file.write_text("x:\n  node_id: 10\n  sdo: [{object: 1014:00, value: $NODEID+many}]\n", "utf-8")
+        assert bench.run(f"plan {file}").code == 4
