@@ -97,22 +97,28 @@ def command(
     eds convert setup.log press.dbc    what a recording says of its PDOs
     eds show ram.cdcf
     """
-    if action != "convert":
-        conversion.refuse()
-    if identity is not None and action != "add":
-        raise UsageError("--identity belongs to eds add", hint="eds add drive.eds --identity vendor=0x1E,product=5")
+    asks_rules = bool(only or without or strict or session.output.format in SPECIAL_FORMATS)
+    _refuse_options(action, identity, conversion, asks_rules=asks_rules)
     if not files and action != "list":
         raise click.UsageError("Missing argument '[FILE...]'.")
     if action == "check":
         from dvtcli.operations.known_devices.eds_files import check_eds
 
         return check_eds(files, only, without, strict=strict, family=session.options.profile)
-    if only or without or strict or session.output.format in SPECIAL_FORMATS:
-        hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
-        raise UsageError(f"eds {action} asks no rules", hint=hint)
     if action == "convert":
         return _convert(session, files, conversion)
     return _show(session, _one(action, files)) if action == "show" else _library(session, action, files, identity)
+
+
+def _refuse_options(action: str, identity: dict[str, int] | None, conversion: Conversion, *, asks_rules: bool) -> None:
+    """UsageError for an option that belongs to another *action*."""
+    if action != "convert":
+        conversion.refuse()
+    if identity is not None and action != "add":
+        raise UsageError("--identity belongs to eds add", hint="eds add drive.eds --identity vendor=0x1E,product=5")
+    if asks_rules and action != "check":
+        hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
+        raise UsageError(f"eds {action} asks no rules", hint=hint)
 
 
 def _one(action: str, files: tuple[str, ...]) -> str:

@@ -69,12 +69,7 @@ def command(
     """
     from dvtcli.operations.lss import lss_assign, lss_bit_rate, lss_find, lss_node_id, lss_store
 
-    if wait is not None and action != "scan":
-        raise click.UsageError("--wait belongs to lss scan")
-    if stores and action not in ("assign", "bitrate"):
-        raise click.UsageError("--store belongs to lss assign and lss bitrate")
-    if prove and not (action == "store" or stores):
-        raise click.UsageError("--prove belongs to lss store, and to lss assign and lss bitrate with --store")
+    _refuse_options(action, waits=wait is not None, stores=stores, proves=prove)
     match action:
         case "scan":
             no_words(words)
@@ -90,3 +85,13 @@ def command(
         case "bitrate":
             return lss_bit_rate.lss_bit_rate(session, *rate_and_file(words), stores=stores, prove=prove)
     return lss_store.lss_store(session, only_node_id(words), prove=prove)
+
+
+def _refuse_options(action: str, *, waits: bool, stores: bool, proves: bool) -> None:
+    """UsageError for an option that belongs to another *action*."""
+    if waits and action != "scan":
+        raise click.UsageError("--wait belongs to lss scan")
+    if stores and action not in ("assign", "bitrate"):
+        raise click.UsageError("--store belongs to lss assign and lss bitrate")
+    if proves and not (action == "store" or stores):
+        raise click.UsageError("--prove belongs to lss store, and to lss assign and lss bitrate with --store")
