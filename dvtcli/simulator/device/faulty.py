@@ -1,4 +1,4 @@
-"""The faults of one simulated node, acted between its SDO server and the network.
+"""The faults of one simulated node that happen once, acted between its SDO server and the network.
 
 Time is passed in; waiting is the caller's. Does not know how a fault is written (`simulated_faults`), nor buses or
 threads.
@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dvtcli.domain.pdo import Pdo
+from dvtcli.simulator.device.broken_device import break_device
 from dvtcli.simulator.device.fault_kinds import FaultKind
 from dvtcli.simulator.device.memory import STORE
 from dvtcli.simulator.device.refusal import Refusal
@@ -77,48 +78,8 @@ class FaultyServer:
             self._no_boot_up = True
         elif fault.kind is FaultKind.SLOW_STORE:
             self._store_delay_s = fault.seconds or 0.0
-        elif fault.kind.of_bit_rate:
-            self._mistime(fault)
         else:
-            self._break(fault.kind)
-
-    def _mistime(self, fault: Fault) -> None:
-        """What is wrong with the device's bit rate."""
-        lss = self._server.device.lss
-        match fault.kind:
-            case FaultKind.BIT_RATE:
-                lss.run_at(fault.code, lss.known_rates)
-            case FaultKind.NO_BIT_TIMING:
-                lss.known_rates = ()
-            case FaultKind.KEEPS_BIT_RATE:
-                lss.keeps_rate = True
-            case FaultKind.LOSES_BIT_RATE:
-                lss.loses_rate = True
-
-    def _break(self, kind: FaultKind) -> None:
-        """What is wrong with the device all the time."""
-        store = self._server.device.areas
-        match kind:
-            case FaultKind.STORE_FAILS:
-                store.fails = True
-            case FaultKind.STORES_NOTHING:
-                store.stores_nothing = True
-            case FaultKind.SAVES_ITSELF:
-                store.saves_itself = True
-            case FaultKind.KEEPS_RAM:
-                store.keeps_ram = True
-            case FaultKind.RESTORES_NOTHING:
-                store.restores_nothing = True
-            case FaultKind.IGNORES_NMT:
-                self._server.device.ignores_nmt = True
-            case FaultKind.FLASH_FAILS | FaultKind.FLASH_ALTERS:
-                self._break_flash(kind)
-
-    def _break_flash(self, kind: FaultKind) -> None:
-        loader = self._server.device.loader
-        if loader is None:
-            raise ValueError(f"{kind}: the node has no boot loader: no program can be downloaded")
-        loader.fails, loader.alters = kind is FaultKind.FLASH_FAILS, kind is FaultKind.FLASH_ALTERS
+            break_device(self._server.device, fault)
 
     def handle(self, request: bytes, now_s: float) -> Answer:
         """The answer to *request* at *now_s*, faults included."""

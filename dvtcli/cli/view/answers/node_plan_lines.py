@@ -1,0 +1,112 @@
+"""The text of what one node of a network is planned to be: its PDOs, its objects, and what is left as it is.
+
+Does not know the other nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.shown_value import step_text
+from dvtcli.domain.configuration import NotWritten
+from dvtcli.domain.parameter_text import entry_text, parameter_text
+from dvtcli.domain.plan import STAMP, PdoChange, Step
+from dvtcli.domain.several import plural, several
+from dvtcli.operations.results.networks import action, differing
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import LeftOut, NodePlan
+
+#: how many settings that differ and are not written have a line each
+_MOST_REMAINING = 12
+_SIGNS = {"prune": ("-", "red"), "disable": ("~", "yellow"), "enable": ("~", "yellow"), "change": ("~", "yellow")}
+
+
+def node_plan_lines(file: str, node: NodePlan, width: int) -> Iterator[Line]:
+    """What *file* changes on the node, what of it is not written, and why."""
+    place = f"  {file}:{node.line}" if node.line else ""
+    title = f"({node.title})" if node.title else ""
+    said = " ".join(filter(None, (node.name, title)))
+    yield [Cell(f"node {node.node_id}  {said}", "bold"), Cell(place, "dim")]
+    for change in node.plan.changes:
+        if isinstance(change, PdoChange):
+            yield from _pdo(node, change, width)
+        else:
+            yield _object(node, change.step)
+    if not node.is_read:
+        yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{STAMP:04X}) is that of the file")]
+    if node.store and node.unstored:
+        yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
+    if node.unchanged > 0:
+        yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
+    yield from _left_out(node)
+
+
+def _left_out(node: NodePlan) -> Iterator[Line]:
+    """What the file says and nobody writes, by why; what is read-only is only counted."""
+    for one in node.remaining[:_MOST_REMAINING]:
+        yield _otherwise(node, one)
+    if len(node.remaining) > _MOST_REMAINING:
+        rest = [one.object for one in node.remaining[_MOST_REMAINING:]]
+        yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {several(rest)}")]
+    by_why: dict[str, list[str]] = {}
+    for one in node.left_out:
+        if not one.remains:
+            by_why.setdefault(one.why, []).append(f"{one.object}{_values(node, one)}")
+    silent = by_why.pop(NotWritten.READ_ONLY, [])
+    for why, places in by_why.items():
+        yield [Cell("  ! ", "yellow"), Cell(f"not written: {several(places)} {why}")]
+    if silent:
+        yield [Cell(f"  = {plural(len(silent), 'read-only object')} of the file left aside", "dim")]
+
+
+def _otherwise(node: NodePlan, one: LeftOut) -> Line:
+    """A setting in which the node differs from the file, and why it stays so."""
+    return [Cell("  ! ", "yellow"), Cell(f"differs, not written: {one.object}{_values(node, one)} {one.why}")]
+
+
+def _values(node: NodePlan, one: LeftOut) -> str:
+    """What the node holds of an object and what the file says, where both are known."""
+    if one.held is None or one.said is None:
+        return ""
+    index, sub_index = (int(part, 16) for part in one.object.split(":"))
+    step, known = Step(index, sub_index, one.held, one.said, ""), node.understood.get(one.object)
+    return f" (holds {step_text(step, one.held, known)}, the file says {step_text(step, one.said, known)})"
+
+
+def _object(node: NodePlan, step: Step) -> Line:
+    """A single object: what it holds, what it is to hold, and what that means."""
+    known = node.understood.get(step.object)
+    before, after = step_text(step, step.before, known), step_text(step, step.after, known)
+    said = "" if step.reason == "write" else f"  {step.reason}"
+    return [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {before} -> {after}"), Cell(said)]
+
+
+def _pdo(node: NodePlan, change: PdoChange, width: int) -> Iterator[Line]:
+    kind = action(node, change)
+    sign, style = _SIGNS[kind]
+    if kind == "prune":
+        yield [
+            Cell(f"  {sign} ", style),
+            Cell(f"{change.label}  enabled on the node, not in the file: goes off (prune)"),
+        ]
+        return
+    stays_off = not change.before.enabled and not change.after.enabled
+    yield [Cell(f"  {sign} ", style), Cell(change.label), Cell("  stays off" if stays_off else "", "dim")]
+    table = Table(indent=6, shrink=3)
+    for key, was, will in differing(change):
+        if key == "map":
+            _entries(table, node, was, will)
+        else:
+            table.add(key, parameter_text(key, was, change.pdo), "->", parameter_text(key, will, change.pdo))
+    yield from table.lines(width)
+
+
+def _entries(table: Table, node: NodePlan, was: list[str], will: list[str]) -> None:
+    for number in range(max(len(was), len(will))):
+        before, after = (side[number] if number < len(side) else "-" for side in (was, will))
+        if before != after:
+            name = node.names.get(after.rpartition("/")[0], "")
+            table.add(f"map {number + 1}", entry_text(before), "->", f"{entry_text(after)}  {name}".rstrip())
