@@ -188,6 +188,8 @@ def test_it_imports_nothing_of_dvtcli_but_itself() -> None:
         "dvtcli",
         "dvtcli.cli.dvt",
         "dvtcli.cli.dvt.tcl_child",
+        "dvtcli.cli.dvt.tcl_child_run",
+        "dvtcli.cli.dvt.tcl_parent",
         "dvtcli.cli.dvt.tcl_interp",
         "dvtcli.cli",
         "dvtcli.cli.dvt.tcl_wire",

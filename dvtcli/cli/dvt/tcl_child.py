@@ -1,47 +1,17 @@
 """The process in which a Tcl script runs: it asks for every command of ours over a pipe, and dies with its parent.
 
-Imports nothing of dvtcli but its neighbours for the wire and the interpreter. Knows no bus, no session and no words.
+Imports nothing of dvtcli but its neighbours. Knows no bus, no session and no words.
 """
 
 from __future__ import annotations
 
 import os
-import re
 import sys
-import threading
-import time
-from collections.abc import Sequence
-from queue import SimpleQueue
-from typing import IO
 
-from dvtcli.cli.dvt.tcl_interp import BRIDGE, SAFE, BareInterpreter
-from dvtcli.cli.dvt.tcl_wire import (
-    MOST_CHARACTERS,
-    NO_MEMORY,
-    Answer,
-    Call,
-    End,
-    Go,
-    Gone,
-    Ready,
-    Setup,
-    Typed,
-    WireError,
-    receive,
-    send,
-)
-
-#: How often (s) it is looked after whether the script must stop.
-_TICK_S = 0.1
-#: Parts of `file` that only work on names: answered here.
-_NAMES_ONLY = ("dirname", "tail", "extension", "rootname", "join", "split")
-#: A command of so many characters is looked at after each of its lines, a longer one less often.
-_EXACT = 1 << 16
-#: What Tcl says where it is out of memory and does not abort.
-_NO_ROOM = re.compile("out of memory|unable to (re)?alloc|max size for a Tcl value|max length of a Tcl list")
-_FILE_LINE = re.compile(r'\(file "(.*)" line (\d+)\)')
-#: For the thread that waits for answers: the usual 8 MiB would count as the script's memory.
-_STACK_BYTES = 1 << 18
+from dvtcli.cli.dvt.tcl_child_run import Script
+from dvtcli.cli.dvt.tcl_interp import BareInterpreter
+from dvtcli.cli.dvt.tcl_parent import Parent, die_of
+from dvtcli.cli.dvt.tcl_wire import Ready, Setup, Typed
 
 
 def main() -> None:
@@ -49,45 +19,8 @@ def main() -> None:
     try:
         _serve(Parent())
     except BaseException as bug:  # noqa: BLE001 - nobody above: the parent reads of it
-        _die_of(bug)
+        die_of(bug)
     os._exit(0)
-
-
-class Parent:
-    """The process that owns the bus; at its end this one ends, whatever Tcl is doing then."""
-
-    def __init__(self) -> None:
-        self._answers, self._calls = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-        nothing = os.open(os.devnull, os.O_RDWR)
-        for stream in (0, 1):  # Tcl has channels of its own for these
-            os.dup2(nothing, stream)
-        os.close(nothing)
-        self._heard: SimpleQueue[Setup | Go | Typed | Answer] = SimpleQueue()
-        threading.stack_size(_STACK_BYTES)
-        threading.Thread(target=_hear, args=(self._answers, self._heard), daemon=True).start()
-
-    def told(self) -> Setup | Go | Typed | Answer:
-        """Wait for what it says next."""
-        return self._heard.get()
-
-    def asked(self, call: Call) -> Answer:
-        """Its answer to *call*."""
-        self.tell(call)
-        answer = self.told()
-        assert isinstance(answer, Answer)  # noqa: S101 - calls and answers take turns
-        return answer
-
-    def tell(self, frame: Ready | Call | End) -> None:
-        """Say something."""
-        send(self._calls, frame)
-
-
-def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | Typed | Answer]) -> None:
-    try:
-        while True:
-            heard.put(receive(answers, Setup, Go, Typed, Answer))
-    except (Gone, WireError, MemoryError):
-        os._exit(1)
 
 
 def _serve(parent: Parent) -> None:
@@ -126,146 +59,3 @@ def _limit_memory(most_bytes: int) -> None:
             resource.setrlimit(what, (lower, lower))
         except (ValueError, OSError) as refused:  # macOS, below what is taken already
             os.write(2, f"no limit: {refused}\n".encode())
-
-
-class Script:
-    """One run of the script that *setup* names, in *tcl*."""
-
-    def __init__(self, parent: Parent, setup: Setup, tcl: BareInterpreter) -> None:
-        self._parent, self._setup, self._tcl = parent, setup, tcl
-        #: the last refusal that Tcl was told of, with its place: what ends the script if nothing catches it
-        self._refused: tuple[str, int, str] = ("", 0, "")
-        self._too_long = False
-        self._started_s = self._waited_s = 0.0
-
-    def unclosed(self) -> int:
-        """The line where a command begins that never ends; 0 where all end."""
-        with open(self._setup.path, encoding="utf-8-sig", errors="replace") as file:  # noqa: PTH123 - a slow import
-            text = file.read()
-        if self._complete(text):
-            return 0
-        began, start, end, tried = 1, 0, 0, 0
-        for number, line in enumerate(text.split("\n"), 1):
-            end += len(line) + 1
-            if _EXACT < end - start < tried * 1.1:  # else the time would grow with the square of the length
-                continue
-            tried = end - start
-            if self._complete(text[start:end]):
-                began, start, tried = number + 1, end, 0
-        return began
-
-    def _complete(self, text: str) -> bool:
-        return bool(int(self._tcl.call("info", "complete", text)))
-
-    def run(self) -> End:
-        """Run it to its end."""
-        self.register()
-        self._arm_anew()
-        try:
-            self._tcl.call("interp", "invokehidden", SAFE, "source", "-encoding", "utf-8", self._setup.path)
-        except self._tcl.error as failed:
-            return self._failed(str(failed))
-        return End("done", "", 0, "")
-
-    def line(self, text: str) -> End:
-        """Run what was typed, after everything before it; its result is the message."""
-        if not self._complete(text):
-            return End("open", "", 0, "")
-        self._arm_anew()
-        try:
-            result = str(self._tcl.call("interp", "eval", SAFE, text))
-        except self._tcl.error as failed:
-            return self._failed(str(failed))
-        return End("done", result[:MOST_CHARACTERS], 0, "")
-
-    def _arm_anew(self) -> None:
-        """Let everything count from now on."""
-        self._refused, self._too_long = ("", 0, ""), False
-        self._started_s, self._waited_s = time.monotonic(), 0.0
-        for limit, value in (("commands", "-value"), ("time", "-seconds")):  # one that is passed lets nothing be asked
-            self._tcl.call("interp", "limit", SAFE, limit, value, "")
-        so_far = int(self._tcl.call("interp", "invokehidden", SAFE, "dvt_count"))
-        self._tcl.call("interp", "limit", SAFE, "commands", "-value", so_far + self._setup.steps)
-        self._arm()
-
-    def _failed(self, message: str) -> End:
-        """What ended the script, with its place."""
-        at = _FILE_LINE.search(str(self._tcl.call("set", "::errorInfo")))
-        line, file = (int(at[2]), at[1]) if at else (0, "")
-        if self._too_long:
-            return End("seconds", "", line, file)
-        if message == self._refused[0]:
-            _, line, file = self._refused
-        return End(_kind(message), message[:10_000], line, file)
-
-    def register(self) -> None:
-        """Give Tcl what is served, and nothing else that reaches outside."""
-        tcl = self._tcl
-        tcl.createcommand("dvt_word", self._called)
-        tcl.createcommand("dvt_refuse", self._refuse)
-        tcl.createcommand("dvt_tick", self._tick)
-        tcl.call("interp", "eval", SAFE, "set argc 0; set argv {}")
-        tcl.call("interp", "eval", SAFE, "rename ::tcl::chan::pipe {}")  # nobody would read what is written there
-        tcl.eval(BRIDGE)
-        for name in self._setup.names:
-            tcl.call("interp", "alias", SAFE, name, "", "dvt_call", name)
-        for name in ("source", "open"):
-            tcl.call("interp", "alias", SAFE, name, "", f"dvt_{name}")
-
-    def _arm(self) -> None:
-        """Have `_tick` called in a moment, wherever Tcl is then; nothing but this lets the script go on."""
-        until = time.time() + _TICK_S
-        self._tcl.call(
-            "interp", "limit", SAFE, "time", "-seconds", int(until), "-milliseconds", int(until % 1 * 1000),
-            "-command", "dvt_tick",
-        )  # fmt: skip
-
-    def _tick(self) -> str:
-        computed_s = time.monotonic() - self._started_s - self._waited_s
-        self._too_long = computed_s > self._setup.seconds
-        if not self._too_long:
-            self._arm()
-        return ""
-
-    def _called(self, name: str, *texts: str) -> tuple[bool, str]:
-        """A command of ours was called: (False, its answer), or (True, why not) for an error to be caught or not."""
-        began = time.monotonic()
-        try:
-            if name == "file" and texts[:1] and texts[0] in _NAMES_ONLY:
-                return self._names(texts)
-            answer = self._parent.asked(Call(name, texts, *self._here()))
-        except BaseException as bug:  # noqa: BLE001 - Tcl would swallow it, and run on
-            _die_of(bug)
-        finally:
-            self._waited_s += time.monotonic() - began
-        return answer.failed, self._refuse(answer.text) if answer.failed else answer.text
-
-    def _names(self, texts: Sequence[str]) -> tuple[bool, str]:
-        try:
-            return False, str(self._tcl.call("concat", self._tcl.call("file", *texts)))
-        except self._tcl.error as wrong:
-            return True, self._refuse(str(wrong))
-
-    def _refuse(self, why: str) -> str:
-        self._refused = (why, *self._here())
-        return why
-
-    def _here(self) -> tuple[int, str]:
-        """Line and file of the script's command that called us; 0 and empty where that is too deep to be found."""
-        try:
-            line, _, file = str(self._tcl.eval("dvt_here")).partition(" ")
-        except self._tcl.error:
-            return 0, ""
-        return int(line), file
-
-
-def _kind(message: str) -> str:
-    """What kind of an end Tcl's *message* tells of."""
-    if message == "command count limit exceeded":
-        return "steps"
-    return "memory" if _NO_ROOM.search(message) else "failed"
-
-
-def _die_of(bug: BaseException) -> None:
-    os.write(2, f"{type(bug).__name__}: {bug}"[:1000].encode("utf-8", "replace"))
-    os._exit(NO_MEMORY if isinstance(bug, MemoryError) else 1)

@@ -10,11 +10,14 @@ from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, dotted
 
 #: the program's end, the ends of processes that it starts, and a signal that was swallowed, sent to itself again
-_MAY_EXIT = ("__main__.py", "bus/drivers.py", "cli/dvt/tcl_child.py", "cli/stop_signals.py")
+_MAY_EXIT = (
+    "__main__.py", "bus/drivers.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_parent.py", "cli/stop_signals.py"
+)  # fmt: skip
 #: where whatever happens must be turned into something else, with what for
 _MAY_CATCH_ALL = {
     "cli/boundary.py": "the one boundary",
     "cli/dvt/tcl_child.py": "the end of a child, which its parent reads",
+    "cli/dvt/tcl_child_run.py": "the same, where Tcl would swallow it",
     "bus/drivers.py": "what drivers raise means that they find nothing",
     "bus/turns.py": "handed to the thread that asked for the work",
     "device/change/put_back.py": "the other changes are put back all the same, then it is raised",

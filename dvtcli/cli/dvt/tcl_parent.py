@@ -1,0 +1,72 @@
+"""The parent of a process in which a Tcl script runs, as that sees it: asked over a pipe, and died with.
+
+Imports nothing of dvtcli but its neighbour for the wire. Knows no Tcl.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from queue import SimpleQueue
+from typing import IO
+
+from dvtcli.cli.dvt.tcl_wire import (
+    NO_MEMORY,
+    Answer,
+    Call,
+    End,
+    Go,
+    Gone,
+    Ready,
+    Setup,
+    Typed,
+    WireError,
+    receive,
+    send,
+)
+
+#: For the thread that waits for answers: the usual 8 MiB would count as the script's memory.
+_STACK_BYTES = 1 << 18
+
+
+class Parent:
+    """The process that owns the bus; at its end this one ends, whatever Tcl is doing then."""
+
+    def __init__(self) -> None:
+        self._answers, self._calls = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1):  # Tcl has channels of its own for these
+            os.dup2(nothing, stream)
+        os.close(nothing)
+        self._heard: SimpleQueue[Setup | Go | Typed | Answer] = SimpleQueue()
+        threading.stack_size(_STACK_BYTES)
+        threading.Thread(target=_hear, args=(self._answers, self._heard), daemon=True).start()
+
+    def told(self) -> Setup | Go | Typed | Answer:
+        """Wait for what it says next."""
+        return self._heard.get()
+
+    def asked(self, call: Call) -> Answer:
+        """Its answer to *call*."""
+        self.tell(call)
+        answer = self.told()
+        assert isinstance(answer, Answer)  # noqa: S101 - calls and answers take turns
+        return answer
+
+    def tell(self, frame: Ready | Call | End) -> None:
+        """Say something."""
+        send(self._calls, frame)
+
+
+def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | Typed | Answer]) -> None:
+    try:
+        while True:
+            heard.put(receive(answers, Setup, Go, Typed, Answer))
+    except (Gone, WireError, MemoryError):
+        os._exit(1)
+
+
+def die_of(bug: BaseException) -> None:
+    """End this process, and say why to whoever reads what it complains of."""
+    os.write(2, f"{type(bug).__name__}: {bug}"[:1000].encode("utf-8", "replace"))
+    os._exit(NO_MEMORY if isinstance(bug, MemoryError) else 1)
