@@ -27,18 +27,20 @@ _WAITS = b"\nstopping at the next safe point (once more: at once)\n"
 def catch_signals(cancellation: Cancellation) -> None:
     """Hand every signal that ends a program to *cancellation*; SIGHUP not under `nohup`."""
 
-    stopped_by = int(signal.SIGINT)
+    swallowed = _Swallowed(sys.unraisablehook)
 
     def stop(number: int, _frame: FrameType | None) -> None:
-        nonlocal stopped_by
-        stopped_by = number
+        swallowed.number = number
+        if swallowed.being_heard:
+            swallowed.again = True
+            return
         # a closed terminal sends SIGHUP twice, through its shell and by itself: nobody insists on anything with it
         insists = number in (signal.SIGINT, signal.SIGTERM)
         if cancellation.asked(128 + number, insists=insists):
             raise KeyboardInterrupt
         _say(_WAITS)
 
-    _hear_again_what_was_swallowed(lambda: stopped_by)
+    sys.unraisablehook = swallowed.hear
     # Windows has no SIGHUP: there a console that is closed says SIGBREAK, as Ctrl-Break does
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
@@ -47,23 +49,35 @@ def catch_signals(cancellation: Cancellation) -> None:
         signal.signal(number, stop)
 
 
-def _hear_again_what_was_swallowed(number: Callable[[], int]) -> None:
-    """Send the signal *number*() once more where its KeyboardInterrupt fell into a place that lets none through.
+class _Swallowed:
+    """Sends a signal once more whose KeyboardInterrupt fell into a place that lets none through.
 
     Such a place is a `__del__`, as python-can's of a bus that did not open: Python shows what is raised there, and goes
-    on as if nobody had asked to stop.
+    on as if nobody had asked to stop. `hear` is such a place, too: a signal that comes meanwhile must raise nothing.
     """
-    shown = sys.unraisablehook
 
-    def hook(lost: sys.UnraisableHookArgs) -> None:
-        if not issubclass(lost.exc_type, KeyboardInterrupt):
-            shown(lost)
-            return
-        again = threading.Timer(_AGAIN_S, _send, (number(),))
-        again.daemon = True
-        again.start()
+    def __init__(self, shown: Callable[[sys.UnraisableHookArgs], object]) -> None:
+        self.number = int(signal.SIGINT)
+        self.being_heard = self.again = self._on_its_way = False
+        self._shown = shown
 
-    sys.unraisablehook = hook
+    def hear(self, lost: sys.UnraisableHookArgs) -> None:
+        """What Python calls with each exception that it lets no further (`sys.unraisablehook`)."""
+        self.being_heard, self.again = True, issubclass(lost.exc_type, KeyboardInterrupt)
+        if not self.again:
+            self._shown(lost)
+        while self.again:
+            self.again = False
+            if not self._on_its_way:  # who asked once does not insist
+                self._on_its_way = True
+                timer = threading.Timer(_AGAIN_S, self._send)
+                timer.daemon = True
+                timer.start()
+        self.being_heard = False
+
+    def _send(self) -> None:
+        self._on_its_way = False
+        _send(self.number)
 
 
 def _send(number: int) -> None:
