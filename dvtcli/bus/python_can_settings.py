@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,12 +14,23 @@ from can import util
 for _logger in ("can", "seeedbus"):
     logging.getLogger(_logger).addHandler(logging.NullHandler())
 
+_ADDRESS = re.compile(r"(.+):([0-9]{1,5})")
+#: what a server's bus is called, where nobody says it
+_SERVED = "can0"
+
 
 def given_settings(
     interface: str | None, channel: str | None, bitrate: int | None, extra: Mapping[str, object]
 ) -> dict[str, object]:
-    """What was asked for, by python-can's keys, and nothing for what is None; texts of *extra* as what they mean."""
+    """What was asked for, by python-can's keys, and nothing for what is None; texts of *extra* as what they mean.
+
+    The *channel* of a socketcand server may be its address, `127.0.0.1:29536`, where no host and no port are given.
+    """
     typed = {key: util.cast_from_string(value) if isinstance(value, str) else value for key, value in extra.items()}
+    address = _ADDRESS.fullmatch(channel or "")
+    if interface == "socketcand" and address is not None and not typed.keys() & {"host", "port"}:
+        typed |= {"host": address[1].strip("[]"), "port": int(address[2])}
+        channel = _SERVED
     asked = {**typed, "interface": interface, "channel": channel, "bitrate": bitrate}
     return {key: value for key, value in asked.items() if value is not None}
 

@@ -22,7 +22,7 @@ def probe(config: Mapping[str, object]) -> None:
     """Raise OSError where no server listens at the host and port of *config*, ValueError where it names none."""
     port = config.get("port")
     if not isinstance(port, int) or "host" not in config:
-        raise ValueError("socketcand needs host=… and port=…")
+        raise ValueError("socketcand needs a host and a port")
     socket.create_connection((str(config["host"]), port), timeout=PROBE_S).close()
 
 

@@ -102,7 +102,8 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
 
 def _setting_hint(interface: str, channel: object, error: Exception) -> str:
     if interface == "socketcand":
-        return "for example -i socketcand -c can0 --bus-kwargs host=127.0.0.1 --bus-kwargs port=29536"
+        named = "-c can1 --bus-kwargs host=127.0.0.1 --bus-kwargs port=29536"
+        return f"for example -i socketcand -c 127.0.0.1:29536, for can0 of that server; for another one {named}"
     if channel is None:
         return "which channel? give -c/--channel"
     if isinstance(error, TypeError):

@@ -15,6 +15,7 @@ import pytest
 from can.interfaces import BACKENDS
 
 from dvtcli.bus.opening import open_bus
+from dvtcli.bus.python_can_settings import given_settings
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable, NoAnswer
 
@@ -189,3 +190,33 @@ def test_nothing_heavy_is_imported_before_a_bus_is_opened(module: str) -> None:
     code = f"import sys, {module}; print(*sorted({{'can', 'canopen', 'asyncio'}} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize(
+    ("channel", "extra", "host", "where"),
+    [
+        ("127.0.0.1:29536", {}, "127.0.0.1", "can0"),
+        ("cell-4.plant:29536", {}, "cell-4.plant", "can0"),
+        ("[::1]:29536", {}, "::1", "can0"),
+        ("can1", {"host": "10.0.0.1", "port": "29536"}, "10.0.0.1", "can1"),
+    ],
+)
+def test_a_server_is_named_by_its_address_or_by_host_and_port(
+    channel: str, extra: dict[str, object], host: str, where: str
+) -> None:
+    asked = given_settings("socketcand", channel, None, extra)
+    assert asked == {"interface": "socketcand", "channel": where, "host": host, "port": 29536}
+
+
+def test_an_address_beside_a_host_is_a_channel_and_of_other_interfaces_too() -> None:
+    assert given_settings("socketcand", "a:1", None, {"host": "b"})["channel"] == "a:1"
+    assert given_settings("slcan", "host:2000", None, {}) == {"interface": "slcan", "channel": "host:2000"}
+
+
+def test_a_server_at_an_address_is_opened(socketcand: tuple[int, list[socket.socket]]) -> None:
+    port, _ = socketcand
+    bus = open_bus("socketcand", f"127.0.0.1:{port}")
+    try:
+        assert bus.name == f"socketcand:127.0.0.1:{port}"
+    finally:
+        bus.close()

@@ -129,7 +129,8 @@ def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
         yield error("link-producer", str(producer), f"{producer} {wrong}", hint=f"map {producer} OBJECT… first")
     objects = any(not entry.is_dummy for entry in consumer.config.mapping)
     if wrong := _not_whole(consumer.config) or ("" if objects else "maps nothing"):
-        hint = f"map {consumer} OBJECT… --off says which objects are to hear {producer}"
+        sent = several(f"{entry.object} ({entry.bits} bits)" for entry in producer.config.mapping)
+        hint = f"first map {consumer} OBJECT… --off, with what is to hear {sent} of {producer}; then link"
         yield error("link-consumer", str(consumer), f"{consumer} {wrong}", hint=hint)
 
 

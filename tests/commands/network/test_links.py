@@ -172,6 +172,24 @@ def test_what_is_no_link(bench: Bench, line: str, code: int) -> None:
         assert held(bench) == before
 
 
+def test_an_rpdo_that_maps_nothing_is_said_with_what_comes_first(bench: Bench) -> None:
+    assert bench.run("map 1:tpdo1 6041 606C").code == 0
+    assert bench.run("clear 5:rpdo2").code == 0
+    said = bench.run("link 1:tpdo1 5:rpdo2").stderr
+    assert "5:rpdo2 maps nothing" in said
+    first = "first map 5:rpdo2 OBJECT… --off, with what is to hear 6041:00 (16 bits), 606C:00 (32 bits) of 1:tpdo1"
+    assert first in said
+
+
+def test_a_link_that_stands_is_said_without_a_file(bench: Bench) -> None:
+    assert bench.run("map 5:rpdo1 6040 --off").code == 0
+    assert bench.run("map 1:tpdo1 6041").code == 0
+    assert bench.run("link 1:tpdo1 5:rpdo1").code == 0
+    again = bench.run("link 1:tpdo1 5:rpdo1")
+    assert "Every node holds what `link 1:tpdo1 5:rpdo1` makes already; nothing was written." in again.stdout
+    assert "the file" not in again.stdout
+
+
 FILE = """
 nodes:
   drive: {node_id: 1, tpdo: {1: {cob_id: 0x201, mapping: [statusword, velocity_actual_value]}}}

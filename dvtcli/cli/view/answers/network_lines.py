@@ -89,7 +89,9 @@ def _every(plan: NetworkPlan) -> str:
 
 
 def _what(plan: NetworkPlan) -> str:
-    """What a node holds of which nothing differs."""
+    """What a node holds of which nothing differs; `link` and `unlink` have no file."""
+    if plan.file.startswith(("link ", "unlink ")):
+        return f"what `{plan.file}` makes"
     is_all = not plan.remains and not plan.untold and not any(map(_not_written, plan.nodes))
     return "what the file says" if is_all else "what is written of the file"
 
