@@ -211,10 +211,12 @@ def test_a_sub_index_behind_include_names_that_one_alone(tmp_path: Path) -> None
             assert ran.code == code, ran
             assert "0x3001:01" in ran.stdout
             assert "differs, not written: 3001:02 (holds 0, the file says 8)" in ran.stdout
+            assert f"{file} and is not written: --include 3001:02 writes it" in ran.stdout, "what is left, and no more"
             written = "--yes" in line
             held = [bench.session.node().sdo.upload(0x3001, part)[0] for part in (1, 2)]
             assert held == ([7, 0] if written else [0, 0]), line
     with Bench((what,)) as bench:
+        assert "are not written: --include 3001 writes such" in bench.run(f"diff {file}").stdout
         assert bench.run(f"clone {file} --include 3001:2 --include 3001:1 --yes").code == 0
         assert bench.run(f"compare {file}").code == 0
 
@@ -386,3 +388,20 @@ def test_a_dcf_that_is_cut_short_is_no_file_of_fewer_settings(tmp_path: Path) ->
         for line in ("compare", "diff", "plan", "verify", "apply --yes", "clone --yes"):
             ran = bench.run(f"{line} {file}")
             assert (ran.code, "is cut short" in ran.stderr) == (4, True), (line, ran.stderr)
+
+
+def test_a_number_is_written_alike_by_diff_and_compare(tmp_path: Path) -> None:
+    eds, file = plain(), tmp_path / "node.jsonl"
+    eds.variable(0x2001, var("Maximum speed", U32, 1300))
+    eds.variable(0x1006, var("Communication cycle period", U32, 0))
+    eds.variable(0x1014, var("COB-ID EMCY", U32, "$NODEID+0x80"))
+    (tmp_path / "plain.eds").write_text(eds.text(), encoding="utf-8")
+    with Bench((f"{tmp_path / 'plain.eds'}@5",)) as bench:
+        assert bench.run(f"backup {file}").code == 0
+        for line in ("write 2001 50000", "write 1014 0x80000085"):
+            assert bench.run(line).code == 0, line
+        diff, compared = (bench.run(f"{line} {file}").stdout for line in ("diff", "compare"))
+        assert "2001:00 (holds 50000, the file says 1300)" in diff
+        assert re.search(r"2001:00  Maximum speed +1300 +50000", compared)
+        assert "0x1014:00  0x80000085 -> 0x00000085" in diff
+        assert re.search(r"1014:00  COB-ID EMCY +0x00000085 +0x80000085", compared)

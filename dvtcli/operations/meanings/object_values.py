@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _STRINGS = frozenset({0x1008, 0x1009, 0x100A})
 #: what their bytes alone do not tell
 _NEEDS_TYPE = frozenset({Kind.INTEGER, Kind.REAL, Kind.VISIBLE_STRING, Kind.UNICODE_STRING})
+#: the first index after those of communication, and up to how many bytes a number is written in decimal anyway
+_MAKERS, _SHORT = 0x2000, 2
 _BY_SIZE = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
 
 
@@ -38,9 +40,16 @@ def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, Understood]:
     for place, size in sizes.items():
         index, sub_index = (int(part, 16) for part in place.split(":"))
         meaning, kind = meanings.of(index, sub_index), type_of(node, index, sub_index, size)
-        if meaning.says or kind.kind in _NEEDS_TYPE:
+        if meaning.says or kind.kind in _NEEDS_TYPE or _is_count(node, index, sub_index):
             found[place] = Understood(kind, meaning)
     return found
+
+
+def _is_count(node: Node, index: int, sub_index: int) -> bool:
+    """Whether its file calls it a long unsigned number; of communication (0x1000…) those are words of bits."""
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    kind = None if entry is None else entry.data_type
+    return index >= _MAKERS and kind is not None and kind.kind is Kind.UNSIGNED and (kind.size or 0) > _SHORT
 
 
 def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 class ObjectDifference:
     """One *object* with its *name*: what it held *before*, by the first side, and *after*, by the second one.
 
-    None where a side does not know; *why* says why then, or why it is no setting.
+    None where a side does not know: *unread* says why of the second one. *apart* says why it is no setting, where that
+    is known.
     """
 
     object: str
@@ -24,7 +25,8 @@ class ObjectDifference:
     data_type: DataType | None
     before: bytes | None
     after: bytes | None
-    why: str = ""
+    unread: str = ""
+    apart: str = ""
 
     def value(self, data: bytes | None) -> Any:
         """*data* decoded; None where it is not known, or no value of its type."""
@@ -44,7 +46,7 @@ class ObjectDifference:
             "after": hex_bytes(self.after),
             "value_before": json_value(self.value(self.before)),
             "value_after": json_value(self.value(self.after)),
-            "why": self.why,
+            "why": self.unread or self.apart,
         }
 
 

@@ -193,8 +193,11 @@ def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all
         count += kind is Kind.SETTING
         if not same_value(entry.data_type, wanted, held.data):
             name = _name(place, second.dictionary, first.dictionary)
-            why = _why_apart(place, second, entry) if kind is Kind.APART and held.data is not None else held.why
-            found[kind].append(ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, why))
+            apart = _why_apart(place, second, entry) if kind is Kind.APART else ""
+            silent = held.why if held.data is None else ""
+            found[kind].append(
+                ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, unread=silent, apart=apart)
+            )
     if not count:
         raise _nothing_compared(first, second)
     return WholeCompared(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -62,13 +63,23 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
     for node in plan.nodes:
         if not node.remaining:
             continue
-        lifted = list(dict.fromkeys(one.object[:4] for one in node.remaining if one.why in _LIFTED))
-        named = " ".join(f"--include {index}" for index in lifted[:3])
+        lifted = _includes(node)
+        named = " ".join(f"--include {word}" for word in lifted[:3])
         more = " …" if len(lifted) > 3 else ""
         are, verb = ("is", "differs") if len(node.remaining) == 1 else ("are", "differ")
         what = f"{plural(len(node.remaining), 'setting')} of node {node.node_id} {verb} from {plan.file}"
         hint = f": {named}{more} writes {'it' if are == 'is' else 'such'}" if lifted else ""
         yield [Cell(f"! {what} and {are} not written{hint}", "yellow")]
+
+
+def _includes(node: NodePlan) -> list[str]:
+    """What names just those settings of *node* that could be written: sub-indices, or the index of several."""
+    could = [one.object for one in node.remaining if one.why in _LIFTED]
+    others = {one.object[:4] for one in node.left_out if one.why in _LIFTED and one.object not in could}
+    others |= {change.step.object[:4] for change in node.plan.changes if not isinstance(change, PdoChange)}
+    many = {index for index, count in Counter(place[:4] for place in could).items() if count > 1} - others
+    words = (place[:4] if place[:4] in many or place.endswith(":00") else place for place in could)
+    return list(dict.fromkeys(words))
 
 
 def _untold(plan: NetworkPlan) -> Iterator[Line]:

@@ -49,8 +49,8 @@ def _reasons(found: Iterable[ObjectDifference]) -> Iterator[Line]:
     """Why they are no settings, where that is known: some of it is a guess."""
     by_why: dict[str, list[str]] = {}
     for one in found:
-        if one.why and one.after is not None:
-            by_why.setdefault(one.why, []).append(one.object)
+        if one.apart:
+            by_why.setdefault(one.apart, []).append(one.object)
     for why, places in by_why.items():
         yield [Cell(f"            {several(places)} {why}", "dim")]
 
@@ -59,7 +59,7 @@ def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) 
     sides = (re.split(r"[/\\]", side)[-1] for side in (result.first, result.second))  # a whole path takes a screen
     table = Table(("OBJECT", "NAME", *sides), shrink=1)
     for one in found:
-        after = value_text(one, one.after) if one.after is not None else one.why or "-"
+        after = value_text(one, one.after) if one.after is not None else one.unread or "-"
         table.add(one.object, Cell(one.name, "bold"), value_text(one, one.before), Cell(after, "red"))
     return table.lines(width)
 

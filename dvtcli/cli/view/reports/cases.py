@@ -134,5 +134,5 @@ def _named(one: ObjectDifference) -> str:
 
 
 def _sides(one: ObjectDifference) -> str:
-    after = one.why or "-" if one.after is None else value_text(one, one.after)
+    after = one.unread or "-" if one.after is None else value_text(one, one.after)
     return f"{value_text(one, one.before)} -> {after}"
