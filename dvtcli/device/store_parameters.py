@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import ABSENT
-from dvtcli.device.resets import return_to
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import SdoTransport
@@ -67,6 +66,8 @@ def sign(
             silent.hint = f"it restarted instead; `{word_of(index)}` again"
             if index == STORE:
                 silent.hint = "it restarted instead: what was not stored is lost; set it again, then store"
+            from dvtcli.device.resets import return_to
+
             return_to(access, found)
         raise
     return Signed(index, where, access.bus.now_s() - started_s, capability)

@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dvtcli.domain.pdo import Pdo
-from dvtcli.simulator.device.broken_device import break_device
 from dvtcli.simulator.device.fault_kinds import FaultKind
 from dvtcli.simulator.device.memory import STORE
 from dvtcli.simulator.device.refusal import Refusal
@@ -79,6 +78,8 @@ class FaultyServer:
         elif fault.kind is FaultKind.SLOW_STORE:
             self._store_delay_s = fault.seconds or 0.0
         else:
+            from dvtcli.simulator.device.broken_device import break_device  # most nodes have no fault
+
             break_device(self._server.device, fault)
 
     def handle(self, request: bytes, now_s: float) -> Answer:
