@@ -5,7 +5,6 @@ Knows numbers of the standards, and what a file says can be mapped. Does not kno
 
 from __future__ import annotations
 
-from dvtcli.domain.carried import may_be_commanded
 from dvtcli.domain.object_dictionary import OdEntry
 
 #: How far the objects of one axis, or logical device, are from those of the next (CiA 402-2, 7)
@@ -23,6 +22,8 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
 
     Of a maker's own objects those are it that a PDO can carry, as far as the file says so.
     """
+    from dvtcli.domain.carried import may_be_commanded  # nobody asks it of a PDO's own parameters
+
     if not 0x6000 <= index <= _LAST:
         return index in _MAKERS and entry is not None and may_be_commanded(entry)
     first = 0x6000 + (index - 0x6000) % _AXIS

@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.python_can import CanBus
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.screen import GRAPH, RAW, Moment, View, age, picture
+from dvtcli.cli.monitor.looked_at import GRAPH, RAW, Moment, View
+from dvtcli.cli.monitor.screen import picture
+from dvtcli.cli.monitor.signal_lines import age
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meanings, ObjectRange

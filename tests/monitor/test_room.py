@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.cli.monitor.looked_at import Moment, View
 from dvtcli.cli.monitor.room import cut, filled, least_and_most
-from dvtcli.cli.monitor.screen import Moment, View, picture
+from dvtcli.cli.monitor.screen import picture
 from dvtcli.cli.monitor.watch_screen import Board, watch_picture
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.nmt import NmtState

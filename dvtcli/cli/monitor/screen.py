@@ -5,78 +5,31 @@ Pure. Does not know the terminal, the keys or the bus.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import datetime
 
 from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.monitor.looked_at import GRAPH, TABLE, Moment, View
 from dvtcli.cli.monitor.node_line import node_line
-from dvtcli.cli.monitor.room import cut, filled, least_and_most
+from dvtcli.cli.monitor.room import cut
+from dvtcli.cli.monitor.signal_lines import Lines, row_line, signal_line, title_of, value_of, with_more
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
-from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.several import plural
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.recent_load import HIGH_LOAD
 from dvtcli.watch.seen import Event, FrameStore, Row
-from dvtcli.watch.statistics import Course, physical_points, spark
+from dvtcli.watch.statistics import Course, physical_points
 
-TABLE, RAW, GRAPH = "table", "raw", "graph"
-#: a change is bright for this long (s)
-FRESH_S = 0.5
 #: events that are shown, at most
 EVENTS = 4
 #: a screen of so many rows has room for the nodes and for heads of the columns
 ABOVE_FROM = 12
-#: points of a sparkline in up to 100 columns and in many more; the time that a graph shows (s)
-SPARK, LONG_SPARK, GRAPH_S = 8, 60, 60.0
-#: columns of a value on a screen that is not WIDE, and on one that is
-VALUE, LONG_VALUE, WIDE = 16, 20, 100
+#: the time that a graph shows (s)
+GRAPH_S = 60.0
 #: of a bus's name so many columns stay, however much there is to say of its state
 SHORTEST_NAME = 12
 #: an SDO exchange that is over for so long (s) has no line of its own any more: most are dvtcli's own, of the start
 IDLE_S = 5.0
-_LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
-
-Lines = list[list[Cell]]
-
-
-@dataclass(slots=True)
-class View:
-    """How the user looks at it: *mode*, the *filter* (being typed while *typing*), and the *chosen* signal's number."""
-
-    mode: str = TABLE
-    filter: str = ""
-    typing: bool = False
-    paused: bool = False
-    chosen: int = 0
-    plain: bool = False
-    changes: bool = False
-    #: the first line of the body that is shown
-    top: int = 0
-    #: lines by which the body is scrolled beyond the last signal
-    beyond: int = 0
-
-    def choose(self, step: int, count: int) -> None:
-        """Choose another one of *count* signals; behind the last one scroll, back from there first."""
-        place = self.chosen + self.beyond + step
-        self.chosen = max(0, min(count - 1, place))
-        self.beyond = 0 if self.mode == GRAPH else max(0, place - self.chosen)
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """What the picture is of: bus *name*, seconds since the start, frames *dropped*, and the time (s since 1970).
-
-    *gone_s* is how long the bus is gone (s), None while it is there; *reading* the node whose mapping is being read.
-    """
-
-    name: str
-    running_s: float
-    dropped: int
-    now_s: float
-    gone_s: float | None = None
-    reading: int | None = None
 
 
 def picture(store: FrameStore, view: View, moment: Moment, width: int, height: int) -> Lines:
@@ -106,14 +59,9 @@ def chosen_signals(store: FrameStore, view: View) -> list[tuple[Row, Signal, Cou
 def _shown(row: Row, wanted: str) -> list[tuple[Signal, Course]]:
     """The signals of *row* that the filter lets through: all where the frame's own name fits."""
     pairs = list(zip(row.layout.signals, row.courses, strict=True))
-    if wanted in _title(row).lower():
+    if wanted in title_of(row).lower():
         return pairs
     return [pair for pair in pairs if wanted in f"{pair[0].key} {pair[0].object}".lower()]
-
-
-def _title(row: Row) -> str:
-    node = f" node {row.service.node}" if row.service.node else ""
-    return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
 
 
 def head_line(title: str, moment: Moment, state: list[Cell], width: int) -> list[Cell]:
@@ -171,17 +119,17 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     number, at_chosen, idle = 0, 0, 0
     for row in store.sorted_rows():
         signals = _shown(row, wanted)
-        if not signals and wanted not in _title(row).lower():
+        if not signals and wanted not in title_of(row).lower():
             continue
         if row.service.kind == "sdo" and not wanted and moment.now_s - row.last_s > IDLE_S:
             idle += 1
             continue
-        lines.append(_row_line(row, store, moment, width))
+        lines.append(row_line(row, store, moment, width))
         for signal, course in signals:
             chosen = number == view.chosen
             at_chosen = len(lines) if chosen else at_chosen
             if view.mode == TABLE:
-                lines.append(_signal_line(signal, course, view, moment, width, chosen=chosen))
+                lines.append(signal_line(signal, course, view, moment, width, chosen=chosen))
             number += 1
     if idle:
         lines.append([Cell(f"  {plural(idle, 'idle SDO row')} left out: f sdo shows them", "dim")])
@@ -199,94 +147,9 @@ def scrolled(top: int, chosen: int, count: int, room: int) -> int:
     return max(top, chosen - room + 1)
 
 
-def _row_line(row: Row, store: FrameStore, moment: Moment, width: int) -> list[Cell]:
-    """A frame's line; the node's name where there is room behind the bytes."""
-    rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
-    title = _title(row)
-    text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
-    spread = "" if jitter is None or not rate else f"±{1000 * jitter:.{1 if jitter < 0.1 else 0}f} ms"
-    name = store.decoder.names.get(row.service.node or 0, "")
-    cells = [
-        Cell(title, "bold"),
-        Cell(text.rjust(max(len(text) + 1, 32 - len(title))), "yellow" if rate == 0 else ""),
-        Cell(f" {spread:>8}", "dim"),
-        Cell(f" {_count(row.count):>6}"),
-        Cell(f" {age(moment.now_s - row.last_s):>6}  ", "dim"),
-        *_bytes(row, moment),
-    ]
-    named = Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim")
-    return [*cells, named] if sum(columns(cell.text) for cell in (*cells, named)) <= width else cells
-
-
 def clock(seconds: float) -> str:
     """A time as hours, minutes and seconds."""
     return f"{int(seconds) // 3600:02}:{int(seconds) // 60 % 60:02}:{int(seconds) % 60:02}"
-
-
-def levels(view: View) -> str:
-    """The characters of a sparkline, from the least to the most."""
-    return _PLAIN_LEVELS if view.plain else _LEVELS
-
-
-def _count(number: int) -> str:
-    return str(number) if number < 1_000_000 else f"{number / 1e6:.1f}M"
-
-
-def age(seconds: float) -> str:
-    """How long ago something was, on at most six characters."""
-    seconds = max(0.0, seconds)
-    if seconds < 99.95:
-        return f"{seconds:.1f} s"
-    return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min" if seconds < 60000 else "long"
-
-
-def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
-    if row.remote:
-        yield Cell("remote request", "dim")
-        return
-    for byte, changed_s in zip(row.data, row.changed_s, strict=True):
-        yield Cell(f"{byte:02X} ", "yellow" if moment.now_s - changed_s < FRESH_S else "")
-
-
-def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
-    value_width = VALUE if width < WIDE else LONG_VALUE
-    name_width = max(10, min(40, width - 43 - value_width))
-    fresh = moment.now_s - course.changed_s < FRESH_S
-    long = max(SPARK, min(LONG_SPARK, width - 77 - value_width))
-    drawn = spark([point.last for point in list(course.points)[-long:]], levels(view))
-    return with_more(
-        [
-            Cell("  > " if chosen else "    ", "cyan"),
-            Cell(f"{signal.object:<7}  {filled(signal.name, name_width, plain=view.plain)} "),
-            Cell(f"{value_of(signal, course, value_width):>{value_width}}  ", "yellow" if fresh else ""),
-            Cell(f"{drawn:<{long}}  ", "green"),
-        ],
-        signal, course, width,
-    )  # fmt: skip
-
-
-def value_of(signal: Signal, course: Course, width: int) -> str:
-    """A signal's value, without its raw one where that is too much for *width* columns; of a statusword raw."""
-    meaning, last = signal.meaning, course.last
-    if isinstance(last, int) and _words(signal, course):
-        return meaning.raw_text(last, signal.bits)
-    text = value_text(last, meaning, signal.bits)
-    return meaning.quantity(last) if len(text) > width and isinstance(last, int | float) else text
-
-
-def with_more(line: list[Cell], signal: Signal, course: Course, width: int) -> list[Cell]:
-    """*line* with the least and the most behind it, in *width* columns; of a statusword and the like what it says."""
-    more = _words(signal, course)
-    if not more and course.low is not None and course.high is not None:
-        room = width - sum(columns(cell.text) for cell in line)
-        more = least_and_most(signal.meaning, course.low, course.high, room)
-    return [*line, Cell(more, "dim")]
-
-
-def _words(signal: Signal, course: Course) -> str:
-    """What a statusword and the like says; empty for a number."""
-    meaning, last = signal.meaning, course.last
-    return meaning.words(last) if isinstance(last, int) and not meaning.has_number else ""
 
 
 def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
@@ -294,7 +157,7 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     if not signals:
         return [[Cell("  no signal to draw: nothing decoded yet, or nothing fits the filter", "dim")]]
     row, signal, course = signals[min(view.chosen, len(signals) - 1)]
-    title = f"{_title(row)}  {signal.object}  {signal.name}".rstrip()
+    title = f"{title_of(row)}  {signal.object}  {signal.name}".rstrip()
     now = Cell(f"  {value_of(signal, course, width)}   ", "yellow")
     if course.low is None:
         return [[Cell(title, "bold"), now], [Cell("  no number came yet", "dim")]]

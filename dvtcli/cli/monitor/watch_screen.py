@@ -9,21 +9,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.monitor.looked_at import GRAPH, Moment, View
 from dvtcli.cli.monitor.room import cut, filled
-from dvtcli.cli.monitor.screen import (
-    FRESH_S,
-    GRAPH,
-    GRAPH_S,
-    Lines,
-    Moment,
-    View,
-    age,
-    head_line,
-    levels,
-    scrolled,
-    value_of,
-    with_more,
-)
+from dvtcli.cli.monitor.screen import GRAPH_S, head_line, scrolled
+from dvtcli.cli.monitor.signal_lines import FRESH_S, Lines, age, levels, value_of, with_more
 from dvtcli.cli.view.lines import Cell
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, Row

@@ -1,0 +1,119 @@
+"""A frame's line in the monitor, and those of the signals in it.
+
+Pure. Does not know which of them are shown, nor where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.cli.monitor.looked_at import Moment, View
+from dvtcli.cli.monitor.room import filled, least_and_most
+from dvtcli.cli.view.columns import columns
+from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.shown_value import value_text
+from dvtcli.watch.decoder import Signal
+from dvtcli.watch.seen import FrameStore, Row
+from dvtcli.watch.statistics import Course, spark
+
+#: a change is bright for this long (s)
+FRESH_S = 0.5
+#: columns of a value on a screen that is not WIDE, and on one that is
+VALUE, LONG_VALUE, WIDE = 16, 20, 100
+_LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
+#: points of a sparkline in up to 100 columns and in many more
+SPARK, LONG_SPARK = 8, 60
+
+Lines = list[list[Cell]]
+
+
+def title_of(row: Row) -> str:
+    """The CAN-ID of a row, what its frames are, and of which node."""
+    node = f" node {row.service.node}" if row.service.node else ""
+    return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
+
+
+def row_line(row: Row, store: FrameStore, moment: Moment, width: int) -> list[Cell]:
+    """A frame's line; the node's name where there is room behind the bytes."""
+    rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
+    title = title_of(row)
+    text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
+    spread = "" if jitter is None or not rate else f"±{1000 * jitter:.{1 if jitter < 0.1 else 0}f} ms"
+    name = store.decoder.names.get(row.service.node or 0, "")
+    cells = [
+        Cell(title, "bold"),
+        Cell(text.rjust(max(len(text) + 1, 32 - len(title))), "yellow" if rate == 0 else ""),
+        Cell(f" {spread:>8}", "dim"),
+        Cell(f" {_count(row.count):>6}"),
+        Cell(f" {age(moment.now_s - row.last_s):>6}  ", "dim"),
+        *_bytes(row, moment),
+    ]
+    named = Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim")
+    return [*cells, named] if sum(columns(cell.text) for cell in (*cells, named)) <= width else cells
+
+
+def levels(view: View) -> str:
+    """The characters of a sparkline, from the least to the most."""
+    return _PLAIN_LEVELS if view.plain else _LEVELS
+
+
+def _count(number: int) -> str:
+    return str(number) if number < 1_000_000 else f"{number / 1e6:.1f}M"
+
+
+def age(seconds: float) -> str:
+    """How long ago something was, on at most six characters."""
+    seconds = max(0.0, seconds)
+    if seconds < 99.95:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min" if seconds < 60000 else "long"
+
+
+def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
+    if row.remote:
+        yield Cell("remote request", "dim")
+        return
+    for byte, changed_s in zip(row.data, row.changed_s, strict=True):
+        yield Cell(f"{byte:02X} ", "yellow" if moment.now_s - changed_s < FRESH_S else "")
+
+
+def signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
+    """A signal's line: object, name, value, sparkline, and what there is to say behind them; a mark where *chosen*."""
+    value_width = VALUE if width < WIDE else LONG_VALUE
+    name_width = max(10, min(40, width - 43 - value_width))
+    fresh = moment.now_s - course.changed_s < FRESH_S
+    long = max(SPARK, min(LONG_SPARK, width - 77 - value_width))
+    drawn = spark([point.last for point in list(course.points)[-long:]], levels(view))
+    return with_more(
+        [
+            Cell("  > " if chosen else "    ", "cyan"),
+            Cell(f"{signal.object:<7}  {filled(signal.name, name_width, plain=view.plain)} "),
+            Cell(f"{value_of(signal, course, value_width):>{value_width}}  ", "yellow" if fresh else ""),
+            Cell(f"{drawn:<{long}}  ", "green"),
+        ],
+        signal, course, width,
+    )  # fmt: skip
+
+
+def value_of(signal: Signal, course: Course, width: int) -> str:
+    """A signal's value, without its raw one where that is too much for *width* columns; of a statusword raw."""
+    meaning, last = signal.meaning, course.last
+    if isinstance(last, int) and _words(signal, course):
+        return meaning.raw_text(last, signal.bits)
+    text = value_text(last, meaning, signal.bits)
+    return meaning.quantity(last) if len(text) > width and isinstance(last, int | float) else text
+
+
+def with_more(line: list[Cell], signal: Signal, course: Course, width: int) -> list[Cell]:
+    """*line* with the least and the most behind it, in *width* columns; of a statusword and the like what it says."""
+    more = _words(signal, course)
+    if not more and course.low is not None and course.high is not None:
+        room = width - sum(columns(cell.text) for cell in line)
+        more = least_and_most(signal.meaning, course.low, course.high, room)
+    return [*line, Cell(more, "dim")]
+
+
+def _words(signal: Signal, course: Course) -> str:
+    """What a statusword and the like says; empty for a number."""
+    meaning, last = signal.meaning, course.last
+    return meaning.words(last) if isinstance(last, int) and not meaning.has_number else ""
