@@ -109,6 +109,13 @@ class Client:
             return self._file.readline().rstrip("\r\n")
         return ""
 
+    def wait(self, event: str) -> None:
+        """Wait for an event, which may have come before the last answer."""
+        while event not in self.events:
+            came = self.line()
+            assert came, "the connection ended"
+            self.events.append(came)
+
     def answer(self, line: str) -> str:
         """The answer to a *line* that has its sequence number, without that."""
         self.say(f"{line}\r\n".encode())

@@ -40,7 +40,7 @@ def test_it_reads_writes_and_commands() -> None:
         assert client.ask("set sdo_timeout 5001").startswith("ERROR:101 #")
         assert client.ask("w 0x1010 1 vs save") == "OK"
         assert client.ask("reset node") == "OK"
-        assert "1 4 BOOT_UP" in [*client.events, client.line()]
+        client.wait("1 4 BOOT_UP")
         assert client.ask("r 0x1017 0 u16") == "1234"
     assert any("connected" in one for one in heard.said)
     assert "node 4: 0x1017:00 <- D2 04" in heard.said
