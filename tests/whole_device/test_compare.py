@@ -57,6 +57,17 @@ def test_each_setting_that_differs_is_named(tmp_path: Path) -> None:
         assert [one["object"] for one in both.document["differences"]] == ["1017:00", "1800:05"]
 
 
+@pytest.mark.parametrize("chosen", [None, "tmcm"])
+def test_two_backups_have_names_where_an_eds_of_their_identity_is_known(chosen: str | None, tmp_path: Path) -> None:
+    before, after = tmp_path / "a.jsonl", tmp_path / "b.jsonl"
+    with Bench(("tmcm@5",)) as bench:
+        for line in (f"backup {before}", "write 2705 90", f"backup {after}"):
+            assert bench.run(line).code == 0
+    with Bench((), {} if chosen is None else {"eds": chosen}) as bench:
+        (one,) = bench.run(f"compare {before} {after} --json").document["differences"]
+        assert (one["object"], one["name"]) == ("2705:00", "Current scaling")
+
+
 def test_what_follows_the_node_id_is_no_difference_on_another_node(tmp_path: Path) -> None:
     for form in FORMS:
         with Bench(("generic@5",)) as bench:

@@ -73,6 +73,11 @@ class NodePlan:
         return self.plan.node_id
 
     @property
+    def is_asked_nothing(self) -> bool:
+        """Whether the file names the node, and nothing that it should hold."""
+        return self.is_read and not (self.wanted or self.values or self.left_out or len(self.plan))
+
+    @property
     def stores(self) -> bool:
         """Whether it stores once all nodes are verified: where it should, and there is something to store."""
         return bool(self.store) and bool(len(self.plan) or self.unstored)

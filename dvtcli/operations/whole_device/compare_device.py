@@ -18,7 +18,7 @@ from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 from dvtcli.operations.whole_device.export_dcf import why_unread
-from dvtcli.operations.whole_device.held_device import HeldDevice, held_by
+from dvtcli.operations.whole_device.held_device import HeldDevice, KeptIdentity, held_by
 from dvtcli.operations.whole_device.look_through import configuration, read_entries
 from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
 
@@ -72,7 +72,9 @@ def compare_device(
         first = first if first.node_id else held_by(file, node.node_id)
         return _compared(first, _knowing(_live(session, node, first), first), node.node_id, shows_all=shows_all)
     second = held_by(other, first.node_id)
-    return _compared(held_by(file, second.node_id), _knowing(_kept(second, first), first), None, shows_all=shows_all)
+    return _compared(
+        held_by(file, second.node_id), _knowing(_kept(session, second, first), first), None, shows_all=shows_all
+    )
 
 
 def _meant(session: Session, first: HeldDevice) -> int:
@@ -131,14 +133,27 @@ def _beside(said: Collection[ObjectAddress], dictionary: ObjectDictionary | None
             yield entry.index, entry.sub_index
 
 
-def _kept(second: HeldDevice, first: HeldDevice) -> _Second:
-    dictionary = second.dictionary or first.dictionary
+def _kept(session: Session, second: HeldDevice, first: HeldDevice) -> _Second:
+    dictionary = second.dictionary or first.dictionary or _known_by_identity(session, second, first)
     profile = _profile(second if second.identity["vendor"] else first)
     known = Configuration(profile) if dictionary is None else configuration_of(dictionary, profile)
     node_id = second.node_id or first.node_id or 0
     return _Second(
         second.name, node_id, second.objects, known, dictionary, second.identity, assumed=second.assumed
     )  # fmt: skip
+
+
+def _known_by_identity(session: Session, *held: HeldDevice) -> ObjectDictionary | None:
+    """What --eds describes, else the file that the identity of one of *held* leads to, as of a node; None for none."""
+    from dvtcli.operations.opening.file_choice import found_file
+    from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
+
+    if session.options.eds is not None:
+        return read_dictionary(file_or_family(session.options.eds))
+    found = next(filter(None, (found_file(KeptIdentity(one)) for one in held)), None)
+    if found is not None and found.note:
+        session.tell.note(found.note)
+    return None if found is None else read_dictionary(found.path)
 
 
 def _profile(held: HeldDevice) -> DeviceProfile:

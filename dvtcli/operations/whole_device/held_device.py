@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import UsageError
+from dvtcli.device.described_node import ToldValues
+from dvtcli.device.read_pdos import IDENTITY
+from dvtcli.domain.abort import Abort
+from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptObject, read_whole_device
 from dvtcli.operations.whole_device.device_suffix import holds_values
 
@@ -43,6 +46,21 @@ class HeldDevice:
         if data is None or entry is None or self.node_id in (None, node_id) or not entry.default_relative:
             return data
         return _moved(data, replace(entry, value=None), self.node_id or 0, node_id)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptIdentity(ToldValues):
+    """Who the device was that *held* is about, as the device tells it itself (0x1018)."""
+
+    held: HeldDevice
+
+    def told(self, index: int, sub_index: int) -> bytes:
+        """A number of the identity; SdoAborted for one that is not said, and for all else."""
+        numbers = dict(enumerate(("vendor", "product", "revision", "serial"), 1))
+        number = self.held.identity.get(numbers.get(sub_index, "")) if index == IDENTITY else None
+        if number is None:
+            raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX)
+        return number.to_bytes(4, "little")
 
 
 def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:

@@ -275,3 +275,15 @@ def test_all_that_is_wrong_with_any_node_is_said_at_once(bench: Bench, tmp_path:
     path.write_text(ALL_WRONG.replace("0x99", "0x286").replace("nothing_like_it", "statusword"))
     ran = bench.run(f"plan {path} --json")
     assert (ran.code, ran.document["error"], ran.document["also"]) == (5, "no_answer", [])
+
+
+def test_a_node_of_which_a_file_asks_nothing_is_not_said_to_hold_it(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("a: {node_id: 5}\nb: {node_id: 9, tpdo: {1: {event_timer: 0}}}\n", "utf-8")
+    with Bench(("generic@5", "generic@9")) as bench:
+        for word in ("plan", "diff"):
+            ran = bench.run(f"{word} {file}")
+            assert (ran.code, ran.stdout.count("the file asks for nothing of it: nothing was compared")) == (0, 1), ran
+            assert "every node of which it asks anything holds what the file says" in ran.stdout
+        file.write_text("a: {node_id: 5}\n", "utf-8")
+        assert "No difference: the file asks for nothing. Nothing was written." in bench.run(f"diff {file}").stdout

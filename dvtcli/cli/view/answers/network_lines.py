@@ -42,7 +42,9 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."
     elif not result.plan.changed and not result.plan.remains and not result.plan.untold:
-        yield f"No difference: {_every(result.plan)} holds {_what(result.plan)}. Nothing was written."
+        asks_nothing = all(node.is_asked_nothing for node in result.plan.nodes)
+        said = "the file asks for nothing" if asks_nothing else f"{_every(result.plan)} holds {_what(result.plan)}"
+        yield f"No difference: {said}. Nothing was written."
         yield from _aside(result.plan)
     if result.need is not None:
         yield from _load(result.need)
@@ -96,6 +98,8 @@ def _every(plan: NetworkPlan) -> str:
         return f"node {plan.manager}"
     if len(plan.unread) == len(plan.nodes):
         return f"every node, as its stamp (0x{STAMP:04X}) says,"
+    if any(node.is_asked_nothing for node in plan.nodes):
+        return "every node of which it asks anything"
     return "every node that was read" if plan.unread else "every node"
 
 

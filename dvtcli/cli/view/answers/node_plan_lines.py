@@ -41,6 +41,8 @@ def node_plan_lines(file: str, node: NodePlan, width: int) -> Iterator[Line]:
         yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
     if node.unchanged > 0:
         yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
+    if node.is_asked_nothing:
+        yield [Cell("  ! ", "yellow"), Cell("the file asks for nothing of it: nothing was compared")]
     yield from _left_out(node)
 
 
