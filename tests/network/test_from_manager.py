@@ -155,6 +155,26 @@ def test_what_a_file_cannot_say_is_named_and_what_is_not_downloaded_is_absent() 
     assert node.identity == WantedIdentity()
 
 
+def test_what_is_downloaded_twice_is_named_and_the_file_has_the_last() -> None:
+    """To unlock, or to select, an object is downloaded more than once; a PDO is off before it is on."""
+    with Bench(("manager.eds@12",), {"yes": True}) as bench:
+        downloads(
+            bench, 3,
+            (0x2000, 1, b"\1\0"), (0x2000, 2, b"\5\0"), (0x2000, 1, b"\2\0"), (0x2000, 2, b"\5\0"),
+            (0x2000, 3, b"\7\0"), (0x1800, 1, bytes.fromhex("83010080")), (0x1A00, 0, b"\0"),
+            (0x1A00, 1, bytes.fromhex("08010060")), (0x1A00, 0, b"\1"), (0x1800, 1, bytes.fromhex("83010000")),
+            (0x1020, 1, bytes(4)), (0x1020, 1, b"\1\0\0\0"),
+        )  # fmt: skip
+        ran = bench.run("import net.yaml --from-manager 12 --json")
+        assert (ran.code, ran.document["nodes"][0]["left_out"]) == (0, ["2000:01", "2000:02"]), ran
+        assert "2000:01 (downloaded 2 times, the file has the last)" in " ".join(ran.document["notes"])
+    (node,) = read_network_file(Path("net.yaml")).nodes
+    assert [(one.object.text, one.value.text) for one in node.values] == [
+        ("2000:01", "0x0002"), ("2000:02", "0x0005"), ("2000:03", "0x0007"),
+    ]  # fmt: skip
+    assert [(one.enabled, one.cob_id, one.mapping) for one in node.pdos] == [(True, 0x183, (FileWord("6000:01/8"),))]
+
+
 def test_a_stream_that_is_broken_is_said_and_the_others_are_imported() -> None:
     with Bench(("manager.eds@12",), {"yes": True}) as bench:
         downloads(bench, 3, (0x1017, 0, b"\xe8\3"))

@@ -5,12 +5,14 @@ What the downloads say is in the file; what they do not say is absent. What a fi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
+from dvtcli.domain.network.concise_dcf import ConciseEntry
 from dvtcli.domain.network.wanted_state import FileWord, HeartbeatWatch, NodeWish, ObjectWish, PdoWish, ValueWish
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import STAMP
@@ -40,12 +42,13 @@ class _Left:
         return int.from_bytes(data, "little")
 
 
-def booted_node(device: Described, downloads: Mapping[Place, bytes]) -> tuple[Exported, tuple[str, ...]]:
+def booted_node(device: Described, downloads: Sequence[ConciseEntry]) -> tuple[Exported, tuple[str, ...]]:
     """*device* as its *downloads* make it, in the order in which these are; and, in words, what a file cannot say.
 
-    A stamp (0x1020) is `stamp: true`: that of a file stands for what the file says.
+    A stamp (0x1020) is `stamp: true`: that of a file stands for what the file says. A file has one value an object:
+    of several downloads to one the last, and that there are more is among what it cannot say.
     """
-    left = _Left(dict(downloads))
+    left = _Left({(one.index, one.sub_index): one.data for one in downloads})
     remarks: dict[str, str] = {}
     stamped = {left.data.pop((STAMP, sub_index), None) for sub_index in (1, 2)} != {None}
     pdos = sorted({pdo for index, _ in left.data if (pdo := Pdo.at(index)) is not None}, key=_order)
@@ -57,9 +60,23 @@ def booted_node(device: Described, downloads: Mapping[Place, bytes]) -> tuple[Ex
         store=True if stamped else None, stamp=True if stamped else None,
     )  # fmt: skip
     left.unsaid |= dict.fromkeys(left.data, "no key of a PDO says it")
+    left.unsaid = _repeated(downloads) | left.unsaid
     unsaid = tuple(f"{index:04X}:{sub_index:02X} ({why})" for (index, sub_index), why in sorted(left.unsaid.items()))
     own = {(device.node_id, word): text for word, text in remarks.items()}
     return Exported(wish, own, tuple(text.partition(" ")[0] for text in unsaid)), unsaid
+
+
+def _repeated(downloads: Sequence[ConciseEntry]) -> dict[Place, str]:
+    """What is downloaded more than once, as to unlock or to select: each may do something, and a file says the last.
+
+    Not those of PDOs, which are off, and map nothing, while they are set; nor a stamp.
+    """
+    counts = Counter((one.index, one.sub_index) for one in downloads)
+    return {
+        place: f"downloaded {count} times, the file has the last"
+        for place, count in counts.items()
+        if count > 1 and place[0] != STAMP and Pdo.at(place[0]) is None
+    }
 
 
 def _order(pdo: Pdo) -> tuple[bool, int]:

@@ -5,13 +5,13 @@ Reads the manager, and of its nodes who they are, where they answer: that only t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
-from dvtcli.domain.network.concise_dcf import read_concise_dcf
+from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_entries
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.network.wanted_state import NodeWish, WantedIdentity
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
@@ -100,7 +100,7 @@ def _notes(wish: NodeWish, unsaid: tuple[str, ...]) -> Iterator[str]:
         yield f"node {wish.node_id}: `stamp: true` is for its 0x1020, and gives it another date and time"
 
 
-def _downloads(session: Session, node: Node, notes: list[str]) -> Iterator[tuple[int, Mapping[tuple[int, int], bytes]]]:
+def _downloads(session: Session, node: Node, notes: list[str]) -> Iterator[tuple[int, tuple[ConciseEntry, ...]]]:
     """What *node* downloads, by node-ID; what is no concise DCF, or cannot be read, is said."""
     try:
         count = node.observed(partial(node.known_value, CONCISE_DCF, 0))
@@ -114,7 +114,7 @@ def _downloads(session: Session, node: Node, notes: list[str]) -> Iterator[tuple
         try:
             data = node.observed(partial(node.known_value, CONCISE_DCF, node_id))
             if any(data):
-                yield node_id, read_concise_dcf(data)
+                yield node_id, concise_entries(data)
         except SdoAborted as aborted:
             notes.append(f"node {node_id} is left out: {aborted.text}")
         except ValueError as wrong:
