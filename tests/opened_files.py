@@ -16,8 +16,10 @@ from pathlib import Path
 
 import pytest
 
-#: inotify(7): a file was opened (of a folder another bit is set too), something is lost; the head of what is told
-_OPENED, _LOST = 0x0020, 0x4000
+#: inotify(7): a file was opened (of a folder another bit is set too), it was closed, something is lost. What is told
+#: twice in a row is told once: between two openings the closing has to be told
+_OPENED, _CLOSED, _LOST = 0x0020, 0x0018, 0x4000
+#: the head of what is told
 _HEAD = struct.Struct("iIII")
 
 
@@ -33,7 +35,7 @@ def opened_files(below: Path) -> Iterator[list[str]]:
     told = library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         for folder in (below, *(path for path in below.rglob("*") if path.is_dir())):
-            watched = library.inotify_add_watch(told, os.fsencode(folder), _OPENED)
+            watched = library.inotify_add_watch(told, os.fsencode(folder), _OPENED | _CLOSED)
             assert watched >= 0, os.strerror(ctypes.get_errno())
         yield found
         found += _names(told)

@@ -63,7 +63,8 @@ class _Swallowed:
 
     def hear(self, lost: sys.UnraisableHookArgs) -> None:
         """What Python calls with each exception that it lets no further (`sys.unraisablehook`)."""
-        self.being_heard, self.again = True, issubclass(lost.exc_type, KeyboardInterrupt)
+        self.being_heard = True  # before anything is called, behind which a signal may come
+        self.again = issubclass(lost.exc_type, KeyboardInterrupt)
         if not self.again:
             self._shown(lost)
         while self.again:

@@ -17,8 +17,8 @@ from dvtcli.device.cancellation import Cancellation
 
 class Driver:
     def __del__(self):
+        time.sleep(0.0033)  # what was swallowed before is sent again 20 ms later
         os.kill(os.getpid(), signal.{name})
-        time.sleep(0.0033)
 
 cancellation = Cancellation()
 catch_signals(cancellation)
