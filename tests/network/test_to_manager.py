@@ -8,9 +8,12 @@ import pytest
 
 import dvtcli
 from dvtcli.domain.network.concise_dcf import concise_entries, read_concise_dcf
-from dvtcli.errors import RuleError
+from dvtcli.errors import RuleError, UsageError
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.operations.network.concise_network import concise_dcf
+from dvtcli.operations.network.network_files import planned
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.bus.devices import unknown
@@ -113,6 +116,14 @@ def test_a_fault_takes_it_all_back() -> None:
         ran = bench.run("apply net.yaml --to-manager 10")
         assert (ran.code, "rolled back" in ran.stderr) == (1, True), ran
         assert [held(bench, index, node) for index in (0x1F22, *EXPECTED) for node in (4, 5)] == before
+
+
+def test_all_of_the_file_is_meant_and_never_some() -> None:
+    """What a node downloads is whole, and links to others are in it."""
+    with Session(Options(sim=(manager(),), node=(4, 5))) as session:
+        with pytest.raises(UsageError, match="-n names some of them"):
+            planned(session, "net.yaml", manager=10)
+        assert session.node(10).sdo.upload(0x1F22, 4) == b""
 
 
 def test_it_asks_and_a_dry_run_writes_nothing() -> None:

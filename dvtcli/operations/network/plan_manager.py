@@ -24,6 +24,7 @@ from dvtcli.operations.network.concise_network import concise_dcfs
 from dvtcli.operations.network.words_on_bus import words_of_present
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import value_change
+from dvtcli.operations.wanted.chosen_nodes import named_nodes
 from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
@@ -45,9 +46,14 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
 
     Reads the manager alone, and who those nodes are that the file leads to no EDS for: these must answer, and be as the
     file says (else NoAnswer, SafetyRefusal, as of `plan_network`). Nodes that nothing describes are left out, said, and
-    `untold` in the plan. UsageError where *manager* keeps no concise DCFs, or no node is left; else as `concise_dcf`,
-    and RuleError with all that the rules refuse.
+    `untold` in the plan. UsageError where *manager* keeps no concise DCFs, no node is left, or `-n` names others; else
+    as `concise_dcf`, and RuleError with all that the rules refuse.
     """
+    if any(one != manager for one in named_nodes(session)):
+        raise UsageError(
+            f"--to-manager gives node {manager} what all nodes of {file} download, -n names some of them",
+            hint="without -n it is all of them; a node whose download is right already is not written",
+        )
     wish = read_wish(file)
     found = concise_dcfs(file, session.tell, words_of_present(session, file, wish))
     mine = [one for one in found.nodes if one.node_id != manager]
