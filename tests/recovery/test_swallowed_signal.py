@@ -29,6 +29,7 @@ try:
     while True:
         time.sleep(60)
 except KeyboardInterrupt:
+    signal.signal(signal.{name}, signal.SIG_IGN)  # one more may be on its way
     print("stopped", cancellation.exit_code)
 """
 
