@@ -31,9 +31,11 @@ class Wish:
     said: Mapping[Pdo, frozenset[str]] = field(default_factory=dict)
     #: what it holds otherwise and nobody would write, as differences
     unwritten: tuple[Difference, ...] = ()
+    #: objects that it holds as wished and nobody would write
+    also_equal: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.pdos or self.values or self.unwritten)
+        return bool(self.pdos or self.values or self.unwritten or self.also_equal)
 
     def only(self, pdos: Collection[Pdo]) -> Wish:
         """The part of it that is about *pdos*."""
@@ -44,7 +46,7 @@ class Wish:
     @property
     def objects(self) -> int:
         """How many single objects are compared."""
-        return len(self.values) + sum(":" in label for label, _ in self.unwritten)
+        return len(self.values) + len(self.also_equal) + sum(":" in label for label, _ in self.unwritten)
 
     @property
     def parameters(self) -> int:

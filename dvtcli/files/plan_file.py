@@ -66,6 +66,7 @@ def _node(document: Any) -> NodePlan:
         name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored)),
         is_read=document.get("read") is not False, needs_power_off=document.get("power_off") is True,
         doubt=str(document.get("doubt") or ""), left_out=tuple(map(_left_out, document.get("left_out") or ())),
+        also_equal=read_number({"also_equal": 0, **document}, "also_equal", MOST_CHANGES),
     )  # fmt: skip
 
 

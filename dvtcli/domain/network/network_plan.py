@@ -62,6 +62,8 @@ class NodePlan:
     is_read: bool = True
     #: what the file says something of and that is not written
     left_out: tuple[LeftOut, ...] = ()
+    #: how many settings it holds as the file says, that are not written for a file's sake
+    also_equal: int = 0
     #: whether its power stage must be off before anything is written
     needs_power_off: bool = False
     #: what is to be asked first, beside whether to write at all
@@ -75,7 +77,7 @@ class NodePlan:
     @property
     def is_asked_nothing(self) -> bool:
         """Whether the file names the node, and nothing that it should hold."""
-        return self.is_read and not (self.wanted or self.values or self.left_out or len(self.plan))
+        return self.is_read and not (self.wanted or self.values or self.left_out or self.also_equal or len(self.plan))
 
     @property
     def stores(self) -> bool:

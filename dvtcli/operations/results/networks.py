@@ -115,6 +115,7 @@ def _node_document(node: NodePlan) -> Document:
         "power_off": node.needs_power_off,
         "doubt": node.doubt,
         "unchanged": node.unchanged,
+        "also_equal": node.also_equal,
         "pdos": [_pdo_document(node, change) for change in changes if isinstance(change, PdoChange)],
         "objects": [_object_document(change) for change in changes if isinstance(change, ValueChange)],
         "findings": [finding_document(finding) for finding in node.findings],

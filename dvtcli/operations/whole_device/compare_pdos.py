@@ -179,6 +179,7 @@ def _labels(wish: Wish) -> Iterator[str]:
     yield from (pdo.label for pdo in wish.pdos)
     yield from (f"{index:04X}:{sub_index:02X}" for index, sub_index in wish.values)
     yield from dict(wish.unwritten)
+    yield from wish.also_equal
 
 
 def _judge(node: Node, wish: Wish, *, differs: bool) -> None:

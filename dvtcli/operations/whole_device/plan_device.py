@@ -81,7 +81,7 @@ def wanted_alone(node: Node, file: str) -> Wish | None:
     found = wanted_of_file(node, held)
     unwritten = tuple((one.object, _unwritten(one)) for one in found.left_out.values() if one.remains)
     pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
-    return Wish(pdos, found.wants.values, unwritten=unwritten)
+    return Wish(pdos, found.wants.values, unwritten=unwritten, also_equal=tuple(found.also_equal))
 
 
 def _unwritten(one: LeftOut) -> str:
@@ -149,7 +149,10 @@ def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) 
     left_out = tuple(one for _, one in sorted(found.left_out.items()))
     sizes = {one.object: len(one.held) for one in left_out if one.held is not None}
     known = planned.understood | understood(node, sizes)
-    return replace(planned, left_out=left_out, understood=known, needs_power_off=True, doubt=_doubt(node, held))
+    return replace(
+        planned, left_out=left_out, also_equal=len(found.also_equal), understood=known, needs_power_off=True,
+        doubt=_doubt(node, held),
+    )  # fmt: skip
 
 
 def _doubt(node: Node, held: HeldDevice) -> str:

@@ -41,6 +41,9 @@ def node_plan_lines(file: str, node: NodePlan, width: int) -> Iterator[Line]:
         yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
     if node.unchanged > 0:
         yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
+    if node.also_equal:
+        more = plural(node.also_equal, "more setting")
+        yield [Cell(f"  = {more} as the file says, of those that are not written", "dim")]
     if node.is_asked_nothing:
         yield [Cell("  ! ", "yellow"), Cell("the file asks for nothing of it: nothing was compared")]
     yield from _left_out(node)
