@@ -75,3 +75,13 @@ def test_a_file_without_a_node_id_needs_a_selected_node(devices: list[StrictDevi
         for line in ("diff", "verify", "compare", "plan", "apply --yes", "clone --yes"):
             ran = bench.run(f"{line} {file}")
             assert (ran.code, ran.stderr[:27]) == (2, "error: no node is selected\n"), line
+
+
+def test_a_pdo_without_a_node_is_the_selected_ones(devices: list[StrictDevice], tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf")
+    with Bench((), {"node": 5}, bus=beside(devices)) as bench:
+        assert bench.run("set 5:rpdo1 --type 1").code == 0
+        ran = bench.run(f"verify 4:tpdo2 rpdo1 {file}")
+        assert (ran.code, "use one line for each node" in ran.stderr) == (2, True), "not RPDO1 of node 4"
+        assert bench.run(f"verify 5:tpdo2 rpdo1 {file}").code == 3
+        assert bench.run(f"verify 4:tpdo2 4:rpdo1 {file}").code == 0

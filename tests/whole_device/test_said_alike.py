@@ -86,3 +86,6 @@ def test_a_file_that_says_no_setting_is_compared_with_nothing(tmp_path: Path) ->
     with Bench(("generic@5",)) as bench:
         assert bench.run(f"verify {file}").code == 2, "its defaults are not taken for values"
         assert bench.run(f"compare {file}").code == 2
+        for line in ("plan {}", "diff {}", "apply {} --yes", "clone {} --yes"):
+            ran = bench.run(line.format(file))
+            assert (ran.code, "nothing compared" in ran.stderr) == (2, True), line

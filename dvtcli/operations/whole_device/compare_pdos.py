@@ -88,6 +88,8 @@ def _session_wishes(session: Session) -> dict[int, Wish]:
 def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tuple[list[NodePdo], dict[int, Wish]]:
     """*pdos*, each with its node, and what should be on each of these, by a *file* about one device."""
     named = {node_id for node_id, _ in pdos if node_id is not None}
+    if named and any(node_id is None for node_id, _ in pdos):
+        named.add(session.node_id())  # a PDO without a node is the selected one's
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")
     meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held_by(file)),)

@@ -122,6 +122,14 @@ def _refuse_nothing(held: HeldDevice) -> None:
         )  # fmt: skip
 
 
+def _nothing_compared(held: HeldDevice) -> UsageError:
+    """The error where no node could be compared: nothing that *held* says is configuration."""
+    return UsageError(
+        f"nothing compared: {held.name} says no setting of a device, only what nobody writes", place=held.name,
+        hint="is it the whole file? `backup FILE` makes one now; --include 2001 names what is configuration",
+    )  # fmt: skip
+
+
 def _refuse_nobody(held: HeldDevice, options: DeviceOptions) -> None:
     if options.is_clone and not held.identity["product"]:
         raise SafetyRefusal(
@@ -140,6 +148,8 @@ def _planned(
         found[node_id] = wanted_of_file(node, own, included, names_makers=options.is_clone)
         for text in found[node_id].idle:
             session.tell.warning(text)
+    if not any(found.values()):
+        raise _nothing_compared(held)
     planned = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
     said = [_said(one, nodes[one.node_id], held, found[one.node_id]) for one in planned]
     return checked(nodes, said, force=session.options.force)

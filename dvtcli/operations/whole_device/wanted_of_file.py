@@ -53,6 +53,11 @@ class WantedOfFile:
     #: what to say of what the user called configuration and by which nothing more is written
     idle: tuple[str, ...] = ()
 
+    def __bool__(self) -> bool:
+        """Whether anything that the file says was compared."""
+        is_other = any(one.remains for one in self.left_out.values())
+        return bool(self.wants.pdos or self.wants.values or self.also_equal or is_other)
+
 
 def wanted_of_file(
     node: Node, held: HeldDevice, included: Collection[Included] = (), *, names_makers: bool = False
