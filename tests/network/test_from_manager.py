@@ -230,3 +230,16 @@ def test_a_program_imports_what_a_manager_downloads() -> None:
                 bus.import_network("net.yaml", from_manager=wrong, yes=True)  # type: ignore[arg-type]
     (node,) = read_network_file(Path("net.yaml")).nodes
     assert node.node_id == 3
+
+
+@pytest.mark.parametrize(
+    ("vendor", "product", "others"), [(0, 0, False), (0x1E, 0, False), (0, 1, True), (0x1F, 0, True)]
+)
+def test_a_manager_checks_only_what_it_expects(vendor: int, product: int, others: bool) -> None:
+    """0x1F85 or 0x1F86 that is 0 is any vendor, any product (CiA 302-2)."""
+    with Bench(("manager.eds@12", "gen4@1"), {"yes": True}) as bench:
+        downloads(bench, 1, (0x1017, 0, bytes([100, 0])))
+        expect(bench, 1, vendor, product)
+        ran = bench.run("import again.yaml --from-manager 12")
+        assert ("is another device than node 12 expects" in ran.stdout) == others, ran
+        assert ("dcf: gen4" in Path("again.yaml").read_text("utf-8").replace('"', "")) != others

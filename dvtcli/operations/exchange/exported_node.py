@@ -33,7 +33,7 @@ def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], p
 def _dcf(session: Session, node: Node, path: Path) -> FileWord | None:
     """What leads from the network file *path* to the EDS that *node* is known by; None where it is known by none."""
     if session.options.eds is not None:
-        return beside(file_or_family(session.options.eds), path)
+        return eds_word(file_or_family(session.options.eds), path)
     eds = session.network.files.eds_path(node.node_id)
     return None if eds is None else eds_word(eds, path)
 

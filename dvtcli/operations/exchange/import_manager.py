@@ -127,13 +127,18 @@ def _device(session: Session, manager: Node, node_id: int, path: Path, notes: li
     try:
         files = session.network.files
         held = WantedIdentity(*(read_identity(files.memory(node_id), sub_index) or None for sub_index in (1, 2)))
-        if expected in (WantedIdentity(), held):
+        if all(wanted in (None, told) for wanted, told in zip(_parts(expected), _parts(held), strict=True)):
             return _Booted(node_id, held, files.eds_path(node_id))
         notes.append(f"node {node_id} is another device than node {manager.node_id} expects (0x1F85, 0x1F86)")
     except (NoAnswer, SdoAborted, SdoProtocolError):
         pass
     word = simulated_word(str(path), NodeWish("", node_id, expected))
     return _Booted(node_id, expected, None if word is None else file_or_family(word))
+
+
+def _parts(identity: WantedIdentity) -> tuple[int | None, ...]:
+    """Vendor and product: a manager checks only what it expects (CiA 302-2, 0x1F85 and 0x1F86: 0 is any)."""
+    return identity.vendor, identity.product
 
 
 def _identity(manager: Node, node_id: int) -> WantedIdentity:

@@ -103,6 +103,13 @@ def test_an_imported_file_means_the_same_whatever_is_added_to_the_library(
         assert bench.run("plan net.yaml --exit-code").code == 0
 
 
+def test_a_family_that_is_chosen_stays_its_name(offline: Bench) -> None:
+    """Another computer has its file elsewhere."""
+    with Bench((), {"yes": True, "eds": "generic", "node": 5}, live(device("generic", 5))) as bench:
+        assert bench.run("import made.yaml").code == 0
+    assert 'dcf: "generic"' in Path("made.yaml").read_text("utf-8")
+
+
 def test_a_file_of_the_library_that_was_removed_is_said_to_be_missing(offline: Bench) -> None:
     _added(offline, "only", (0x10001,), "Pressure")
     with Bench((), bus=live(pump(5))) as bench:

@@ -42,9 +42,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."
     elif not result.plan.changed and not result.plan.remains and not result.plan.untold:
-        asks_nothing = all(node.is_asked_nothing for node in result.plan.nodes)
-        said = "the file asks for nothing" if asks_nothing else f"{_every(result.plan)} holds {_what(result.plan)}"
-        yield f"No difference: {said}. Nothing was written."
+        yield f"No difference: {_so(result.plan)}. Nothing was written."
         yield from _aside(result.plan)
     if result.need is not None:
         yield from _load(result.need)
@@ -90,6 +88,13 @@ def _untold(plan: NetworkPlan) -> Iterator[Line]:
         return
     nodes = f"node{'' if len(plan.untold) == 1 else 's'} {', '.join(map(str, plan.untold))}"
     yield [Cell(f"! node {plan.manager} gets nothing for {nodes}: no EDS is known; dcf: names one", "yellow")]
+
+
+def _so(plan: NetworkPlan, already: str = "") -> str:
+    """That all nodes are so, where anything is asked of them."""
+    if all(node.is_asked_nothing for node in plan.nodes):
+        return "the file asks for nothing"
+    return f"{_every(plan)} holds {_what(plan)}{already}"
 
 
 def _every(plan: NetworkPlan) -> str:
@@ -143,7 +148,8 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     plan = result.plan
     yield from _untold(plan)
     if not plan.changed and not result.stored:
-        yield f"{_every(plan).capitalize()} holds {_what(plan)} already; nothing was written."
+        said = _so(plan, " already")
+        yield f"{said[0].upper()}{said[1:]}; nothing was written."
         yield from _aside(plan)
         yield from _remaining(plan)
         return
