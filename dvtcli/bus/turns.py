@@ -145,20 +145,20 @@ class Turns:
         A KeyboardInterrupt in this thread tears each of them apart where it waits, and is none of this thread's then.
         """
         scheduler = threading.Thread(target=self._schedule, daemon=True)
-        try:
-            scheduler.start()
-        except KeyboardInterrupt:
-            self._torn = True
-        # not `join`: a thread whose join is interrupted counts as ended (Python 3.11); and never without a time-out,
-        # since no Ctrl-C ends a wait for a lock on Windows
-        while scheduler.ident is not None and not self._finished:
+        while not self._finished:
             try:
+                if scheduler.ident is None:
+                    scheduler.start()
+                # not `join`: a thread whose join is interrupted counts as ended (Python 3.11); and never without a
+                # time-out, since no Ctrl-C ends a wait for a lock on Windows
                 while not self._finished:
                     self._ended.acquire(timeout=_LOOK_S)
             except KeyboardInterrupt:
                 self._torn = True
-        if not self._finished:
-            raise KeyboardInterrupt
+                if scheduler.ident is None:
+                    raise
+        if self._torn and not self.faults:  # it came when none of them waited any more
+            self.faults.append(KeyboardInterrupt())
 
     def _schedule(self) -> None:
         try:

@@ -104,6 +104,18 @@ def test_whoever_insists_tears_all_of_them_apart_and_each_may_tidy_up() -> None:
     assert order == [1, 2, 3]
 
 
+def test_whoever_insists_while_nobody_waits_any_more_is_heard() -> None:
+    bus = VirtualTimeBus(devices())
+
+    def insists() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        while not bus._turns._torn:  # type: ignore[union-attr]
+            time.sleep(0.001)
+
+    (fault,) = bus.side_by_side([lambda: None, insists])
+    assert isinstance(fault, KeyboardInterrupt)
+
+
 def test_a_bus_that_is_closed_meanwhile_ends_all_of_them() -> None:
     with_time = simulate(devices())
     jobs = [lambda node_id=node_id: with_time.wait_boot_up(node_id, 99, 60) for node_id in IDS]

@@ -25,6 +25,19 @@ class OneByOne(Watched):
     most_at_once = 1
 
 
+class Torn(Watched):
+    """A bus on which whoever reads is torn apart at the read number *stops_at*."""
+
+    reads, stops_at = 0, 0
+
+    def send_sdo(self, can_id: int, data: bytes) -> None:
+        if data[0] >> 5 == 2:
+            self.reads += 1
+            if self.reads == self.stops_at:
+                raise KeyboardInterrupt
+        super().send_sdo(can_id, data)
+
+
 def chain(home: Path, name: str, faults: list[str] | None = None, bus: type[Watched] = Watched) -> Chain:
     """The network, with none of its nodes OPERATIONAL."""
     (home.parent / name).mkdir()
@@ -110,6 +123,17 @@ def test_whoever_tears_it_apart_finds_every_node_as_before(home: Path, at: int) 
 
     said = stopped(chain(home, "files"), at, tear)
     assert said.text.startswith("stopped at once at node ")
+
+
+def test_a_stop_while_a_plan_is_read_is_obeyed_wherever_it_comes(home: Path) -> None:
+    """What is read ahead of several nodes is read in threads: whatever ends one of them ends the plan."""
+    made = chain(home, "files", bus=Torn)
+    made.plan()
+    count = made.bus.reads  # type: ignore[attr-defined]
+    for quarter in range(5):
+        made.bus.reads, made.bus.stops_at = 0, max(count * quarter // 4, 1)  # type: ignore[attr-defined]
+        with pytest.raises(KeyboardInterrupt):
+            made.plan()
 
 
 def test_nodes_are_met_side_by_side_and_named_in_order(home: Path) -> None:

@@ -170,7 +170,9 @@ def plans_of(
     planned: list[NodePlan] = []
     refused: list[RuleError] = []
     for node in list(nodes.values())[:1]:
-        node.bus.side_by_side([partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()])
+        ahead = [partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()]
+        for fault in node.bus.side_by_side(ahead):
+            raise fault  # a Ctrl-C, or a bus that is gone
     for one in wish.nodes:
         try:
             stamp = stamps.get(one.node_id)

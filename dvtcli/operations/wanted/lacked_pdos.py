@@ -39,7 +39,9 @@ def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -
         for end in link.ends:
             asked[end.node_id].setdefault(end.pdo, link.mark)
     for node in list(nodes.values())[:1]:
-        node.bus.side_by_side([partial(_look_ahead, nodes[node_id], pdos) for node_id, pdos in asked.items()])
+        ahead = [partial(_look_ahead, nodes[node_id], pdos) for node_id, pdos in asked.items()]
+        for fault in node.bus.side_by_side(ahead):
+            raise fault  # a Ctrl-C, or a bus that is gone
     lacked = _Lacked(log)
     for node_id, pdos in asked.items():
         for pdo, mark in pdos.items():
