@@ -155,3 +155,20 @@ def test_a_network_is_not_imported_by_it_and_an_eds_may_have_it(tmp_path: Path) 
     with Bench((f"{file}@5",), {"eds": str(file)}) as bench:
         assert bench.run("read 2001 --json").document["value"] == 7
         assert bench.run("verify").code in (0, 2)
+
+
+@pytest.mark.parametrize("second", ["NodeID=9\n", "NodeName=Pump\n\n[DeviceCommissioning]\nNodeID = 0x9\n"])
+def test_a_file_with_two_node_ids_is_refused(second: str, tmp_path: Path) -> None:
+    file = tmp_path / "node.dcf"
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"export {file}").code == 0
+        text = file.read_text("utf-8")
+        assert text.count("NodeID=5\n") == 1
+        file.write_text(text.replace("NodeID=5\n", "NodeID=5\nNodeID=0x05\n"), "utf-8")
+        assert bench.run(f"diff {file}").code == 0, "the same number twice"
+        file.write_text(text.replace("NodeID=5\n", f"NodeID=5\n{second}"), "utf-8")
+        line = text[: text.index("NodeID=5\n")].count("\n") + 1
+        for command in COMMANDS:
+            ran = bench.run(f"{command} {file}")
+            said = f"NodeID is 5 in line {line}, 9 in line "
+            assert (ran.code, said in ran.stderr) == (4, True), ran.stderr

@@ -6,11 +6,11 @@ Knows CiA 306, 4.5, 4.6.1 and 5. Does not know objects beyond the identity that 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, OdObject
 from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import Values, section_values
+from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
 from dvtcli.files.eds.layout import OBJECT_LISTS, Layout
 from dvtcli.files.eds.numbers import read_number, without_comment
@@ -94,7 +94,13 @@ def _identity(values: Values, key: str, identity: OdObject | None, sub_index: in
 
 
 def _node_id(layout: Layout, findings: Findings) -> int | None:
-    values = section_values(layout.device.get("devicecomissioning", ()), findings)
+    sections = layout.device.get("devicecomissioning", ())
+    values = section_values(sections, findings)
+    if len(differing := _given_node_ids(sections)) > 1:
+        every = ", ".join(f"{number} in line {line}" for number, line in differing.items())
+        text = f"NodeID is {every}: nobody knows which of them is meant; ignored"
+        findings.add(NODE_ID, values["nodeid"].line, text, value_lost=True)
+        return None
     node_id = number_key(values, "nodeid", 0, 0xFF, findings)
     if node_id is None or 1 <= node_id <= _HIGHEST_NODE_ID:
         return node_id
@@ -104,6 +110,20 @@ def _node_id(layout: Layout, findings: Findings) -> int | None:
     else:
         findings.add(NODE_ID, given.line, f"{quoted(given)} is not within 1..127; ignored")
     return None
+
+
+def _given_node_ids(sections: Iterable[IniSection]) -> dict[int, int]:
+    """Every node-ID that the sections give, with its line; a key may stand twice."""
+    found: dict[int, int] = {}
+    for section in sections:
+        for line, text in enumerate(section.text.split("\n")):
+            key, _, value = text.partition("=")
+            if key.strip().lower() == "nodeid":
+                given = {"nodeid": IniValue("NodeID", value.strip(), section.line + line)}
+                number = number_key(given, "nodeid", 1, _HIGHEST_NODE_ID, Findings())
+                if number is not None:
+                    found.setdefault(number, section.line + line)
+    return found
 
 
 def _dummies(layout: Layout, findings: Findings) -> frozenset[int] | None:

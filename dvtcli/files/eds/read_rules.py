@@ -65,7 +65,9 @@ NO_SUB_INDEX = LintRule("no-sub-index", WARNING, "a row of a table names a sub-i
 # The device and the lists of objects.
 DEVICE_IDENTITY = LintRule("device-identity", WARNING, "VendorNumber, ProductNumber or RevisionNumber is not what "
                            "0x1018 holds: the device is not recognised by its file", "CiA 306, DeviceInfo")  # fmt: skip
-NODE_ID = LintRule("node-id", WARNING, "NodeID is not within 1..127", "CiA 306, DeviceComissioning")
+NODE_ID = LintRule(
+    "node-id", WARNING, "NodeID is not within 1..127, or stands twice and differs", "CiA 306, DeviceComissioning"
+)
 NO_NODE_ID = LintRule("no-node-id", NOTE, "NodeID=255: the node is not configured", "CiA 305")
 LIST_COUNT = LintRule("list-count", WARNING, "SupportedObjects is not the number of objects in the list",
                       "CiA 306, 4.6.2")  # fmt: skip
