@@ -175,6 +175,18 @@ def test_what_is_downloaded_twice_is_named_and_the_file_has_the_last() -> None:
     assert [(one.enabled, one.cob_id, one.mapping) for one in node.pdos] == [(True, 0x183, (FileWord("6000:01/8"),))]
 
 
+def test_a_pdo_that_is_on_with_can_id_0_is_named() -> None:
+    """No key says it: that PDO would be enabled with whatever CAN-ID it has. One that is off with 0 is only off."""
+    with Bench(("manager.eds@12",), {"yes": True}) as bench:
+        downloads(bench, 3, (0x1800, 1, bytes(4)), (0x1800, 5, b"\x32\0"), (0x1801, 1, bytes.fromhex("00000080")))
+        ran = bench.run("import net.yaml --from-manager 12 --json")
+        assert (ran.code, ran.document["nodes"][0]["left_out"]) == (0, ["1800:01"]), ran
+        assert "1800:01 (0x00000000: a PDO that is on has no CAN-ID 0)" in " ".join(ran.document["notes"])
+    (node,) = read_network_file(Path("net.yaml")).nodes
+    said = [(one.enabled, one.cob_id, one.event_timer) for one in node.pdos]
+    assert said == [(None, None, 50), (False, None, None)]
+
+
 def test_a_stream_that_is_broken_is_said_and_the_others_are_imported() -> None:
     with Bench(("manager.eds@12",), {"yes": True}) as bench:
         downloads(bench, 3, (0x1017, 0, b"\xe8\3"))

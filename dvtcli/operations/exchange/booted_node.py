@@ -87,6 +87,9 @@ def _pdo(device: Described, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> P
     at = pdo.communication_index
     raw = left.number(at, 1, 4)
     cob_id = None if raw is None else CobId.from_raw(raw)
+    if cob_id is not None and cob_id.valid and not cob_id.can_id:
+        left.unsaid[at, 1] = f"0x{raw:08X}: a PDO that is on has no CAN-ID 0"
+        cob_id = None
     named = cob_id is not None and bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
     return PdoWish(
         pdo,
