@@ -181,3 +181,15 @@ def test_a_proof_compares_what_an_rpdo_could_take_and_none_takes(
         proved = bench.run("store --prove")
         assert (proved.code, "3001:01: is 0x00001298" in proved.stdout) == (code, bool(faults)), proved.stdout
         assert "not compared: 0x30A0:02, 0x2022:00, since a command or a target" in proved.stdout
+
+
+def test_that_only_defaults_are_compared_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "empty.dcf"
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"export {file}").code == 0
+        lines = file.read_text("utf-8").splitlines(keepends=True)
+        file.write_text("".join(one for one in lines if not one.startswith("ParameterValue=")), "utf-8")
+        for command in ("compare", "verify"):
+            ran = bench.run(f"{command} {file}")
+            said = f"note: {file} has no value of any object: its defaults are compared\n"
+            assert (ran.code in (0, 3), ran.stderr.count(said)) == (True, 1), ran

@@ -17,6 +17,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
+from dvtcli.operations.whole_device.device_suffix import holds_values
 from dvtcli.operations.whole_device.export_dcf import why_unread
 from dvtcli.operations.whole_device.held_device import HeldDevice, KeptIdentity, held_by
 from dvtcli.operations.whole_device.look_through import configuration, read_entries
@@ -67,6 +68,8 @@ def compare_device(
     be compared; InputFileError where it is none.
     """
     first = held_by(file)
+    if first.assumed and holds_values(file):
+        session.tell.note(f"{file} has no value of any object: its defaults are compared")
     if other is None:
         node = session.node(_meant(session, first) if node_id is None else node_id)
         first = first if first.node_id else held_by(file, node.node_id)

@@ -93,7 +93,9 @@ def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tupl
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")
     meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held_by(file)),)
-    return [(one, pdo) for one in meant for _, pdo in pdos], {one: dcf_wish(session.node(one), file) for one in meant}
+    return [(one, pdo) for one in meant for _, pdo in pdos], {
+        one: dcf_wish(session, session.node(one), file) for one in meant
+    }
 
 
 def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], RuleError | None]:
@@ -154,7 +156,7 @@ def compare_node(
 
     UsageError where there is nothing to compare.
     """
-    wish = session_wish(node) if file is None else dcf_wish(node, file)
+    wish = session_wish(node) if file is None else dcf_wish(session, node, file)
     missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
     if missing or not wish:
         what = missing[0] if missing else "anything"
@@ -194,7 +196,7 @@ def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
         suspicions.pop(REBOOT, None)
 
 
-def dcf_wish(node: Node, file: str) -> Wish:
+def dcf_wish(session: Session, node: Node, file: str) -> Wish:
     """What a DCF, an XDC or a backup wants of this node, or the PDOs as an EDS's defaults set them.
 
     UsageError where the file cannot be read, SafetyRefusal where it is about another product.
@@ -205,6 +207,7 @@ def dcf_wish(node: Node, file: str) -> Wish:
         found = wanted_alone(node, file)
         if found is not None:
             return found
+        session.tell.note(f"{file} has no value of any object: its defaults are compared")
     try:
         read = read_device_file(Path(file))
     except OSError as failed:
