@@ -43,3 +43,17 @@ def test_pdos_are_counted_beside_the_objects(tmp_path: Path) -> None:
         verified = bench.run(f"verify {file} --json").document
         (node,) = bench.run(f"diff {file} --json").document["nodes"]
         assert verified["pdos"] + verified["objects"] == node["unchanged"] + node["also_equal"]
+
+
+def test_what_the_file_does_not_say_of_a_pdo_is_not_counted(tmp_path: Path) -> None:
+    file = tmp_path / "node.jsonl"
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"backup {file}").code == 0
+        assert bench.run(f"verify {file} --json").document["unsaid"] == 0, "a whole backup leaves nothing unsaid"
+        head, *lines = file.read_text("utf-8").splitlines(keepends=True)
+        kept = [one for one in lines if '"1800:01"' in one or '"1017:00"' in one]
+        file.write_text(head.replace(f'"objects": {len(lines)}', '"objects": 2') + "".join(kept), "utf-8")
+        verified = bench.run(f"verify {file} --json").document
+        assert (verified["parameters"], verified["pdos"], verified["objects"]) == (2, 1, 1)
+        assert verified["unsaid"] > 0
+        assert bench.run(f"compare {file} --json").document["objects"] == 2

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.wish import Wish, value_text
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
-from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, PdoConfig
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.meanings.object_values import understood
 from dvtcli.operations.plans.judge_network import checked
@@ -29,6 +29,7 @@ from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_o
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import LeftOut, NodePlan
+    from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
@@ -81,7 +82,19 @@ def wanted_alone(node: Node, file: str) -> Wish | None:
     found = wanted_of_file(node, held)
     unwritten = tuple((one.object, _unwritten(one)) for one in found.left_out.values() if one.remains)
     pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
-    return Wish(pdos, found.wants.values, unwritten=unwritten, also_equal=tuple(found.also_equal))
+    said = {pdo: _said_of(held, pdo, config) for pdo, config in pdos.items()}
+    return Wish(pdos, found.wants.values, said, unwritten=unwritten, also_equal=tuple(found.also_equal))
+
+
+def _said_of(held: HeldDevice, pdo: Pdo, config: PdoConfig) -> frozenset[str]:
+    """The parameters of *pdo* that *held* says anything of, and those that the node has not: the others are its own."""
+    places = held.objects.keys() - held.assumed
+    said = {
+        name
+        for sub_index, name in BY_SUB_INDEX.items()
+        if (pdo.communication_index, sub_index) in places or getattr(config.communication, name) is None
+    }
+    return frozenset(said | {MAPPING} if any(index == pdo.mapping_index for index, _ in places) else said)
 
 
 def _unwritten(one: LeftOut) -> str:
