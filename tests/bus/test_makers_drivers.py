@@ -93,13 +93,18 @@ class Adapter:
             while True:
                 line, _ = self._listener.accept()
                 self._line = line
-                over = threading.Event()
-                back = threading.Thread(target=self._back, args=(line, over), daemon=True)
-                back.start()
-                self._forth(line)
-                over.set()
-                back.join()
-                line.close()
+                with line:
+                    self._connected(line)
+
+    def _connected(self, line: socket.socket) -> None:
+        """Until the program has gone; one that left something unread resets the connection."""
+        over = threading.Event()
+        back = threading.Thread(target=self._back, args=(line, over), daemon=True)
+        back.start()
+        with suppress(OSError):
+            self._forth(line)
+        over.set()
+        back.join()
 
     def _forth(self, line: socket.socket) -> None:
         self.bit_rate, frames = line.recv(16), 0
@@ -123,7 +128,7 @@ class Adapter:
         self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         for thread in self._threads:
-            thread.join(5)
+            thread.join(PATIENCE_S)
         self._node.stop()
         self._ours.shutdown()
         self._theirs.shutdown()
