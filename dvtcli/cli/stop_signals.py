@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 #: how long (s) after it was swallowed a signal is heard again: in that very place it would be swallowed again
 _AGAIN_S = 0.02
 _WAITS = b"\nstopping at the next safe point (once more: at once)\n"
+_LOST = b"\nthat signal came at a moment that lets none through: once more\n"
 
 
 def catch_signals(cancellation: Cancellation) -> None:
@@ -65,16 +66,28 @@ class _Swallowed:
         """What Python calls with each exception that it lets no further (`sys.unraisablehook`)."""
         self.being_heard = True  # before anything is called, behind which a signal may come
         self.again = issubclass(lost.exc_type, KeyboardInterrupt)
-        if not self.again:
-            self._shown(lost)
-        while self.again:
-            self.again = False
-            if not self._on_its_way:  # who asked once does not insist
-                self._on_its_way = True
-                timer = threading.Timer(_AGAIN_S, self._send)
-                timer.daemon = True
-                timer.start()
-        self.being_heard = False
+        try:
+            if not self.again:
+                self._shown(lost)
+        finally:  # what cannot be shown must not keep a signal from being heard
+            try:
+                while self.again:
+                    self.again = False
+                    self._send_soon()
+            finally:
+                self.being_heard = False
+
+    def _send_soon(self) -> None:
+        if self._on_its_way:  # who asked once does not insist
+            return
+        timer = threading.Timer(_AGAIN_S, self._send)
+        timer.daemon = True
+        self._on_its_way = True
+        try:
+            timer.start()
+        except RuntimeError:  # no thread can be started: nobody is there to send it
+            self._on_its_way = False
+            _say(_LOST)
 
     def _send(self) -> None:
         self._on_its_way = False
