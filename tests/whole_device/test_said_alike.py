@@ -21,9 +21,10 @@ LINES = ("compare {}", "diff {}", "verify {}", "plan {} --exit-code")
 #: one of each kind: of a PDO, of communication, of the mapping's count and entry
 CHANGES = (
     "set tpdo1 --timer 70", "set rpdo1 --type 254", "disable rpdo1", "map tpdo1 6041 --off", "clear tpdo2",
-    "write 1017 700", "write 1017 900",
+    "write 1017 700", "write 1017 900", "map tpdo1 6041 6064 6061", "map tpdo1 6061 6041",
 )  # fmt: skip
 VALUE = re.compile(r"(?mi)^ParameterValue=.*\n")
+BEYOND = "is beyond the node's count ({}), and the file says none (1A00:00): it is not mapped"
 
 
 def thinned(text: str, keep: float, draw: random.Random) -> str:
@@ -89,3 +90,45 @@ def test_a_file_that_says_no_setting_is_compared_with_nothing(tmp_path: Path) ->
         for line in ("plan {}", "diff {}", "apply {} --yes", "clone {} --yes"):
             ran = bench.run(line.format(file))
             assert (ran.code, "nothing compared" in ran.stderr) == (2, True), line
+
+
+def without(text: str, *sections: str) -> str:
+    """The DCF *text* without the values of *sections*."""
+    for name in sections:
+        before, sign, after = text.partition(f"[{name}]")
+        assert sign
+        text = f"{before}{sign}{VALUE.sub('', after, count=1)}"
+    return text
+
+
+def test_an_entry_beyond_the_count_of_a_node_is_not_as_wanted_where_the_file_says_no_count(tmp_path: Path) -> None:
+    file, whole = made(tmp_path, "generic", "dcf", "map tpdo1 6041 6064 6061"), tmp_path / "whole.dcf"
+    whole.write_text(file.read_text("utf-8"), "utf-8")
+    file.write_text(without(whole.read_text("utf-8"), "1A00sub0"), "utf-8")
+    with Bench(("generic@5",)) as bench:
+        for line in ("map tpdo1 6041 6064 6061", "map tpdo1 6041 6064"):
+            assert bench.run(line).code == 0, "0x1A00:03 has the value still, and maps nothing"
+        for line in (*LINES, "clone {} --yes"):
+            ran = bench.run(line.format(file))
+            assert (ran.code, "1A00:03" in ran.stdout) == (3, True), (line, ran)
+            if not line.startswith(("compare", "clone")):
+                assert BEYOND.format(2) in ran.stdout, line
+        assert bench.run(f"apply {file} --yes").code == 0
+        (row,) = bench.run(f"compare {file} --json").document["differences"]
+        assert (row["object"], row["before"], row["after"]) == ("1A00:03", "08 00 61 60", None)
+        assert row["why"] == "not mapped: the count is 2"
+        assert bench.run("map tpdo1 6061 6041").code == 0
+        assert bench.run(f"apply {file} --yes").code == 0
+        mapped = bench.run("pdo tpdo1 --json").document["pdos"][0]["mapping"]
+        assert [one["object"] for one in mapped] == ["6061:00", "6041:00"], "no half of a mapping is written"
+        assert {bench.run(line.format(file)).code for line in LINES} == {3}
+        assert bench.run("map tpdo1 6041 6064 6061").code == 0
+        assert [bench.run(line.format(file)).code for line in LINES] == [0] * len(LINES)
+        assert bench.run("map tpdo1 6041 6064").code == 0
+        assert bench.run(f"export {tmp_path / 'two.dcf'}").code == 0
+        for sides, none in ((f"{file} {tmp_path / 'two.dcf'}", "after"), (f"{tmp_path / 'two.dcf'} {file}", "before")):
+            ran = bench.run(f"compare {sides}")
+            assert (ran.code, "not mapped: the count is 2" in ran.stdout) == (3, True), ran
+            (row,) = bench.run(f"compare {sides} --json").document["differences"]
+            assert (row["object"], row[none]) == ("1A00:03", None)
+        assert bench.run(f"compare {whole} {file}").code == 0

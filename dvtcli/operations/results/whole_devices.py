@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class ObjectDifference:
     """One *object* with its *name*: what it held *before*, by the first side, and *after*, by the second one.
 
-    None where a side does not know: *unread* says why of the second one. *apart* says why it is no setting, where that
-    is known.
+    None where a side does not know, or maps nothing there: *unread* says why of that side. *apart* says why it is no
+    setting, where that is known.
     """
 
     object: str

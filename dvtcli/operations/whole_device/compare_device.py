@@ -17,6 +17,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
+from dvtcli.operations.whole_device.beyond_count import count_beneath, wants_more
 from dvtcli.operations.whole_device.device_suffix import holds_values
 from dvtcli.operations.whole_device.export_dcf import why_unread
 from dvtcli.operations.whole_device.held_device import HeldDevice, KeptIdentity, held_by
@@ -206,8 +207,13 @@ def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all
             if kind is Kind.SETTING and (wanted is not None or held.data is not None):
                 unread.append(_label(place))
             continue  # a side says nothing of it
-        if (is_assumed and kind is not Kind.SETTING) or _is_beyond_count(place, first, second):
-            continue  # what a device comes up with is a setting's only; an entry beyond the count maps nothing
+        if is_assumed and kind is not Kind.SETTING:
+            continue  # what a device comes up with is a setting's only
+        if (beneath := count_beneath(place, first.objects, second.objects)) is not None:
+            if one := _unmapped(place, first, second, beneath):
+                count += 1
+                found[kind].append(one)
+            continue
         count += kind is Kind.SETTING
         if not same_value(entry.data_type, wanted, held.data):
             name = _name(place, second.dictionary, first.dictionary)
@@ -241,14 +247,17 @@ def _nothing_compared(first: HeldDevice, second: _Second) -> UsageError:
     )
 
 
-def _is_beyond_count(place: ObjectAddress, first: HeldDevice, second: _Second) -> bool:
-    """Whether *place* is an entry of a PDO mapping that neither side counts; one that says no count has the other's."""
-    index, sub_index = place
-    if not is_pdo_mapping(index) or not sub_index:
-        return False
-    sides = (first.objects.get((index, 0)), second.objects.get((index, 0)))
-    counts = [held.data for held in sides if held is not None and held.data is not None]
-    return bool(counts) and all(len(data) == 1 and data[0] < sub_index for data in counts)
+def _unmapped(place: ObjectAddress, first: HeldDevice, second: _Second, count: int) -> ObjectDifference | None:
+    """The difference of a mapping entry that one side says, without a count, and that is beyond the other's *count*."""
+    sides = (first.objects, second.objects)
+    if place in first.assumed | second.assumed or not any(wants_more(place, side) for side in sides):
+        return None
+    before, after = (side[place].data if wants_more(place, side) else None for side in sides)
+    entry = entry_of(second.dictionary, place)
+    return ObjectDifference(
+        _label(place), _name(place, second.dictionary, first.dictionary), entry.data_type, before, after,
+        unread=f"not mapped: the count is {count}",
+    )  # fmt: skip
 
 
 def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:

@@ -36,6 +36,15 @@ class HeldDevice:
     #: all objects of a file that only describes: it has no value of any, but what a device comes up with
     assumed: frozenset[ObjectAddress] = frozenset()
 
+    def says(self, place: ObjectAddress) -> bool:
+        """Whether it says itself what the object at *place* holds, not what a device comes up with anyway."""
+        kept = self.objects.get(place)
+        return kept is not None and kept.data is not None and place not in self.assumed
+
+    def maps(self, place: ObjectAddress) -> bool:
+        """Whether it says itself that the mapping entry at *place* maps something: 0 is nothing."""
+        return self.says(place) and any(self.objects[place].data or b"")
+
     def on_node(self, place: ObjectAddress, entry: OdEntry | None, node_id: int) -> bytes | None:
         """What the object would hold on *node_id*: what follows the node-ID does so; None where it is not said."""
         kept = self.objects.get(place)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.described_node import ToldValues
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import BY_SUB_INDEX, PdoConfig
 from dvtcli.domain.rules.mappable import enables_nothing
@@ -49,8 +50,10 @@ def _wanted(
         if said != now:
             _leave_out(left_out, pdo.label, "is no whole PDO in the file, or multiplexed")
         return None
-    if any(not entry.index for entry in said.mapping) and said.mapping != now.mapping:
+    is_part = _tell_beyond(held, pdo, said, left_out) or any(not entry.index for entry in said.mapping)
+    if is_part and said.mapping != now.mapping:
         _leave_out(left_out, f"{pdo.mapping_index:04X}:00", "the file does not say all that it maps")
+    if is_part:
         return replace(now, communication=_communication(node, known, pdo, now, said, left_out))
     wanted = replace(now, communication=_communication(node, known, pdo, now, said, left_out))
     if not said.has_mapping or (said.mapping == now.mapping and not _has_odd_mapping(now)):
@@ -66,6 +69,18 @@ def _said(node: Node, held: HeldDevice, pdo: Pdo) -> PdoConfig | None:
         return read_pdo(_Values(held, node), pdo)
     except SdoAborted:
         return None
+
+
+def _tell_beyond(held: HeldDevice, pdo: Pdo, said: PdoConfig, left_out: dict[str, LeftOut]) -> bool:
+    """Whether *held* says entries, but no count, and some beyond the node's own: told to *left_out*."""
+    index = pdo.mapping_index
+    if not said.has_mapping or held.says((index, 0)):
+        return False
+    why = f"is beyond the node's count ({said.count}), and the file says none ({index:04X}:00): it is not mapped"
+    beyond = [sub for sub in range(said.count + 1, MAX_ENTRIES + 1) if held.maps((index, sub))]
+    for sub_index in beyond:
+        _leave_out(left_out, f"{index:04X}:{sub_index:02X}", why)
+    return bool(beyond)
 
 
 def _has_odd_mapping(now: PdoConfig) -> bool:

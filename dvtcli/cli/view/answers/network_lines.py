@@ -68,8 +68,9 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
         more = " …" if len(lifted) > 3 else ""
         are, verb = ("is", "differs") if len(node.remaining) == 1 else ("are", "differ")
         what = f"{plural(len(node.remaining), 'setting')} of node {node.node_id} {verb} from {plan.file}"
-        hint = f": {named}{more} writes {'it' if are == 'is' else 'such'}" if lifted else ""
-        yield [Cell(f"! {what} and {are} not written{hint}", "yellow")]
+        hint = f"{named}{more} writes {'it' if are == 'is' else 'such'}" if lifted else ""
+        hint = hint or several(one.object for one in node.remaining)
+        yield [Cell(f"! {what} and {are} not written: {hint}", "yellow")]
 
 
 def _includes(node: NodePlan) -> list[str]:

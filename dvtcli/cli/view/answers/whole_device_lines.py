@@ -59,8 +59,8 @@ def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) 
     sides = (re.split(r"[/\\]", side)[-1] for side in (result.first, result.second))  # a whole path takes a screen
     table = Table(("OBJECT", "NAME", *sides), shrink=1)
     for one in found:
-        after = value_text(one, one.after) if one.after is not None else one.unread or "-"
-        table.add(one.object, Cell(one.name, "bold"), value_text(one, one.before), Cell(after, "red"))
+        before, after = (one.unread if data is None else value_text(one, data) for data in (one.before, one.after))
+        table.add(one.object, Cell(one.name, "bold"), before or "-", Cell(after or "-", "red"))
     return table.lines(width)
 
 
