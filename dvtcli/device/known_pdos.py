@@ -43,8 +43,8 @@ class KnownPdos(Reached):
     _shown: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _present: list[Pdo] | None = field(default=None, init=False)
 
-    def describe(self, dictionary: ObjectDictionary) -> None:
-        """Take the node's *dictionary*, which was not known, or was another one, when it was met."""
+    def describe(self, dictionary: ObjectDictionary | None) -> None:
+        """Take the node's *dictionary*, which was not known, or was another one, when it was met; None for none."""
         self.dictionary, self._present = dictionary, None
 
     def present(self) -> list[Pdo]:

@@ -37,8 +37,9 @@ def words_of_present(session: Session, file: str, wish: NetworkWish) -> dict[int
 
     So what is left out has no EDS, and not a fuse that blew.
     """
-    met = meet(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
-    met.end()
+    with session.network.as_it_was_if_refused():
+        met = meet(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
+        met.end()
     return {node_id: word for one in met.nodes for node_id, word in _word(session, one).items()}
 
 

@@ -56,6 +56,18 @@ class DeviceFiles:
         """Another device may be there: it is asked anew who it is."""
         self._memories.pop(node_id, None)
 
+    def chosen(self) -> tuple[dict[int, Path], dict[int, str]]:
+        """EDS and profile of single nodes, as they are chosen now."""
+        return dict(self.own_eds), dict(self.own_profile)
+
+    def choose(self, chosen: tuple[dict[int, Path], dict[int, str]]) -> None:
+        """Take what was *chosen* before, and nothing else."""
+        self.own_eds.clear()
+        self.own_profile.clear()
+        eds, profiles = chosen
+        self.own_eds.update(eds)
+        self.own_profile.update(profiles)
+
     def unlike(self, node_id: int, dictionary: ObjectDictionary | None) -> str:
         """How the node differs from the device that *dictionary* is about, where somebody chose that file for it."""
         if dictionary is None or not (self.options.eds or node_id in self.own_eds):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.progress import Progress
     from dvtcli.domain.nmt import NmtState
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.plan import Plan
+    from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.user.keeping import Keeping
 
 
@@ -108,12 +110,33 @@ class Network:
             return
         dictionary = self.files.dictionary(node_id)
         if dictionary is not None and dictionary is not node.dictionary:
-            node.describe(dictionary)
-            node.profile = as_file_says(self.files.profile(node_id), dictionary)
-            if self.keeping is not None and node.keeper is not None:
-                node.keeper.is_fixed = self.keeping.is_fixed(dictionary)
-            node.unlike_file = self.files.unlike(node_id, dictionary)
+            profile = as_file_says(self.files.profile(node_id), dictionary)
+            self._describe(node, dictionary, profile, self.files.unlike(node_id, dictionary))
             self._remark(node_id)
+
+    def _describe(
+        self, node: Node, dictionary: ObjectDictionary | None, profile: DeviceProfile, unlike_file: str
+    ) -> None:
+        node.describe(dictionary)
+        node.profile, node.unlike_file = profile, unlike_file
+        if self.keeping is not None and node.keeper is not None:
+            node.keeper.is_fixed = self.keeping.is_fixed(dictionary)
+
+    @contextmanager
+    def as_it_was_if_refused(self) -> Iterator[None]:
+        """Where the block raises, nodes are described again as they were before it, and those met in it are left."""
+        files, left = self.files.chosen(), dict(self.left)
+        described = [(node, node.dictionary, node.profile, node.unlike_file) for node in self.nodes.values()]
+        try:
+            yield
+        except BaseException:
+            self.files.choose(files)
+            for before in described:
+                self._describe(*before)
+            for node_id in self.nodes.keys() - {node.node_id for node, *_ in described}:
+                self.nodes.pop(node_id).let_go()
+            self.left = left
+            raise
 
     def _identify(self, node: Node) -> None:
         """Know who *node* is; SafetyRefusal where it was somebody else."""

@@ -68,7 +68,7 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp:
 
     *trust_stamp* and what is raised as of `plan_network`.
     """
-    with short_frames(session.bus) as frames:
+    with short_frames(session.bus) as frames, session.network.as_it_was_if_refused():
         plan, lacking = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
     plan = with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
     if lacking is not None:
