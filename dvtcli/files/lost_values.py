@@ -20,18 +20,19 @@ if TYPE_CHECKING:
 
 
 def must_tell_values(read: EdsFile | XddFile, file: str) -> None:
-    """InputFileError where a ParameterValue (actualValue) of *read* is none of its data type; *file* is its path.
+    """InputFileError where a ParameterValue (actualValue) of *read* is none of its data type, or there are two.
 
-    It names every one with its line. Reading on would put the DefaultValue in its place.
+    It names every one with its line; *file* is its path. Reading on would put the DefaultValue, or one of the two, in
+    its place.
     """
     lost = [one for one in read.findings if one.value_lost]
     if not lost:
         return
     complaints = _complaints(read, file, {one.rule for one in lost})
     error = InputFileError(
-        f"{file}: {plural(len(lost), 'value')} cannot be read; nothing was written",
+        f"{file}: {plural(len(lost), 'value')} cannot be known; nothing was written",
         place=complaints[0].place,
-        why="what the file wants there is not known, and its DefaultValue is not it",
+        why="what the file wants there is not known: neither its DefaultValue is it, nor either of two values",
         hint=f"mend the file; `dvtcli eds check {shlex.quote(file)}` shows what else is odd in it",
     )
     error.complaints, error.outcome = complaints, "nothing was written"

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -71,7 +71,7 @@ def read_whole_device(path: Path) -> KeptDevice:
     lines = list(_documents(path, data))
     if not lines or lines[0][1].get("schema") != SCHEMA:
         raise _wrong(path, 1, f"its first line is no {SCHEMA}")
-    head, objects = lines[0][1], dict(_object(path, number, line) for number, line in lines[1:])
+    head, objects = lines[0][1], _objects(path, lines[1:])
     if head.get("objects") != len(objects):
         why = f"it has {len(objects)} objects, and its first line says {head.get('objects')}: was it cut short?"
         raise _wrong(path, lines[-1][0], why)
@@ -93,6 +93,17 @@ def _documents(path: Path, data: bytes) -> Iterator[tuple[int, dict[str, Any]]]:
         if not isinstance(document, dict):
             raise _wrong(path, number, "a line is an object of JSON")
         yield number, document
+
+
+def _objects(path: Path, lines: Iterable[tuple[int, dict[str, Any]]]) -> dict[tuple[int, int], KeptObject]:
+    found: dict[tuple[int, int], KeptObject] = {}
+    at: dict[tuple[int, int], int] = {}
+    for number, line in lines:
+        place, one = _object(path, number, line)
+        if place in found:
+            raise _wrong(path, number, f"{place[0]:04X}:{place[1]:02X} stands in line {at[place]} too")
+        found[place], at[place] = one, number
+    return found
 
 
 def _object(path: Path, number: int, line: Mapping[str, Any]) -> tuple[tuple[int, int], KeptObject]:

@@ -113,7 +113,7 @@ def test_unknown_sections_are_kept_and_reported_with_their_line() -> None:
     assert (file.sections, file.understood) == (6, 1)
     assert lines(file, "section-not-understood") == [7, 9, 10, 12, 13]
     assert {finding.severity for finding in found(file, "section-not-understood")} == {"note"}
-    assert file.values("toolinfos")["version"] == ("Version", "1", 8)
+    assert file.values("toolinfos")["version"][:3] == ("Version", "1", 8)
     assert file.values("absent") == {}
 
 

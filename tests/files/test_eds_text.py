@@ -52,7 +52,7 @@ def test_blanks_around_everything() -> None:
     text = split_sections(b"\n  \t[ 1000 ]  ; the type\n  ParameterName \t=  Device  type \t\n")
     findings = Findings()
     assert [(section.name, section.line) for section in text.sections] == [("1000", 2)]
-    assert section_values(text.sections, findings)["parametername"] == ("ParameterName", "Device  type", 3)
+    assert section_values(text.sections, findings)["parametername"][:3] == ("ParameterName", "Device  type", 3)
     assert not findings.found
 
 
@@ -83,4 +83,4 @@ def test_malformed_lines_are_reported(data: bytes, line: int, rule: str) -> None
 
 def test_the_last_of_two_equal_keys_counts() -> None:
     values = section_values(split_sections(b"[1000]\nDefaultValue=1\ndefaultvalue=2\n").sections, Findings())
-    assert values["defaultvalue"] == ("defaultvalue", "2", 3)
+    assert values["defaultvalue"][:3] == ("defaultvalue", "2", 3)

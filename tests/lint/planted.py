@@ -127,6 +127,15 @@ LINES = (
         "AccessType=rw\nDefaultValue=100",
         "DefaultValue=100\nPDOMapping=0\nLowLimit",
     ),
+    s(
+        "value-twice",
+        "2001",
+        "DefaultValue=pump",
+        "ParameterValue=a\nParameterValue=b",
+        "ParameterValue=b",
+        "ParameterValue=a\nParameterValue=a",
+        said="ParameterValue=a in line",
+    ),
     p("misspelt-section", "[DummyUsage]", "[DumyUsage]", said="is [DummyUsage] meant?"),
     p("limit-without-sense", "DefaultValue=pump\n", "DefaultValue=pump\nHighLimit=5\n", "HighLimit=5\n"),
 )

@@ -89,11 +89,11 @@ def test_a_number_is_taken_as_it_is_written(kind: DataType, data: st.DataObject)
             assert outcome(Path(folder), "dcf", "0", text, kind) == kind.encode(number), text
 
 
-def refused(file: Path, dcf: Eds, *said: str) -> None:
+def refused(file: Path, dcf: str, *said: str) -> None:
     """Every command refuses *dcf* with exit code 4, names its lines as *said*, and leaves the node as it was."""
     known = file.with_name("known.eds")
     known.write_text(described(7).text(), "utf-8")
-    file.write_text(dcf.text(), "utf-8")
+    file.write_text(dcf, "utf-8")
     with Bench((f"{known}@5",), {"eds": str(known)}) as bench:
         before = bench.run("pdo --json").stdout
         for line in COMMANDS:
@@ -118,7 +118,7 @@ def test_values_that_are_none_are_refused_each_with_its_line(tmp_path: Path) -> 
         f"{file}:{line}:16: error: {index:04X}:00 {names[kind]}: ParameterValue={text} is no {names[kind]}"
         for line, index, (text, kind) in zip(lines, range(0x3000, 0x3005), wrong, strict=True)
     )
-    refused(file, dcf, *said, "5 errors.")
+    refused(file, dcf.text(), *said, "5 errors.")
 
 
 def test_an_entry_a_count_and_a_row_are_refused_too(tmp_path: Path) -> None:
@@ -129,8 +129,8 @@ def test_an_entry_a_count_and_a_row_are_refused_too(tmp_path: Path) -> None:
     table = {"ParameterName": "Table", "ObjectType": 8, "DataType": U8, "AccessType": "rw", "CompactSubObj": 2}
     dcf.more += [Section("2100", table), Section("2100Value", {"NrOfEntries": 2, "1": "700", "O2": "7"})]
     refused(
-        tmp_path / "bad.dcf", dcf, "1A00:00 UNSIGNED8: ParameterValue=x is no", "ParameterValue=0x6041001Z is no",
-        "1=700 is no UNSIGNED8", "O2=7: O2 is not a sub-index", "4 errors.",
+        tmp_path / "bad.dcf", dcf.text(), "1A00:00 UNSIGNED8: ParameterValue=x is no",
+        "ParameterValue=0x6041001Z is no", "1=700 is no UNSIGNED8", "O2=7: O2 is not a sub-index", "4 errors.",
     )  # fmt: skip
 
 

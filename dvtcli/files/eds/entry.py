@@ -37,6 +37,7 @@ from dvtcli.files.eds.read_rules import (
     ODD_VALUE,
     UNKNOWN_DATA_TYPE,
     UNTYPED_VALUE,
+    VALUE_TWICE,
 )
 
 _ACCESS = {access.value: access for access in Access}
@@ -107,6 +108,8 @@ def read_value(
     """
     if given is None:
         return None
+    if is_wanted:
+        _tell_other(given, data_type, findings)
     if not given.value:
         findings.add(EMPTY_VALUE, given.line, given.key)
         return None
@@ -123,6 +126,27 @@ def read_value(
         rule = LEADING_ZERO if octal_in(given.value) else ODD_VALUE
         findings.add(rule, given.line, f"{given.key}: {encoded.remark}")
     return encoded
+
+
+def _tell_other(given: IniValue, data_type: DataType | None, findings: Findings) -> None:
+    """An error where an earlier line says another value: readers differ in which counts."""
+    other = given.other
+    while other is not None:
+        if not _means_same(given.value, other.value, data_type):
+            text = f"{quoted(given)}, but {quoted(other)} in line {other.line}: nobody knows which is meant"
+            findings.add(VALUE_TWICE, given.line, text, value_lost=True)
+            return
+        other = other.other
+
+
+def _means_same(one: str, other: str, data_type: DataType | None) -> bool:
+    if data_type is None:
+        return one == other
+    try:
+        first, second = encode_value(data_type, one), encode_value(data_type, other)
+    except ValueError:
+        return False
+    return (first.data, first.relative) == (second.data, second.relative)
 
 
 def _name(values: Values, place: Place, findings: Findings) -> str:

@@ -22,11 +22,15 @@ _SHOWN = 60
 
 
 class IniValue(NamedTuple):
-    """One `key=value` line: *key* as written, *value* without blanks around it, *line* 1 and up."""
+    """One `key=value` line: *key* as written, *value* without blanks around it, *line* 1 and up.
+
+    *other* is an earlier line of the same key in the section that has another text, if there is any.
+    """
 
     key: str
     value: str
     line: int
+    other: IniValue | None = None
 
 
 class IniSection(NamedTuple):
@@ -129,4 +133,11 @@ def _read_lines(section: IniSection, values: Values, findings: Findings) -> None
         if key in own:
             findings.add(DUPLICATE_KEY, line, f"{name} was given in line {own[key]} too; this one counts")
         own[key] = line
-        values[key] = IniValue(name, value.strip(), line)
+        values[key] = _given(name, value.strip(), line, values.get(key))
+
+
+def _given(name: str, value: str, line: int, before: IniValue | None) -> IniValue:
+    """A line of a key that the line *before* may have said already."""
+    if before is not None and before.value == value:
+        before = before.other
+    return IniValue(name, value, line, before)

@@ -26,6 +26,7 @@ BAD_NUMBER = LintRule("bad-number", WARNING, "a key's value is no number, or out
 LEADING_ZERO = LintRule("leading-zero", WARNING, "a leading 0 makes a number octal: readers differ", _LINES)
 EMPTY_VALUE = LintRule("empty-value", NOTE, "a key is there without a value", _OBJECTS)
 BAD_VALUE = LintRule("bad-value", ERROR, "DefaultValue or ParameterValue is none of the object's data type", _OBJECTS)
+VALUE_TWICE = LintRule("value-twice", ERROR, "two values of one object: nobody knows which is meant", _OBJECTS)
 UNTYPED_VALUE = LintRule("untyped-value", WARNING, "a value of an object whose data type is not known", _OBJECTS)
 ODD_VALUE = LintRule("odd-value", NOTE, "a value is written in a way that other readers may not take", _LINES)
 LIMIT_TYPE = LintRule("limit-type", WARNING, "LowLimit or HighLimit is none of the object's data type", _OBJECTS)

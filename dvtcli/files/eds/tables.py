@@ -23,10 +23,21 @@ def apply_tables(sections: ObjectSections, entries: dict[int, OdEntry], findings
     for sub_index, given in _rows(sections.names, entries, findings):
         if given.value:
             entries[sub_index] = replace(entries[sub_index], name=given.value)
+    said = _own_values(sections)
     for sub_index, given in _rows(sections.values, entries, findings, has_values=True):
-        encoded = read_value(given, entries[sub_index].data_type, findings, is_wanted=True)
+        row = given if given.other is not None else given._replace(other=said.get(sub_index))
+        said[sub_index] = row
+        encoded = read_value(row, entries[sub_index].data_type, findings, is_wanted=True)
         if encoded is not None:
             entries[sub_index] = replace(entries[sub_index], value=encoded.data, value_relative=encoded.relative)
+
+
+def _own_values(sections: ObjectSections) -> dict[int, IniValue]:
+    """The ParameterValues that sub-indices have in sections of their own, beside the table."""
+    if not sections.values:
+        return {}
+    own = ((sub, section_values(parts, Findings())) for sub, parts in sections.sub_indices.items())
+    return {sub: values["parametervalue"] for sub, values in own if "parametervalue" in values}
 
 
 def _rows(

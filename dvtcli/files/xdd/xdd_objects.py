@@ -58,6 +58,7 @@ class _Described:
             own = self._own(name)
             value = own if own is not None else self.parameter.value(name) if self.parameter else None
             self._take(found, key, name, value)
+            self._take_other(found, key, name)
         for name, (key, of_parameter) in _LIMITS.items():
             own = self._own(name)
             value = own if own is not None else self.parameter.limit(of_parameter) if self.parameter else None
@@ -77,6 +78,12 @@ class _Described:
         """Keep *value* as *key*, which the file calls *name*; nothing where it is empty, which says nothing."""
         if value is not None and value.strip():
             found[key] = IniValue(name, value.strip(), self.element.line)
+
+    def _take_other(self, found: Values, key: str, name: str) -> None:
+        """Keep beside the object's own value that of its parameter, where both say one."""
+        said = (self.parameter.value(name) or "").strip() if self.parameter else ""
+        if self.parameter and said and key in found and found[key].value != said:
+            found[key] = found[key]._replace(other=IniValue(name, said, self.parameter.element.line))
 
     def _own(self, name: str) -> str | None:
         return self.element.attributes.get(name)
@@ -146,16 +153,21 @@ def _sub_entries(
     index: int, subs: list[XmlElement], parameters: Mapping[str, Parameter], findings: Findings
 ) -> dict[int, OdEntry]:
     entries: dict[int, OdEntry] = {}
+
+    def entry(sub: XmlElement, sub_index: int, found: Findings) -> OdEntry:
+        described = _described(sub, parameters, found)
+        return described.entry(described.values(found), Place(index, sub_index, sub.line, of_many=True), found)
+
     for sub in subs:
         sub_index = number_of(sub, "subIndex", 0xFF, findings)
         if sub_index is None:
             continue
         if sub_index in entries:
-            findings.add(OBJECT_TWICE, sub.line, f"{index:04X}:{sub_index:02X} is described twice; the first counts")
+            text = f"{index:04X}:{sub_index:02X} is described in line {entries[sub_index].line} too; that one counts"
+            is_lost = entry(sub, sub_index, Findings()).value not in (None, entries[sub_index].value)
+            findings.add(OBJECT_TWICE, sub.line, text, value_lost=is_lost)
             continue
-        place = Place(index, sub_index, sub.line, of_many=True)
-        described = _described(sub, parameters, findings)
-        entries[sub_index] = described.entry(described.values(findings), place, findings)
+        entries[sub_index] = entry(sub, sub_index, findings)
     return entries
 
 

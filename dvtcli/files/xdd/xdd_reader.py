@@ -96,6 +96,12 @@ def _build(elements: dict[int, XmlElement], parameters: dict[str, Parameter], in
     return build_object(index, elements[index], parameters, Findings())
 
 
+def _values(element: XmlElement) -> list[tuple[str, str]]:
+    """The actual values of an object and its sub-indices, as they are written."""
+    every = [element, *element.all("CANopenSubObject")]
+    return [(one.attributes.get("subIndex", ""), one.attributes.get("actualValue", "").strip()) for one in every]
+
+
 def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:
     """The objects of the first list, by index."""
     first, *others = root.anywhere("CANopenObjectList")
@@ -109,7 +115,7 @@ def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:
             continue
         if index in found:
             text = f"{index:04X} stands in line {found[index].line} too; that one counts"
-            findings.add(OBJECT_TWICE, element.line, text)
+            findings.add(OBJECT_TWICE, element.line, text, value_lost=_values(element) != _values(found[index]))
             continue
         found[index] = element
     return found
