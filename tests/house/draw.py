@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 
 #: The rooms from the ground up, each with what lives there; a file may import its own room and those above its own
@@ -139,6 +140,12 @@ class House:
             return [self._modules[alias.name] for alias in node.names if alias.name in self._modules]
         if isinstance(node, ast.ImportFrom):
             return self._from(node, file)
+        if isinstance(node, ast.Attribute):
+            return self._longest(_chain(node))
+        if isinstance(node, ast.List | ast.Tuple):
+            words = [part.value for part in node.elts if isinstance(part, ast.Constant)]
+            run = any(pair == ("-m", self.package.name) for pair in pairwise(words))
+            return [self._modules[f"{self.package.name}.__main__"]] if run else []
         if isinstance(node, ast.JoinedStr):
             said = [part.value if isinstance(part, ast.Constant) else "{}" for part in node.values]
             return self._named("".join(map(str, said)), tree)
@@ -158,25 +165,30 @@ class House:
             elif module in self._modules:
                 yield self._modules[module]
 
+    def _longest(self, dotted: str) -> list[str]:
+        """The file of the longest beginning of *dotted* that is a module: `dvtcli.device.node.Node`."""
+        while "." in dotted:
+            if dotted in self._modules:
+                return [self._modules[dotted]]
+            dotted = dotted.rpartition(".")[0]
+        return []
+
     def _named(self, said: str, tree: ast.Module) -> list[str]:
-        """The files that a string names: `dvtcli.x.y` anywhere in it one; `dvtcli.x.` and `dvtcli.x.{}` those files of
-        room x that other strings of the file name, where none is named all of them that end as the string does.
-        `dvtcli.x/1` is a document's name.
+        """The files that a string names: `dvtcli.x.y` anywhere in it one; `dvtcli.x.`, `dvtcli.x.{}` and `dvtcli.{}.y`
+        those files that other strings of the file name, where none is named all that the string may mean. `%s` is as
+        `{}`. `dvtcli.x/1` is a document's name.
         """
-        whole = re.findall(rf"(?<![\w./]){self.package.name}(?:\.\w+)+(?![\w/.])", said)
-        if found := [self._modules[name] for name in whole if name in self._modules]:
+        said = re.sub(r"%\w|\{\w*\}", "{}", said)
+        whole = re.findall(rf"(?<![\w./]){self.package.name}(?:\.\w+)+(?![\w/.{{])", said)
+        if found := [file for name in whole for file in self._longest(name)]:
             return found
-        match = re.fullmatch(rf"({self.package.name}\.(?:\w+\.)*)(?:\{{\}}[\w.{{}}]*)?", said)
-        if match is None:
+        match = re.fullmatch(rf"{self.package.name}\.[\w.{{}}]*", said)
+        if match is None or not (said.endswith(".") or "{}" in said):
             return []
-        suffix = said.rpartition("}")[2] if "}" in said else ""
-        members = {
-            name.removeprefix(match[1]): file
-            for name, file in self._modules.items()
-            if name.startswith(match[1]) and "." not in name.removeprefix(match[1]) and name.endswith(suffix)
-        }
+        pattern = re.escape(said + "{}" * said.endswith(".")).replace(r"\{\}", r"(\w+)")
+        members = [(found[1], file) for name, file in self._modules.items() if (found := re.fullmatch(pattern, name))]
         words = {word.partition(":")[0] for word in _texts(tree)}
-        return [file for name, file in members.items() if name in words] or list(members.values())
+        return [file for name, file in members if name in words] or [file for _, file in members]
 
 
 def _read(package: Path) -> dict[str, str]:
@@ -184,10 +196,21 @@ def _read(package: Path) -> dict[str, str]:
     return {path.relative_to(package).as_posix(): path.read_text("utf-8") for path in paths}
 
 
+def _chain(node: ast.AST) -> str:
+    """`a.b.c` of an attribute of a name, or nothing."""
+    if isinstance(node, ast.Attribute):
+        above = _chain(node.value)
+        return above and f"{above}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
 def _texts(tree: ast.Module) -> Iterator[str]:
     for node in nodes(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
+
+
+_NAMING = ast.List | ast.Tuple | ast.Attribute | ast.Constant | ast.JoinedStr
 
 
 def _with_kind(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
@@ -205,7 +228,7 @@ def _with_kind(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
     for node in nodes(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
             yield node, "type" if id(node) in typing_only else "top" if id(node) in top else "lazy"
-        elif isinstance(node, ast.Constant | ast.JoinedStr) and id(node) not in prose:
+        elif isinstance(node, _NAMING) and id(node) not in prose:
             yield node, "named"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 from collections import Counter
 
 import pytest
@@ -11,9 +12,9 @@ from tests.house.draw import nodes
 from tests.house.laws import LAWS
 from tests.house.laws.breaks import BREAKS, Break
 from tests.house.laws.failures import INNER
-from tests.house.laws.imports import ONLY_IN
+from tests.house.laws.imports import DOORS, ONLY_IN
 from tests.house.laws.makers import names, numbers
-from tests.house.laws.senders import MAY_SEND
+from tests.house.laws.senders import ASKED_BY, MAY_SEND
 from tests.house.laws.source_tree import SourceTree
 
 pytestmark = pytest.mark.together
@@ -54,8 +55,25 @@ def test_no_permission_is_left_over() -> None:
     assert [file for file in MAY_SEND if not sends(file)] == []
     classes = {f"{file}:{node.name}" for file, tree in HOUSE for node in nodes(tree) if isinstance(node, ast.ClassDef)}
     assert classes >= INNER
-    for library, places in ONLY_IN.items():
+    for library, places in (ONLY_IN | DOORS).items():
         assert all(any(library in HOUSE.texts[file] for file in HOUSE.texts if file.startswith(at)) for at in places)
+    for target, askers in ASKED_BY.items():
+        sources = {arrow.source for arrow in HOUSE.house.arrows if arrow.target == target and arrow.how != "type"}
+        assert all(any(source.startswith(asker) for source in sources) for asker in askers), target
+
+
+@pytest.mark.parametrize(("law", "table"), [
+    ("exits", "MAY_EXIT"),
+    ("exits", "MAY_INTERRUPT"),
+    ("swallowing", "MAY_CATCH_ALL"),
+    ("swallowing", "MAY_LEAVE_UNSAID"),
+    ("printing", "MAY_PRINT"),
+])  # fmt: skip
+def test_who_has_a_permission_needs_it(law: str, table: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = inspect.getmodule(LAWS[law])
+    permitted = getattr(module, table)
+    monkeypatch.setattr(module, table, ())
+    assert [file for file in permitted if not list(LAWS[law](HOUSE.only(file)))] == []
 
 
 def sends(file: str) -> bool:

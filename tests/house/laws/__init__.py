@@ -8,18 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from tests.house.laws.failures import (
-    ends_nowhere_else,
-    errors_stand_in_one_tree,
-    nothing_is_swallowed,
-    only_view_prints,
-)
+from tests.house.laws.failures import ends_nowhere_else, errors_stand_in_one_tree, nothing_is_swallowed
 from tests.house.laws.folders import operations_stand_in_folders
 from tests.house.laws.imports import direction, independence, libraries, nothing_heavy_is_eager
 from tests.house.laws.makers import behaviours_not_vendors
 from tests.house.laws.results import results_say_all_of_themselves
 from tests.house.laws.senders import few_files_send
 from tests.house.laws.source_tree import SourceTree
+from tests.house.laws.words_out import only_view_prints
 
 Law = Callable[[SourceTree], Iterable[str]]
 

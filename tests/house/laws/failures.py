@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import ast
+import builtins
 from collections.abc import Iterator
-from typing import TypeGuard
 
 from tests.house.draw import nodes
+from tests.house.laws.origins import named, origins
 from tests.house.laws.source_tree import SourceTree, dotted
 
 #: the program's end, the ends of processes that it starts, and a signal that was swallowed, sent to itself again
-_MAY_EXIT = (
-    "__main__.py", "bus/drivers.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_parent.py", "cli/stop_signals.py"
+MAY_EXIT = (
+    "__main__.py", "bus/drivers.py", "cli/boundary.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_parent.py",
+    "cli/stop_signals.py", "cli/monitor/full_screen.py",
+)  # fmt: skip
+#: where a Ctrl-C that had to wait, or came by another way than a signal, goes on
+MAY_INTERRUPT = (
+    "cli/dvt/tcl_run.py", "cli/scripts/script_run.py", "cli/prompt/terminal.py",
+    "cli/live_lines.py", "operations/stores/store_restore.py", "operations/gateway/serve_gateway.py",
+    "operations/api/ctrl_c.py", "operations/api/calls.py",
 )  # fmt: skip
 #: where whatever happens must be turned into something else, with what for
-_MAY_CATCH_ALL = {
+MAY_CATCH_ALL = {
     "cli/boundary.py": "the one boundary",
     "cli/dvt/tcl_child.py": "the end of a child, which its parent reads",
     "cli/dvt/tcl_child_run.py": "the same, where Tcl would swallow it",
@@ -22,8 +30,21 @@ _MAY_CATCH_ALL = {
     "bus/turns.py": "handed to the thread that asked for the work",
     "device/change/put_back.py": "the other changes are put back all the same, then it is raised",
 }
-#: where results and messages become text
-_MAY_PRINT = {"cli/view/output.py": "the one place", "bus/drivers.py": "a child's answer to its parent"}
+#: where any failure of ours is left unsaid, with why
+MAY_LEAVE_UNSAID = {
+    "cli/name_completion.py": "nothing is offered; it is said once the line is run",
+    "cli/prompt/completer.py": "the same",
+    "cli/prompt/checking.py": "the same",
+    "cli/prompt/status.py": "the menu says less; the next command says why",
+    "device/change/acknowledged.py": "who does not answer is not known to hold what it took",
+    "device/takes_store.py": "nobody knows: the store itself will say",
+    "operations/exchange/import_network.py": "read ahead: it is said where it is needed",
+    "operations/plans/plan_network.py": "the same",
+    "operations/wanted/lacked_pdos.py": "the same",
+    "operations/lss/lss_rate_change.py": "who does not take the old bit rate is named in the failure",
+    "operations/lss/lss_rate_proof.py": "what failed first is what there is to say",
+    "operations/network/check_live.py": "without its links the file makes nothing to compare; its faults are said",
+}
 #: exceptions that end within their room and reach no user
 INNER = {
     "domain/gateway/error_numbers.py:GatewayRequestError",  # a client's line, which gets an answer
@@ -33,83 +54,159 @@ INNER = {
     "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/checking.py:Refused", "cli/view/streams.py:ReaderLeft",
     "domain/object_syntax.py:UnknownName",
 }  # fmt: skip
-_ENDS = {"sys.exit", "os._exit", "exit", "quit", "SystemExit", "os.abort", "os.kill"}
-_ALL = {"Exception", "BaseException"}
+_ENDS = frozenset(
+    {
+        "sys.exit", "os._exit", "exit", "quit", "SystemExit", "os.abort", "os.kill", "os.killpg", "signal.raise_signal",
+        "_thread.interrupt_main", "atexit.register", "click.Abort", "click.exceptions.Abort", "click.exceptions.Exit",
+    }
+)  # fmt: skip
+_ENDS |= {f"os.{how}" for how in ("execv", "execve", "execvp", "execvpe", "execl", "execle", "execlp", "execlpe")}
+#: click's own ways out of a command
+_CONTEXTS = ("ctx", "context", "click.get_current_context")
+_HOOKS = ("sys.excepthook", "threading.excepthook", "sys.unraisablehook")
+_ALL = {"Exception", "BaseException", "BaseExceptionGroup", "ExceptionGroup"}
+_OURS = {"DvtcliError"}
+#: ends of a command or of the program, which are nobody's to stop
+_STOPS = {"KeyboardInterrupt", "SystemExit"}
+#: builtin exceptions that say nothing of what failed
+_BARE = frozenset({"Exception", "BaseException", "RuntimeError", "SystemError"})
+_BUILTIN = {name for name, one in vars(builtins).items() if isinstance(one, type) and issubclass(one, BaseException)}
 
 
 def ends_nowhere_else(tree: SourceTree) -> Iterator[str]:
     """Only the program itself exits."""
     for file, module in tree:
-        for node in nodes(module):
-            if file not in _MAY_EXIT and _ends(node):
+        if file in MAY_EXIT:
+            continue
+        harmless = _in_handlers(module)
+        for node, names in named(module):
+            if names & _ENDS and id(node) not in harmless:
                 yield f"{file}:{node.lineno} {ast.unparse(node)}"
+        for one in nodes(module):
+            if _ends(one) or (file not in MAY_INTERRUPT and _interrupts(one)):
+                yield f"{file}:{getattr(one, 'lineno', 0)} {ast.unparse(one)}"
 
 
-def _ends(node: ast.AST) -> TypeGuard[ast.stmt | ast.expr]:
+def _ends(node: ast.AST) -> bool:
+    """Whether it imports an end under whatever name, or asks click for one."""
     match node:
-        case ast.Call():
-            return dotted(node) in _ENDS
-        case ast.Raise(exc=ast.Name(id="SystemExit")):
-            return True
-        case ast.ImportFrom():
-            return bool({f"{node.module}.{one.name}" for one in node.names} & _ENDS)
+        case ast.ImportFrom(module=module, names=names):
+            return bool({f"{module}.{one.name}" for one in names} & _ENDS)
+        case ast.Attribute(attr="exit" | "abort", value=value):
+            return dotted(value) in _CONTEXTS
     return False
 
 
+def _interrupts(node: ast.AST) -> bool:
+    return isinstance(node, ast.Raise) and _raised(node) == "KeyboardInterrupt"
+
+
+def _in_handlers(module: ast.Module) -> set[int]:
+    """What only names the exceptions of `except`: `nothing_is_swallowed` looks at these."""
+    kinds = [node.type for node in nodes(module) if isinstance(node, ast.ExceptHandler) and node.type is not None]
+    return {id(inner) for kind in kinds for inner in ast.walk(kind)}
+
+
+def _raised(node: ast.Raise) -> str:
+    return "" if node.exc is None else dotted(node.exc)
+
+
 def errors_stand_in_one_tree(tree: SourceTree) -> Iterator[str]:
-    """A class of failures stands in `errors`, or is one of the few that end where they begin."""
-    classes = [(file, node) for file, module in tree for node in nodes(module) if isinstance(node, ast.ClassDef)]
-    failures = {"DvtcliError", "KeyboardInterrupt", "SystemExit", *_ALL}
+    """A class of failures stands in `errors`, or is one of few that end where they begin. Nothing bare is raised."""
+    classes = [
+        (file, node, {name.rpartition(".")[2] for base in node.bases for name in origins(module, base)})
+        for file, module in tree
+        for node in nodes(module)
+        if isinstance(node, ast.ClassDef)
+    ]
+    failures = {"DvtcliError", *_BUILTIN}
     while True:
-        found = {node.name for _, node in classes if _bases(node) & failures or _looks_like_one(node)}
+        found = {node.name for _, node, bases in classes if bases & failures or _looks_like_one(node)}
         if found <= failures:
             break
         failures |= found
-    for file, node in classes:
+    for file, node, _ in classes:
         if node.name in failures and file != "errors.py" and f"{file}:{node.name}" not in INNER:
             yield f"{file}:{node.lineno} class {node.name}"
-
-
-def _bases(node: ast.ClassDef) -> set[str]:
-    return {dotted(base).rpartition(".")[2] for base in node.bases}
+    for file, module in tree:
+        for one in nodes(module):
+            if isinstance(one, ast.Raise) and _raised(one).removeprefix("builtins.") in _BARE:
+                yield f"{file}:{one.lineno} {ast.unparse(one)}"
+            elif isinstance(one, ast.Call) and dotted(one.func) == "type" and len(one.args) > 1 and file != "errors.py":
+                yield f"{file}:{one.lineno} makes a class without `class`"
 
 
 def _looks_like_one(node: ast.ClassDef) -> bool:
-    return any(base.endswith(("Error", "Exception")) for base in _bases(node))
+    return any(dotted(base).endswith(("Error", "Exception")) for base in node.bases)
 
 
 def nothing_is_swallowed(tree: SourceTree) -> Iterator[str]:
-    """Who catches everything raises it again, or something else for it."""
-    for file, module in tree:
-        if file in _MAY_CATCH_ALL:
-            continue
-        for node in nodes(module):
-            if isinstance(node, ast.ExceptHandler) and _catches_all(node.type):
-                if not any(isinstance(inner, ast.Raise) for inner in ast.walk(node)):
-                    yield f"{file}:{node.lineno} catches everything"
-            elif _is_suppress(node) and any(_catches_all(kind) for kind in node.args):
-                yield f"{file}:{node.lineno} suppresses everything"
-
-
-def _is_suppress(node: ast.AST) -> TypeGuard[ast.Call]:
-    return isinstance(node, ast.Call) and dotted(node.func).endswith("suppress")
-
-
-def _catches_all(kind: ast.expr | None) -> bool:
-    if kind is None:
-        return True
-    parts = kind.elts if isinstance(kind, ast.Tuple) else [kind]
-    return any(dotted(part).rpartition(".")[2] in _ALL for part in parts)
-
-
-def only_view_prints(tree: SourceTree) -> Iterator[str]:
-    """Results and messages become text at one place."""
+    """Who catches everything raises it again, or something else for it; who catches any of ours says it."""
     for file, module in tree:
         for node in nodes(module):
-            if not isinstance(node, ast.Call) or file in _MAY_PRINT:
-                continue
-            called = dotted(node.func)
-            if called in ("print", "builtins.print", "pprint", "pprint.pprint", "click.echo", "click.secho") or (
-                called.startswith(("sys.stdout.", "sys.stderr.")) and called.endswith((".write", ".writelines"))
-            ):
-                yield f"{file}:{node.lineno} {called}"
+            line = f"{file}:{getattr(node, 'lineno', 0)}"
+            if isinstance(node, ast.Try | ast.TryStar):
+                yield from (f"{file}:{left.lineno} leaves `finally`" for left in _leaving(node.finalbody))
+            elif isinstance(node, ast.FunctionDef) and node.name in ("__exit__", "__aexit__") and _answers(node):
+                yield f"{line} may swallow what its block raises"
+            elif isinstance(node, ast.Attribute) and dotted(node) in _HOOKS and file not in MAY_EXIT:
+                yield f"{line} {dotted(node)}"
+            else:
+                yield from (f"{line} {said}" for said in _caught(file, module, node))
+
+
+def _caught(file: str, module: ast.Module, node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.ExceptHandler):
+        kinds = _kinds(module, [node.type] if node.type else [])
+        if (node.type is None or kinds & _ALL) and file not in MAY_CATCH_ALL and not _raises(node.body):
+            yield "catches everything"
+        elif kinds & _OURS and file not in MAY_LEAVE_UNSAID and _says_nothing(node):
+            yield "leaves any failure unsaid"
+        elif kinds & _STOPS and file not in (*MAY_EXIT, *MAY_CATCH_ALL) and _says_nothing(node):
+            yield "goes on after Ctrl-C, or the end"
+    elif isinstance(node, ast.Call) and any(name.endswith("suppress") for name in origins(module, node.func)):
+        kinds = _kinds(module, node.args)
+        if kinds & (_ALL | _STOPS) or (kinds & _OURS and file not in MAY_LEAVE_UNSAID):
+            yield "suppresses everything"
+
+
+def _kinds(module: ast.Module, kinds: list[ast.expr]) -> set[str]:
+    """The bare names of what is caught, whatever it is called here."""
+    parts = [part for kind in kinds for part in (kind.elts if isinstance(kind, ast.Tuple) else [kind])]
+    return {name.rpartition(".")[2] for part in parts for name in origins(module, part)}
+
+
+def _raises(body: list[ast.stmt]) -> bool:
+    """Whether each way through *body* ends with a `raise`."""
+    match body[-1]:
+        case ast.Raise():
+            return True
+        case ast.If(body=then, orelse=other):
+            return bool(other) and _raises(then) and _raises(other)
+        case ast.Match(cases=cases):
+            return all(_raises(case.body) for case in cases)
+        case ast.With(body=inner) | ast.Try(finalbody=inner) if inner:
+            return _raises(inner)
+    return False
+
+
+def _says_nothing(node: ast.ExceptHandler) -> bool:
+    """Whether the error goes nowhere: nothing is called, raised or kept."""
+    kept = (ast.Raise, ast.Call, ast.Assign, ast.AugAssign, ast.Yield)
+    named = any(isinstance(inner, ast.Name) and inner.id == node.name for one in node.body for inner in ast.walk(one))
+    return not named and not any(isinstance(inner, kept) for one in node.body for inner in ast.walk(one))
+
+
+def _leaving(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """What leaves a `finally` on its own, and whatever was on its way with it."""
+    for node in body:
+        if isinstance(node, ast.Return | ast.Break | ast.Continue):
+            yield node
+        elif not isinstance(node, ast.FunctionDef | ast.For | ast.While | ast.ClassDef):
+            yield from _leaving([child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)])
+
+
+def _answers(node: ast.FunctionDef) -> bool:
+    """Whether an `__exit__` may answer that it took care of what was raised."""
+    said = [inner.value for inner in ast.walk(node) if isinstance(inner, ast.Return) and inner.value is not None]
+    return any(not (isinstance(value, ast.Constant) and not value.value) for value in said)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 
 from tests.house.draw import nodes
@@ -51,31 +51,85 @@ def numbers() -> frozenset[int]:
 
 
 def behaviours_not_vendors(tree: SourceTree) -> Iterator[str]:
-    """No maker's name stands in code, and no identity number that is written as one."""
-    pattern = re.compile("|".join(sorted(names(), key=len, reverse=True)), re.I)
+    """No maker's name stands in code, nor in the name of a file, and no identity number that is written as one."""
     for file, module in tree:
-        for node, text in texts(module):
-            if found := pattern.search(_CHANCE.sub("", text)):
-                yield f"{file}:{node.lineno} {found[0]}"
-        for node in nodes(module):
-            if isinstance(node, ast.Constant) and type(node.value) is int and node.value in numbers():
-                written = ast.get_source_segment(tree.texts[file], node) or ""
-                if node.value > 0xFF or written.lower().startswith("0x"):
-                    yield f"{file}:{node.lineno} {written}"
+        if found := _maker(file):
+            yield f"{file}: {found}"
+        for line, text in texts(module):
+            if found := _maker(text):
+                yield f"{file}:{line} {found}"
+        yield from (f"{file}:{line} {what}" for line, what in _numbers_in(tree.texts[file], module))
 
 
-def texts(tree: ast.Module) -> Iterator[tuple[ast.stmt | ast.expr, str]]:
+@cache
+def _maker(text: str) -> str:
+    """The maker's name in *text*, or nothing."""
+    found = _pattern().search(_CHANCE.sub("", text))
+    return found[0] if found else ""
+
+
+@cache
+def _pattern() -> re.Pattern[str]:
+    return re.compile("|".join(sorted(names(), key=len, reverse=True)), re.I)
+
+
+def _numbers_in(source: str, module: ast.Module) -> Iterator[tuple[int, str]]:
+    """Identity numbers in hex, as the field writes them; large ones, and any that an identity is compared with."""
+    compared = {id(inner) for node in nodes(module) if _asks_for_identity(node) for inner in ast.walk(node)}
+    for node in nodes(module):
+        if isinstance(node, ast.Constant) and type(node.value) is int and node.value in numbers():
+            written = ast.get_source_segment(source, node) or ""
+            if node.value > 0xFF or written.lower().startswith("0x") or id(node) in compared:
+                yield node.lineno, written
+
+
+def _asks_for_identity(node: ast.AST) -> bool:
+    """Whether *node* compares something that is called a vendor or a product."""
+    asked = node.subject if isinstance(node, ast.Match) else node if isinstance(node, ast.Compare) else None
+    return asked is not None and re.search("vendor|product|identity", ast.unparse(asked)) is not None
+
+
+def texts(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Names and strings of a file, without docstrings, help texts and hints, which may give examples."""
     prose = set(_prose(tree))
     for node in nodes(tree):
-        if isinstance(node, ast.Name):
-            yield node, node.id
-        elif isinstance(node, ast.Attribute):
-            yield node, node.attr
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            yield node, node.name
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
-            yield node, node.value
+        line = getattr(node, "lineno", 0)
+        if isinstance(node, ast.Constant | ast.JoinedStr | ast.BinOp):
+            if id(node) not in prose and (text := _put_together(node)):
+                yield line, text
+        else:
+            yield from ((line, name) for name in _names_in(node))
+
+
+def _names_in(node: ast.AST) -> Iterable[str]:
+    """The names that *node* itself gives or uses."""
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name) | ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+            return [name]
+        case ast.arg(arg=name) | ast.keyword(arg=str(name)) | ast.ExceptHandler(name=str(name)):
+            return [name]
+        case ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)):
+            return [name]
+        case ast.alias(name=name, asname=other):
+            return [name, other or ""]
+        case ast.Global(names=several) | ast.Nonlocal(names=several) | ast.MatchClass(kwd_attrs=several):
+            return several
+    return ()
+
+
+def _put_together(node: ast.AST) -> str:
+    """The text that *node* comes to, as far as it stands there: `"a" + "b"`, `f"a{1}"`, `b"a"`; empty for no text."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.Constant(value=bytes(data)):
+            return data.decode("latin-1")
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            return _put_together(left) + _put_together(right)
+        case ast.JoinedStr(values=values):
+            parts = [value.value if isinstance(value, ast.FormattedValue) else value for value in values]
+            return "".join(str(part.value) if isinstance(part, ast.Constant) else " " for part in parts)
+    return ""
 
 
 def _prose(tree: ast.Module) -> Iterator[int]:

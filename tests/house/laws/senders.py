@@ -20,9 +20,12 @@ _SENDING = frozenset(
         "send_request",
         "transmit",
         "send_sync",
+        "canopen",
     }
 )
-_BY_NAME = ("getattr", "attrgetter", "methodcaller")
+_BY_NAME = ("getattr", "attrgetter", "methodcaller", "__getattribute__", "vars")
+#: what sends, whatever is asked of it by a name that cannot be read
+_WAYS_OUT = ("sdo", "bus", "wire", "access", "network", "transport")
 #: the way to the bus, and the other end of it
 _ROOMS = ("bus/", "simulator/")
 #: the few that may, with what for
@@ -51,15 +54,62 @@ MAY_SEND = {
 }
 
 
+#: who may ask those of `device` that send: folders, or files
+ASKED_BY: dict[str, tuple[str, ...]] = {
+    "device/change/transaction.py": ("device/change/",),
+    "device/change/put_back.py": (
+        "device/",
+        "operations/changes/",
+        "operations/plans/apply_network.py",
+        "cli/scripts/script_way_back.py",
+    ),
+    "device/resets.py": ("device/", "operations/nodes/command_nmt.py", "operations/stores/store_restore.py"),
+    "device/access_level.py": (
+        "device/",
+        "operations/known_devices/learn_device.py",
+        "operations/nodes/log_in.py",
+        "cli/dvt/state.py",
+    ),
+    "device/nmt_gate.py": ("device/", "operations/nodes/command_nmt.py"),
+    "device/lss_master.py": ("operations/lss/",),
+    "device/program_download.py": ("operations/nodes/load_program.py",),
+    "device/learn/saving.py": ("device/learn/", "operations/known_devices/learn_device.py"),
+    "device/learn/asking.py": ("device/learn/",),
+    "device/quirks/reversed_entries.py": ("device/",),
+    "device/quirks/fixed_count.py": ("device/",),
+    "device/error_history.py": ("operations/nodes/show_faults.py",),
+    "operations/frames/put_on_bus.py": ("operations/frames/",),
+}
+
+
 def few_files_send(tree: SourceTree) -> Iterator[str]:
-    """Nobody else sends: neither called, nor handed on, nor asked for by name."""
+    """Nobody else sends: neither called, nor handed on, nor asked for by name, nor by who may."""
     for file, module in tree:
         if file.startswith(_ROOMS) or file in MAY_SEND:
             continue
         for node in nodes(module):
-            if isinstance(node, ast.Attribute) and node.attr in _SENDING and isinstance(node.ctx, ast.Load):
-                yield f"{file}:{node.lineno} {ast.unparse(node)}"
-            elif isinstance(node, ast.Call) and dotted(node.func).endswith(_BY_NAME):
-                words = {word.value for word in node.args if isinstance(word, ast.Constant)}
-                if words & _SENDING:
-                    yield f"{file}:{node.lineno} {ast.unparse(node)}"
+            if _sends(node):
+                yield f"{file}:{getattr(node, 'lineno', 0)} {ast.unparse(node)}"
+    for arrow in tree.house.arrows:
+        if arrow.how != "type" and not arrow.source.startswith(ASKED_BY.get(arrow.target, (arrow.source,))):
+            yield f"{arrow}: asks for what only {', '.join(ASKED_BY[arrow.target])} may"
+
+
+def _sends(node: ast.AST) -> bool:
+    match node:
+        case ast.Attribute(attr=name, ctx=ast.Load()):
+            return name in _SENDING or (name == "__dict__" and _is_way_out(node.value))
+        case ast.MatchClass(kwd_attrs=names):
+            return bool(_SENDING & {*names})
+        case ast.Call(func=func, args=args) if dotted(func).endswith(_BY_NAME):
+            words = {word.value for word in args if isinstance(word, ast.Constant)}
+            subjects = [*args[:1], *([func.value] if isinstance(func, ast.Attribute) else [])]
+            return bool(words & _SENDING) or (not words and any(map(_is_way_out, subjects)))
+    return False
+
+
+def _is_way_out(node: ast.expr) -> bool:
+    """Whether *node* is, by its name, a bus or a dictionary on one: `node.sdo`, `type(node.sdo)`."""
+    while isinstance(node, ast.Call) and dotted(node.func) == "type" and node.args:
+        node = node.args[0]
+    return dotted(node).rpartition(".")[2].lstrip("_") in _WAYS_OUT

@@ -49,7 +49,7 @@ def typing_only(tree: ast.Module) -> set[int]:
     return {
         id(child)
         for node in nodes(tree)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        if isinstance(node, ast.If) and dotted(node.test).endswith("TYPE_CHECKING")
         for statement in node.body
         for child in ast.walk(statement)
     }
