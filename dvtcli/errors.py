@@ -28,8 +28,6 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
-    from dvtcli.domain.network.network_plan import NetworkPlan
-    from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.rules import Finding
 
 #: How the line is labelled that says that a failure was a twin's.
@@ -102,9 +100,7 @@ class InputFileError(DvtcliError):
 class RuleError(DvtcliError):
     """Our rules refused a change before anything was written; *findings* say which, *can_force* whether force helps.
 
-    *complaints* are the places of a file that ask for it, where they are known. *lacking* are PDOs that a network file
-    sets and devices have not, each with its node-ID, *torn* those that it only links with these; *compared* is the plan
-    for everything else of that file, then.
+    *complaints* are the places of a file that ask for it, where they are known.
     """
 
     slug = "rules"
@@ -117,9 +113,6 @@ class RuleError(DvtcliError):
         self.findings = tuple(findings)
         self.can_force = can_force
         self.complaints: tuple[FileComplaint, ...] = ()
-        self.lacking: tuple[tuple[int, Pdo], ...] = ()
-        self.torn: tuple[tuple[int, Pdo], ...] = ()
-        self.compared: NetworkPlan | None = None
 
 
 class SdoAborted(DvtcliError):

@@ -96,12 +96,23 @@ def test_a_drive_whose_power_stage_is_on_is_not_configured(tmp_path: Path) -> No
         for controlword in (6, 7, 15):
             assert bench.run(f"write 6040 {controlword}").code == 0
         node = bench.session.node()
+        for line in (f"plan {file}", f"diff {file}"):
+            ran = bench.run(line)
+            assert "node 5: the power stage is on: operation enabled (0x6041 is 0x" in ran.stderr
+            assert "apply refuses to write" in ran.stderr
+            (document,) = bench.run(f"{line} --json").document["nodes"]
+            said = [(one["rule"], one["severity"], one["place"]) for one in document["findings"]]
+            assert said == [("power-stage-on", "warning", "0x6041:00")]
         for one in (file, tmp_path / "plan.json"):
             ran = bench.run(f"apply {one} --yes")
             assert (ran.code, "the power stage of node 5 is on: operation enabled" in ran.stderr) == (6, True)
         assert node.sdo.upload(0x1017, 0) == (500).to_bytes(2, "little")
         assert bench.run("write 6040 6").code == 0
+        assert "power stage" not in bench.run(f"plan {file}").stderr
         assert bench.run(f"apply {file} --yes").code == 0
+        for controlword in (6, 7, 15):
+            assert bench.run(f"write 6040 {controlword}").code == 0
+        assert "power stage" not in bench.run(f"plan {file}").stderr, "nothing is to be written"
 
 
 def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.meanings import Understood
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
@@ -28,6 +29,26 @@ class LeftOut:
     remains: bool = False
     held: bytes | None = None
     said: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Lacked:
+    """A PDO (*pdo*), or a single *object* (`2999:01`), that a file sets and the device *node_id* has not: *finding*.
+
+    *complaint* is where the file says it, None where no file does; *abort* the SDO abort code that the device gave.
+    """
+
+    node_id: int
+    pdo: Pdo | None
+    object: str
+    finding: Finding
+    complaint: FileComplaint | None = None
+    abort: int | None = None
+
+    @property
+    def label(self) -> str:
+        """What it is called."""
+        return self.object if self.pdo is None else self.pdo.label
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +87,8 @@ class NodePlan:
     also_equal: int = 0
     #: whether its power stage must be off before anything is written
     needs_power_off: bool = False
+    #: what the file sets and the device has not: PDOs and objects, as labels
+    lacks: tuple[str, ...] = ()
     #: what is to be asked first, beside whether to write at all
     doubt: str = ""
 
@@ -77,7 +100,8 @@ class NodePlan:
     @property
     def is_asked_nothing(self) -> bool:
         """Whether the file names the node, and nothing that it should hold."""
-        return self.is_read and not (self.wanted or self.values or self.left_out or self.also_equal or len(self.plan))
+        said = self.wanted or self.values or self.left_out or self.also_equal or self.lacks
+        return self.is_read and not (said or len(self.plan))
 
     @property
     def stores(self) -> bool:
@@ -117,6 +141,10 @@ class NetworkPlan:
     manager: int | None = None
     #: node-IDs of the file that this manager gets nothing for, since no EDS is known of them
     untold: tuple[int, ...] = ()
+    #: what of the file devices have not: then it has what else differs, and cannot be carried out
+    lacking: tuple[Lacked, ...] = ()
+    #: PDOs that the file only links with such: what they should hold is not known
+    torn: tuple[tuple[int, Pdo], ...] = ()
 
     @property
     def changed(self) -> bool:

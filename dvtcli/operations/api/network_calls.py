@@ -37,20 +37,17 @@ class NetworkCalls:
         says; the answer names them. With *to_manager* the plan is for that node (1…127) alone: a CANopen manager, which
         is to download to each other node that boots what *file* says of it (0x1F22).
         InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
-        all nodes; where that is only that devices lack PDOs of the file, its `compared` says what else differs;
-        SafetyRefusal where a node is another device than the file says.
+        all nodes, but that devices lack PDOs or objects of the file: that is `plan.lacking` of the answer, which has
+        what else differs, and which `apply` refuses; SafetyRefusal where a node is another device than the file says.
         """
         from dvtcli.operations.network.network_files import planned
 
         chosen = str(path("file", file))
         flags(trust_stamp=trust_stamp)
         words, manager = tuple(include), _manager("to_manager", to_manager)
-        answer = self._calls.run(
+        return self._calls.run(
             lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=words, manager=manager)
         )
-        if answer.lacking is not None:
-            raise answer.lacking
-        return answer
 
     def import_network(
         self,

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.device.seen_state import STATUSWORDS
 from dvtcli.domain.drive_state import drive_state
+from dvtcli.domain.rules.finding import warning
+from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.errors import SafetyRefusal, SdoAborted
 from dvtcli.operations.consent.reset_consent import commanded
 
 if TYPE_CHECKING:
+    from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.session.session import Session
 
 #: states of CiA 402-2, 8.4.2 in which the power stage has its supply
 _ON = frozenset({"switched on", "operation enabled", "quick stop active", "fault reaction active"})
+
+
+RULES = (
+    Rule("power-stage-on", WARNING, "a file is to be written to a drive whose power stage is on: `apply` refuses",
+         "the statusword of each axis; CiA 402-2, 8.4.2"),
+)  # fmt: skip
+_HINT = "bring the machine to a stand, then 6040 = 0; a file is written to a drive that cannot move"
 
 
 def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
@@ -23,21 +33,28 @@ def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
     A drive of this process comes up as its EDS says, which may be enabled: it counts once this session commanded it.
     """
     for node_id in node_ids:
-        if session.bus.simulated and not commanded(session, node_id):
-            continue
-        for index, sub_index in STATUSWORDS:
-            _refuse_axis(session, node_id, index, sub_index)
+        for _, state in _powered(session, node_id):
+            raise SafetyRefusal(f"the power stage of node {node_id} is {state}", node=node_id, hint=_HINT)
 
 
-def _refuse_axis(session: Session, node_id: int, index: int, sub_index: int) -> None:
-    try:
-        data = session.bus.sdo(node_id).upload(index, sub_index)
-    except SdoAborted:
-        return  # no axis, or one that does not tell
-    statusword = int.from_bytes(data, "little")
-    state = drive_state(statusword)
-    if state in _ON:
-        raise SafetyRefusal(
-            f"the power stage of node {node_id} is on: {state} (0x{index:04X} is 0x{statusword:04X})", node=node_id,
-            hint="bring the machine to a stand, then 6040 = 0; a file is written to a drive that cannot move",
-        )  # fmt: skip
+def powered_findings(session: Session, node_id: int) -> tuple[Finding, ...]:
+    """What `refuse_powered` would refuse, said while a plan is made: of each axis whose power stage is on."""
+    return tuple(
+        warning("power-stage-on", place, f"the power stage is {state}: apply refuses to write until it is off")
+        for place, state in _powered(session, node_id)
+    )
+
+
+def _powered(session: Session, node_id: int) -> Iterator[tuple[str, str]]:
+    """Each statusword of the node that says that a power stage is on, and what it says."""
+    if session.bus.simulated and not commanded(session, node_id):
+        return
+    for index, sub_index in STATUSWORDS:
+        try:
+            data = session.bus.sdo(node_id).upload(index, sub_index)
+        except SdoAborted:
+            continue  # no axis, or one that does not tell
+        statusword = int.from_bytes(data, "little")
+        state = drive_state(statusword)
+        if state in _ON:
+            yield f"0x{index:04X}:{sub_index:02X}", f"on: {state} (0x{index:04X} is 0x{statusword:04X})"

@@ -6,7 +6,7 @@ Judges nothing itself: the rules are in `domain/network/check`, and those of `ma
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkRe
 from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
+    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_state import NetworkState
     from dvtcli.domain.network.wanted_state import FileNote, Mark, NetworkWish
@@ -124,9 +125,12 @@ def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
     if not complaints:
         text = failed.text.removeprefix(f"{file}: ")
         yield NetworkFinding(1, "error", name, "", f"{text}: {failed.why}" if failed.why else text)
-    for one in complaints:
-        end = one.column + max(one.width, 1) - 1
-        yield NetworkFinding(one.line, "error", name, "", one.text, one.column, end, complaint=one)
+    yield from (replace(_at(one, name), complaint=one) for one in complaints)
+
+
+def _at(one: FileComplaint, rule: str) -> NetworkFinding:
+    """What *rule* finds where *one* is."""
+    return NetworkFinding(one.line, "error", rule, "", one.text, one.column, one.column + max(one.width, 1) - 1)
 
 
 def _judged(
@@ -151,7 +155,10 @@ def _judged(
 
 
 def _refused(wish: NetworkWish, refused: DvtcliError) -> Iterator[NetworkFinding]:
-    """Each reason, at the node that it is about."""
+    """Each reason, where the file asks for it; where that is not known, at the node that it is about."""
+    if complaints := getattr(refused, "complaints", ()):
+        yield from (_at(one, FILE_RULES[1].name) for one in complaints)
+        return
     marks = {node.node_id: node.mark for node in wish.nodes}
     mark = marks.get(refused.node or 0) or (wish.links[0].mark if wish.links else None)
     findings = getattr(refused, "findings", ()) or ()

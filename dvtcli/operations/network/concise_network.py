@@ -15,7 +15,7 @@ from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, conci
 from dvtcli.domain.network.concise_pdos import concise_of
 from dvtcli.domain.network.wanted_state import WantedIdentity
 from dvtcli.domain.several import plural, several
-from dvtcli.errors import InputFileError, RuleError, UsageError
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.network.described_network import simulated_word, words_of
 from dvtcli.operations.plans.plan_network import plan_wish
@@ -94,11 +94,7 @@ def _concise(
     made: list[ConciseDcf] = []
     if words:
         with Session(options, tell) as session:
-            try:
-                plan = plan_wish(session, anyone, FileLog(file, Path(file).read_text("utf-8-sig")))
-            except RuleError as lacked:
-                lacked.compared = None  # with nodes as new, which are none of anybody's bus
-                raise
+            plan = plan_wish(session, anyone, FileLog(file, Path(file).read_text("utf-8-sig")))
         planned = {one.node_id: one for one in plan.nodes}
         made = [_made(one, planned[one.node_id]) for one in wish.nodes]
     return ConciseNetwork(tuple(made), tuple(one for one in read.nodes if one.node_id not in words))

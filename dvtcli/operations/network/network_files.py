@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.network_plan import NetworkPlan
-from dvtcli.errors import InputFileError, RuleError, UsageError
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.network.network_load import load_after
@@ -49,17 +49,11 @@ def planned(
     says that they are so; *include* as of `DeviceOptions`; with *manager* as of `plan_manager`. Raises as these and
     `plan_network`; but what devices lack is said in the answer, which has all the rest, where nothing is *saved*.
     """
-    lacking = None
-    try:
-        plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
-    except RuleError as found:
-        if saved is not None or found.compared is None:
-            raise
-        plan, lacking = found.compared, found
+    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=saved is None)
     keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
-    need = None if manager is not None or lacking is not None else load_after(session, plan)
-    answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted), lacking)
+    need = None if manager is not None or plan.lacking else load_after(session, plan)
+    answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
         text = _saved_text(session, answer, saved)
         with _opened(saved):
@@ -121,7 +115,7 @@ def may_store(file: str) -> bool:
 
 
 def _new_plan(
-    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None
+    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None, as_far: bool
 ) -> NetworkPlan:
     """The plan for *file*, which its suffix tells apart; UsageError for an option of the other kind."""
     if manager is not None:
@@ -133,7 +127,7 @@ def _new_plan(
     if not is_about_device(file):
         if include:
             raise UsageError("--include is for a DCF, an XDC or a backup: a network file names what it sets")
-        return plan_network(session, file, trust_stamp=trust_stamp)
+        return plan_network(session, file, trust_stamp=trust_stamp, as_far=as_far)
     if trust_stamp:
         raise UsageError("--trust-stamp is for a network file: only its nodes have its stamp")
     from dvtcli.operations.whole_device.plan_device import DeviceOptions, plan_device
@@ -142,13 +136,19 @@ def _new_plan(
 
 
 def _plan_of(
-    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None
+    session: Session,
+    file: str,
+    *,
+    trust_stamp: bool,
+    include: tuple[str, ...],
+    manager: int | None,
+    as_far: bool = False,
 ) -> NetworkPlan:
     with _opened(file):
         is_saved = not is_about_device(file) and is_network_plan(Path(file))
         saved = read_network_plan(Path(file)) if is_saved else None
     if saved is None:
-        return _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+        return _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=as_far)
     if manager is not None:
         raise UsageError(
             f"{file} is a saved plan, which says itself what is written", hint="plan --to-manager makes one"

@@ -25,10 +25,11 @@ from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoP
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.plans.judge_network import checked, together
+from dvtcli.operations.results.failures import lacking_error
 from dvtcli.operations.stores.possible_stores import refuse_stores_of
 from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.wanted.chosen_nodes import named_nodes, of_nodes
-from dvtcli.operations.wanted.lacked_pdos import without_lacked
+from dvtcli.operations.wanted.lacked import LackedOfWish, refuse_lacking, without_lacked
 from dvtcli.operations.wanted.linked_wishes import with_links
 from dvtcli.operations.wanted.meet_network import Met, meet
 from dvtcli.operations.wanted.network_wish import read_wish
@@ -46,35 +47,36 @@ if TYPE_CHECKING:
     from dvtcli.operations.sync.unknown_sync import ShortFrames
 
 
-def plan_network(session: Session, file: str, *, trust_stamp: bool = False) -> NetworkPlan:
+def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_far: bool = False) -> NetworkPlan:
     """What has to be written for the nodes of the network *file* to hold what it says; reads them, writes nothing.
 
-    With *trust_stamp* not those whose 0x1020 says that they do, which the answer says.
+    With *trust_stamp* not those whose 0x1020 says that they do, which the answer says. With *as_far* what devices lack
+    is `lacking` in the answer, which has all the rest, where nothing else is wrong; without it that is a RuleError.
     SafetyRefusal where a node is another device, InputFileError with everything that is wrong in the file, also what
     only a node's dictionary knows, RuleError with all that the rules refuse, NoAnswer where nodes are silent: the first
-    of these that there is, with all else that is wrong among its details. A RuleError of PDOs that devices lack has the
-    plan for all the rest, where nothing else is wrong.
+    of these that there is, with all else that is wrong among its details.
     """
     wish = read_wish(file)
     for note in wish.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
     wish = of_nodes(session, file, wish, named_nodes(session))
     tell_unknown_bit_rate(session, len(wish.nodes))
-    return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")), trust_stamp=trust_stamp)
+    log = FileLog(file, Path(file).read_text("utf-8-sig"))
+    return plan_wish(session, wish, log, trust_stamp=trust_stamp, as_far=as_far)
 
 
-def plan_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool = False) -> NetworkPlan:
+def plan_wish(
+    session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool = False, as_far: bool = False
+) -> NetworkPlan:
     """What has to be written for the nodes of *wish* to hold what it says; what it cannot mean is told to *log*.
 
-    *trust_stamp* and what is raised as of `plan_network`.
+    *trust_stamp*, *as_far* and what is raised as of `plan_network`.
     """
     with short_frames(session.bus) as frames, session.network.as_it_was_if_refused():
-        plan, lacking = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
-    plan = with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
-    if lacking is not None:
-        lacking.compared = plan
-        raise lacking
-    return plan
+        plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
+        if not as_far:
+            refuse_lacking(plan)
+    return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
 
 
 def _master_syncs(wish: NetworkWish) -> bool:
@@ -92,24 +94,22 @@ def with_unknown_syncs(session: Session, plan: NetworkPlan, frames: ShortFrames)
     return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
 
 
-def _planned_wish(
-    session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool
-) -> tuple[NetworkPlan, RuleError | None]:
-    """The plan, and the error for what devices lack where nothing else is wrong."""
+def _planned_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool) -> NetworkPlan:
     met = meet(session, log.file, wish)
     unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
     planned: list[NodePlan] = []
-    lacking: RuleError | None = None
+    lacked = LackedOfWish(log)
     try:
-        read, lacking = without_lacked(met.nodes, wish.of(met.nodes.keys() - unread), log)
+        read, lacked = without_lacked(met.nodes, wish.of(met.nodes.keys() - unread), log)
         planned = _judged(session, met, read, log)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
-    if met.failures and lacking is not None:
-        met.failures.append(lacking)
+    if met.failures and lacked.found:
+        met.failures.append(lacking_error(lacked.found))
     met.end()
     planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
-    return NetworkPlan(log.file, tuple(sorted(planned, key=lambda one: one.node_id))), lacking
+    nodes = sorted((replace(one, lacks=lacked.of(one.node_id)) for one in planned), key=lambda one: one.node_id)
+    return NetworkPlan(log.file, tuple(nodes), lacking=tuple(lacked.found), torn=lacked.torn)
 
 
 def _unread(node: Node, wish: NodeWish) -> NodePlan:

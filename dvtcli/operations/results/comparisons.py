@@ -9,6 +9,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes, lacking_documents
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import Lacked
     from dvtcli.errors import DvtcliError, RuleError
 
 
@@ -96,18 +97,20 @@ class ComparedNodes(Answer):
     formats: ClassVar = CASES
 
     nodes: tuple[Compared, ...]
-    #: the PDOs of a network file that devices have not
-    lacking: RuleError | None = None
+    #: what of a network file devices have not
+    lacking: tuple[Lacked, ...] = ()
 
     @property
     def exit_code(self) -> int:
         """1 where devices lack what the file sets, 3 where a node differs, else 1 where a frame is missing."""
-        return 1 if self.lacking is not None else max(one.exit_code for one in self.nodes)
+        return 1 if self.lacking else max(one.exit_code for one in self.nodes)
 
     @property
     def failure(self) -> RuleError | None:
         """What is to be said of what devices lack."""
-        return self.lacking
+        from dvtcli.operations.results.failures import lacking_error
+
+        return lacking_error(self.lacking) if self.lacking else None
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
@@ -126,7 +129,7 @@ class ComparedNodes(Answer):
             "schema": "dvtcli.verify/1",
             "node": None,
             **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters", "unsaid")},
-            "equal": self.lacking is None and all(one["equal"] for one in documents),
+            "equal": not self.lacking and all(one["equal"] for one in documents),
             "lacking": lacking_documents(self.lacking),
             **{key: [row for one in documents for row in one[key]] for key in ("differences", "frames")},
             "nodes": documents,

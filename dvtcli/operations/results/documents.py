@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from dvtcli.domain.datatypes import CanopenTime, Value
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import Lacked
     from dvtcli.domain.physical import Physical
     from dvtcli.domain.rules import Finding
-    from dvtcli.errors import RuleError
 
 Document = dict[str, Any]
 #: formats of answers that compare PDOs and objects one by one
@@ -88,13 +88,17 @@ def finding_document(finding: Finding) -> Document:
     }
 
 
-def lacking_documents(lacking: RuleError | None) -> list[Document]:
-    """Which PDOs devices have not, and why."""
-    if lacking is None:
-        return []
+def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
+    """Which PDOs and objects devices have not, and why."""
     return [
-        {"node": node_id, "pdo": str(pdo), "text": finding.text, "hint": finding.hint}
-        for (node_id, pdo), finding in zip(lacking.lacking, lacking.findings, strict=True)
+        {
+            "node": one.node_id,
+            "pdo": None if one.pdo is None else str(one.pdo),
+            "object": one.object if one.pdo is None else None,
+            "text": one.finding.text,
+            "hint": one.finding.hint,
+        }
+        for one in lacking
     ]
 
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.several import plural, several
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, RuleError
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import Lacked
     from dvtcli.domain.rules import Finding
 
 
@@ -53,6 +54,19 @@ def _state(word: str, proof: Proof) -> str:
     if word == "restore":
         return f"the node holds what it came up with after the {restart}"
     return f"{compared_text(proof)} read back equal after the {restart}, and could be lost with the power{put_back}"
+
+
+def lacking_error(lacking: Sequence[Lacked]) -> RuleError:
+    """The error for all of *lacking*, of which there is at least one: what devices have not and a file sets."""
+    complaints = tuple(one.complaint for one in lacking if one.complaint is not None)
+    place = f"{complaints[0].place}: " if complaints else ""
+    ids = {one.node_id for one in lacking}
+    findings = [one.finding for one in lacking]
+    only = ids.pop() if len(ids) == 1 else None
+    found = RuleError(f"{place}{findings[0].text}", findings, node=only, can_force=False)
+    found.complaints = complaints
+    found.abort = next((one.abort for one in lacking if one.abort), None)
+    return found
 
 
 def not_as_before(node: int | None, not_put_back: Sequence[Finding], *, dry_run: bool) -> DvtcliError:

@@ -25,8 +25,7 @@ class NetworkPlanned(Answer):
 
     *tells* says whether a difference is an exit code of its own; *saved* is the file that the plan was written to.
     *need* is what all frames need of the bus afterwards, None where its bit rate is not known; *interrupted* are nodes
-    of which a change waits to be recovered first. *lacking* says which PDOs of the file devices have not: then it is no
-    plan that could be carried out, and has what else differs.
+    of which a change waits to be recovered first.
     """
 
     renderer: ClassVar = "network_lines:planned_lines"
@@ -38,11 +37,10 @@ class NetworkPlanned(Answer):
     saved: str = ""
     need: BusNeed | None = None
     interrupted: tuple[int, ...] = ()
-    lacking: RuleError | None = None
 
     def __bool__(self) -> bool:
         """Whether nothing differs: nothing has to be written, and nothing is otherwise that is not written."""
-        return not self.plan.changed and not self.plan.remains and not self.plan.untold and self.lacking is None
+        return not self.plan.changed and not self.plan.remains and not self.plan.untold and not self.plan.lacking
 
     @property
     def exit_code(self) -> int:
@@ -50,14 +48,16 @@ class NetworkPlanned(Answer):
 
         Also where of a node nobody knows what its manager should have of it.
         """
-        if self.lacking is not None:
+        if self.plan.lacking:
             return 1
         return 3 if self.tells and (self.plan.to_do or self.plan.remains or self.plan.untold) else 0
 
     @property
     def failure(self) -> RuleError | None:
         """What is to be said where the exit code is 1."""
-        return self.lacking
+        from dvtcli.operations.results.failures import lacking_error
+
+        return lacking_error(self.plan.lacking) if self.plan.lacking else None
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
@@ -85,7 +85,7 @@ class NetworkPlanned(Answer):
             "unknown_syncs": list(plan.unknown_syncs),
             "untold": list(plan.untold),
             "load": None if self.need is None else need_document(self.need),
-            "lacking": lacking_documents(self.lacking),
+            "lacking": lacking_documents(plan.lacking),
             "nodes": [_node_document(node) for node in plan.nodes],
         }
 

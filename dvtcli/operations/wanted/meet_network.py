@@ -38,6 +38,8 @@ class Met:
         if not self.failures:
             return
         first, *others = sorted(self.failures, key=_weight)
+        if isinstance(first, RuleError):  # force helps where it helps with everything
+            first.can_force = all(isinstance(one, RuleError) and one.can_force for one in self.failures)
         first.details += [("also", text) for other in others for text in _texts(other)]
         raise first
 

@@ -146,8 +146,8 @@ def _name(node: Node, place: Place) -> str:
     return "write" if node.dictionary is None else node.dictionary.display_name(*place) or "write"
 
 
-def _why_not(node: Node, place: Place) -> str:
-    """Why the object at *place* is none that a file may set; empty where it may."""
+def set_elsewhere(node: Node, place: Place) -> str:
+    """Why the object at *place* of *node* is none that a file's `sdo` sets, and what does; empty where it may be."""
     index, text = place[0], _shown(place)
     if index in SIGNATURES:
         return f"{text} is a command: `store: true` stores once all nodes are verified"
@@ -157,6 +157,13 @@ def _why_not(node: Node, place: Place) -> str:
     login = node.profile.login
     if login is not None and place == login.passcode:
         return f"{text} takes a passcode, and a file is no place for one: `login` asks for it"
+    return ""
+
+
+def _why_not(node: Node, place: Place) -> str:
+    """Why the object at *place* is none that a file may set; empty where it may."""
+    if elsewhere := set_elsewhere(node, place):
+        return elsewhere
     try:
         node.known_value(*place)
     except SdoAborted as aborted:

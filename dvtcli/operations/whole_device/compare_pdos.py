@@ -10,11 +10,12 @@ from dvtcli.device.change.pending import REBOOT, VERIFY
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
-from dvtcli.errors import RuleError, UsageError
+from dvtcli.errors import UsageError
 from dvtcli.files.device_file import read_device_file
 from dvtcli.files.lost_values import must_tell_values
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
+from dvtcli.operations.wanted.lacked import refuse_lacking
 from dvtcli.operations.whole_device.device_suffix import holds_values
 from dvtcli.operations.whole_device.held_device import held_by
 from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.session.rehearse import Rehearse
     from dvtcli.operations.session.session import Session
@@ -47,27 +49,29 @@ def verify(
     TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
     """
     if file is not None and not _is_network(file) and not _is_script(file):
-        pdos, wanted, lacking = *_device_wishes(session, pdos, file), None
+        pdos, wanted = _device_wishes(session, pdos, file)
+        plan = None
     else:
-        wanted, lacking = _wishes(session, rehearse, file)
-    if lacking is not None and pdos:
+        wanted, plan = _wishes(session, rehearse, file)
+    lacking = () if plan is None else plan.lacking
+    if plan is not None and lacking and pdos:
         asked = {(session.node_id() if node_id is None else node_id, pdo) for node_id, pdo in pdos}
-        if not asked.isdisjoint((*lacking.lacking, *lacking.torn)):
-            raise lacking
-        lacking = None
-    if lacking is not None and not any(wanted.values()):
-        raise lacking
+        if not asked.isdisjoint((*((one.node_id, one.pdo) for one in lacking), *plan.torn)):
+            refuse_lacking(plan)
+        lacking = ()
+    if plan is not None and lacking and not any(wanted.values()):
+        refuse_lacking(plan)
     wishes = _chosen(session, pdos, wanted, file or SESSION)
     named = len(wishes) > 1 or len(session.known_ids()) > 1
     compared = tuple(
         compare(session, session.node(node_id), wish, file, frame=frame, named=named)
         for node_id, wish in wishes.items()
     )
-    return compared[0] if len(compared) == 1 and lacking is None else ComparedNodes(compared, lacking)
+    return compared[0] if len(compared) == 1 and not lacking else ComparedNodes(compared, lacking)
 
 
-def _wishes(session: Session, rehearse: Rehearse, file: str | None) -> tuple[dict[int, Wish], RuleError | None]:
-    """What should be on each node, by a network file, a script or this session; and what of the former nodes lack."""
+def _wishes(session: Session, rehearse: Rehearse, file: str | None) -> tuple[dict[int, Wish], NetworkPlan | None]:
+    """What should be on each node, by a network file, a script or this session; and the plan for the former."""
     if file is not None:
         return _network_wishes(session, file) if _is_network(file) else (rehearse(file), None)
     return _session_wishes(session), None
@@ -98,17 +102,11 @@ def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tupl
     }
 
 
-def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], RuleError | None]:
+def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], NetworkPlan]:
     from dvtcli.operations.plans.plan_network import plan_network
 
-    lacking = None
-    try:
-        plan = plan_network(session, file)
-    except RuleError as found:
-        if found.compared is None:
-            raise
-        plan, lacking = found.compared, found
-    return {node.node_id: Wish(dict(node.wanted), dict(node.values)) for node in plan.nodes}, lacking
+    plan = plan_network(session, file, as_far=True)
+    return {node.node_id: Wish(dict(node.wanted), dict(node.values)) for node in plan.nodes}, plan
 
 
 def _is_script(file: str) -> bool:

@@ -15,6 +15,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, PdoConfig
 from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.operations.consent.power_stage import powered_findings
 from dvtcli.operations.meanings.object_values import understood
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import plans_of, with_unknown_syncs
@@ -165,7 +166,13 @@ def _planned(
         raise _nothing_compared(held)
     planned = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
     said = [_said(one, nodes[one.node_id], held, found[one.node_id]) for one in planned]
-    return checked(nodes, said, force=session.options.force)
+    judged = checked(nodes, said, force=session.options.force)
+    return (_powered(session, one) if len(one.plan) else one for one in judged)
+
+
+def _powered(session: Session, planned: NodePlan) -> NodePlan:
+    """*planned* with what is known to be in its way: that `apply` refuses it while a power stage is on."""
+    return replace(planned, findings=(*planned.findings, *powered_findings(session, planned.node_id)))
 
 
 def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) -> NodePlan:

@@ -1,4 +1,4 @@
-"""A network file that sets PDOs which a device does not have: everything else is compared, and nothing is written."""
+"""A network file that sets what a device does not have: everything else is compared, and nothing is written."""
 
 from __future__ import annotations
 
@@ -136,18 +136,68 @@ def test_the_formats_of_ci_have_a_case_for_each(file: Path) -> None:
 
 
 def test_where_something_else_is_wrong_both_are_said(file: Path) -> None:
-    file.write_text(FILE.replace("node_id: 2", "node_id: 2\n    sdo: [{index: 0x2777, value: 3}]"))
+    file.write_text(FILE.replace("node_id: 2", "node_id: 2\n    sdo: [{object: no_such_name, value: 3}]"))
     with Bench(NODES) as bench:
         ran = bench.run(f"diff {file}")
         assert (ran.code, ran.stdout) == (4, "")
-        for said in ("0x2777:00", "node 1 has no TPDO70", "node 3 has no RPDO99"):
+        for said in ("no_such_name", "node 1 has no TPDO70", "node 3 has no RPDO99"):
             assert said in ran.stderr
 
 
-def test_a_program_gets_an_error_with_the_rest(file: Path) -> None:
+def test_a_program_is_told_the_rest_too_and_apply_refuses(file: Path) -> None:
     with dvtcli.simulate(*NODES) as bus:
-        with pytest.raises(RuleError) as raised:
-            bus.plan(file)
-        assert [(node, str(pdo)) for node, pdo in raised.value.lacking] == LACKED
-        assert raised.value.compared is not None
-        assert raised.value.compared.writes == 2
+        answer = bus.plan(file)
+        assert not answer
+        assert [(one.node_id, str(one.pdo)) for one in answer.plan.lacking] == LACKED
+        assert answer.plan.writes == 2
+        with pytest.raises(RuleError, match="no TPDO70"):
+            bus.apply(file, yes=True, force=True)
+
+
+#: single objects: one by number, one by a key of its own, one that is there and may not be set
+OBJECTS = """a: {node_id: 1, tpdo: {1: {event_timer: 20}}, sdo: [{index: 0x2999, sub_index: 1, value: 5}]}
+b: {node_id: 2, tpdo: {1: {event_timer: 70}}, sdo: [{index: 0x1017, value: 200}]}
+c: {node_id: 3, sdo: [{object: 1017:7, value: 5}]}
+"""
+
+
+@pytest.mark.parametrize("word", ["diff", "plan", "verify"])
+def test_an_object_that_a_device_lacks_does_not_hide_the_other_nodes(word: str, tmp_path: Path) -> None:
+    file = tmp_path / "o.yaml"
+    file.write_text(OBJECTS)
+    with Bench(NODES) as bench:
+        ran = bench.run(f"{word} {file}")
+        assert ran.code == 1
+        for said in ("TPDO1", "20", "70", "0x1017:00" if word != "verify" else "1017:00"):
+            assert said in ran.stdout
+        assert f"error: {file}:1:53: node 1 has no 0x2999:01: object does not exist" in ran.stderr
+        assert "node 3 has no 0x1017:07: sub-index does not exist" in ran.stderr
+        assert "nothing was compared" not in ran.stdout
+        document = bench.run(f"{word} {file} --json").document
+        assert [(one["node"], one["pdo"], one["object"]) for one in document["lacking"]] == [
+            (1, None, "2999:01"), (3, None, "1017:07"),
+        ]  # fmt: skip
+        ran = bench.run(f"{word} {file} --format github")
+        assert f"::error file={file},line=3,title=node 3::1017:07 of node 3: node 3 has no" in ran.stdout
+        refused = bench.run(f"apply {file} --yes --force")
+        assert (refused.code, refused.stdout) == (1, "")
+        assert bench.run(f"verify 2:tpdo1 {file}").code == 3, "another node's PDO is compared"
+
+
+def test_check_says_where_the_file_sets_what_a_device_lacks(tmp_path: Path) -> None:
+    file = tmp_path / "o.yaml"
+    file.write_text(OBJECTS.replace(", tpdo", ", dcf: generic, tpdo").replace("3, sdo", "3, dcf: generic, sdo"))
+    with Bench(()) as bench:
+        ran = bench.run(f"check {file}")
+    assert ran.code == 4
+    assert "o.yaml:1:67: error: node 1 has no 0x2999:01" in ran.stdout + ran.stderr
+    assert "o.yaml:3:46: error: node 3 has no 0x1017:07" in ran.stdout + ran.stderr
+
+
+def test_force_is_not_offered_where_it_would_not_help(tmp_path: Path) -> None:
+    file = tmp_path / "o.yaml"
+    file.write_text(OBJECTS + "d: {node_id: 4, sdo: [{index: 0x1018, sub_index: 1, value: 5}]}\n")
+    with Bench((*NODES, "generic@4")) as bench:
+        ran = bench.run(f"plan {file}")
+        assert (ran.code, "--force" in ran.stderr) == (1, False)
+        assert bench.run(f"plan {file} --force").code == 1

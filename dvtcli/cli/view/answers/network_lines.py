@@ -36,8 +36,9 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     yield from plan_lines(result.plan, width)
     yield from _remaining(result.plan)
     yield from _untold(result.plan)
-    if result.lacking is not None:
-        yield "Nothing was written, and nothing of it can be: devices lack PDOs of the file."
+    if result.plan.lacking:
+        what = " and ".join(sorted({"objects" if one.pdo is None else "PDOs" for one in result.plan.lacking}))
+        yield f"Nothing was written, and nothing of it can be: devices lack {what} of the file."
         return
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."

@@ -46,6 +46,8 @@ def node_plan_lines(file: str, node: NodePlan, width: int) -> Iterator[Line]:
         yield [Cell(f"  = {more} as the file says, of those that are not written", "dim")]
     if node.is_asked_nothing:
         yield [Cell("  ! ", "yellow"), Cell("the file asks for nothing of it: nothing was compared")]
+    if node.lacks:
+        yield [Cell("  ! ", "yellow"), Cell(f"the device has no {several(node.lacks)}")]
     yield from _left_out(node)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,9 +15,8 @@ from dvtcli.operations.results.networks import NetworkPlanned, differing
 from dvtcli.operations.results.whole_devices import WholeCompared
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.domain.network.network_plan import Lacked, NodePlan
     from dvtcli.domain.plan import Change
-    from dvtcli.errors import RuleError
     from dvtcli.operations.results import ComparedNodes
     from dvtcli.operations.results.whole_devices import ObjectDifference
 
@@ -48,7 +47,7 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) 
     if isinstance(result, NetworkPlanned):
         for node in result.plan.nodes:
             yield from _planned(result, node)
-        yield from _lacking(result.lacking, result.plan.file)
+        yield from _lacking(result.plan.lacking, result.plan.file)
     elif isinstance(result, Compared):
         yield from _compared(result)
     elif isinstance(result, WholeCompared):
@@ -82,13 +81,11 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
         yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, node.line)
 
 
-def _lacking(lacking: RuleError | None, file: str) -> Iterator[Case]:
-    """The PDOs of *file* that nodes have not."""
-    if lacking is None:
-        return
-    lines = [one.line for one in lacking.complaints] or [0] * len(lacking.lacking)
-    for (node_id, pdo), finding, line in zip(lacking.lacking, lacking.findings, lines, strict=True):
-        yield Case(node_id, pdo.label, (finding.text,), "error", file, line)
+def _lacking(lacking: Sequence[Lacked], file: str) -> Iterator[Case]:
+    """The PDOs and objects of *file* that nodes have not."""
+    for one in lacking:
+        line = 0 if one.complaint is None else one.complaint.line
+        yield Case(one.node_id, one.label, (one.finding.text,), "error", file, line)
 
 
 def _line(node: NodePlan, change: Change) -> int:

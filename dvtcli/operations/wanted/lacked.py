@@ -1,0 +1,172 @@
+"""What a network file sets, or links, and the device does not have: PDOs, and single objects.
+
+Reads nodes, and writes nothing. Does not know what they should hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.abort import Abort, abort_text
+from dvtcli.domain.network.network_plan import Lacked
+from dvtcli.domain.network.wanted_state import ValueWish
+from dvtcli.domain.rules.finding import error
+from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.errors import DvtcliError, SdoAborted, UsageError
+from dvtcli.operations.meanings.named_objects import object_at
+from dvtcli.operations.wanted.wanted_words import set_elsewhere
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.domain.network.wanted_state import Endpoint, Mark, NetworkWish, NodeWish, ObjectWish
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.files.network.file_log import FileLog
+
+Place = tuple[int, int]
+RULES = (
+    Rule("pdo-lacking", ERROR, "a network file sets a PDO, or links one, that the device does not have",
+         "the device's own answer"),
+    Rule("object-lacking", ERROR, "a network file sets an object that the device does not have",
+         "the device's own answer"),
+)  # fmt: skip
+_LACKED = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
+#: what helps where a single object is not there
+_HINT = "is it the device that is meant? leave the object out of the file; objects TEXT finds what an EDS lists"
+
+
+def refuse_lacking(plan: NetworkPlan) -> NetworkPlan:
+    """*plan*; RuleError where devices lack something of its file, since nothing of it can be carried out then."""
+    if plan.lacking:
+        from dvtcli.operations.results.failures import lacking_error
+
+        raise lacking_error(plan.lacking)
+    return plan
+
+
+def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -> tuple[NetworkWish, LackedOfWish]:
+    """*wish* without what its *nodes* lack and the links of such PDOs, and what that is."""
+    asked: dict[int, dict[Pdo, Mark]] = {}
+    for one in wish.nodes:
+        asked[one.node_id] = {pdo.pdo: pdo.mark for pdo in one.pdos}
+    for link in wish.links:
+        for end in link.ends:
+            asked[end.node_id].setdefault(end.pdo, link.mark)
+    places = {one.node_id: dict(_places(nodes[one.node_id], one)) for one in wish.nodes}
+    for node in list(nodes.values())[:1]:
+        ahead = [partial(_look_ahead, nodes[node_id], pdos, places[node_id]) for node_id, pdos in asked.items()]
+        for fault in node.bus.side_by_side(ahead):
+            raise fault  # a Ctrl-C, or a bus that is gone
+    lacked = LackedOfWish(log)
+    for node_id, pdos in asked.items():
+        for pdo, mark in pdos.items():
+            lacked.look(nodes[node_id], pdo, mark)
+        for place, mark in places[node_id].items():
+            lacked.look_at(nodes[node_id], place, mark)
+    left = lacked.left_of(nodes, wish)
+    lacked.torn = lacked.torn_of(wish, left)
+    return left, lacked
+
+
+def _look_ahead(node: Node, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mark]) -> None:
+    """Read *pdos* and *places*; what cannot be read is told where it is needed."""
+    for pdo in pdos:
+        with suppress(DvtcliError):
+            node.known_pdo(pdo)
+    for place in places:
+        with suppress(DvtcliError):
+            node.known_value(*place)
+
+
+def _places(node: Node, wish: NodeWish) -> Iterator[tuple[Place, Mark]]:
+    """The single objects that *wish* sets, and where it does; those that it may not set are complained of elsewhere."""
+    wishes: tuple[ObjectWish | ValueWish, ...] = (*wish.objects, *wish.values)
+    for one in wishes:
+        place, mark = _place_of(node, one), one.object.mark if isinstance(one, ValueWish) else one.mark
+        if place is not None and not set_elsewhere(node, place):
+            yield place, mark
+
+
+def _place_of(node: Node, one: ObjectWish | ValueWish) -> Place | None:
+    """Where *one* is; None where its words mean nothing there."""
+    if not isinstance(one, ValueWish):
+        return one.index, one.sub_index
+    try:
+        return object_at(node, one.object.text)
+    except UsageError:
+        return None
+
+
+@dataclass(slots=True)
+class LackedOfWish:
+    """*found* is not there, *torn* is linked with such PDOs; *log* says where the file asks for it."""
+
+    log: FileLog
+    found: list[Lacked] = field(default_factory=list)
+    torn: tuple[tuple[int, Pdo], ...] = ()
+    _places: set[tuple[int, Place]] = field(default_factory=set)
+
+    def of(self, node_id: int) -> tuple[str, ...]:
+        """What the node with *node_id* lacks, as labels."""
+        return tuple(one.label for one in self.found if one.node_id == node_id)
+
+    def look(self, node: Node, pdo: Pdo, mark: Mark) -> None:
+        """Take *pdo* in where *node* says that it has none; raises as reading it does for any other reason."""
+        try:
+            node.known_pdo(pdo)
+        except (SdoAborted, UsageError) as lacked:
+            if isinstance(lacked, SdoAborted) and lacked.code not in _LACKED:
+                raise
+            place = f"0x{lacked.place}" if lacked.place else pdo.label
+            self._take("pdo-lacking", node, pdo, place, mark, lacked)
+
+    def look_at(self, node: Node, place: Place, mark: Mark) -> None:
+        """Take the object at *place* in where *node* says that there is none; another reason is told elsewhere."""
+        try:
+            node.known_value(*place)
+        except SdoAborted as lacked:
+            if lacked.code in _LACKED:
+                lacked.text = f"node {node.node_id} has no 0x{lacked.place}: {abort_text(lacked.code)}"
+                lacked.hint = lacked.hint if node.dictionary is None else _HINT
+                self._places.add((node.node_id, place))
+                self._take("object-lacking", node, None, f"0x{lacked.place}", mark, lacked)
+
+    def _take(self, rule: str, node: Node, pdo: Pdo | None, place: str, mark: Mark, lacked: DvtcliError) -> None:
+        finding = error(rule, place, lacked.text, hint=lacked.hint)
+        complaint = self.log.shown(mark, lacked.text) if mark.line else None
+        self.found.append(Lacked(node.node_id, pdo, place.removeprefix("0x"), finding, complaint, lacked.abort))
+
+    def left_of(self, nodes: Mapping[int, Node], wish: NetworkWish) -> NetworkWish:
+        """*wish* without them, and without stamps: they would stand for what is left."""
+        if not self.found:
+            return wish
+        links = tuple(
+            replace(link, consumers=heard)
+            for link in wish.links
+            if not self._has(link.producer) and (heard := tuple(end for end in link.consumers if not self._has(end)))
+        )
+        return replace(wish, nodes=tuple(self._node(nodes[one.node_id], one) for one in wish.nodes), links=links)
+
+    def _has(self, end: Endpoint) -> bool:
+        return any((one.node_id, one.pdo) == (end.node_id, end.pdo) for one in self.found)
+
+    def _node(self, node: Node, wish: NodeWish) -> NodeWish:
+        def is_there(one: ObjectWish | ValueWish) -> bool:
+            place = _place_of(node, one)
+            return place is None or (node.node_id, place) not in self._places
+
+        lacked = {one.pdo for one in self.found if one.node_id == wish.node_id}
+        return replace(
+            wish, pdos=tuple(pdo for pdo in wish.pdos if pdo.pdo not in lacked), stamp=None,
+            objects=tuple(filter(is_there, wish.objects)), values=tuple(filter(is_there, wish.values)),
+        )  # fmt: skip
+
+    def torn_of(self, wish: NetworkWish, left: NetworkWish) -> tuple[tuple[int, Pdo], ...]:
+        """The other ends of links of *wish* that are not in *left*: what these want of them is not known."""
+        linked = {link.producer for link in left.links}
+        gone = [end for link in wish.links if link.producer not in linked for end in link.ends]
+        return tuple(dict.fromkeys((end.node_id, end.pdo) for end in gone if not self._has(end)))
