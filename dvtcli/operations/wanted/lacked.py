@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.network.wanted_state import Endpoint, Mark, NetworkWish, NodeWish, ObjectWish
     from dvtcli.domain.pdo import Pdo
+    from dvtcli.domain.rules.finding import Finding
     from dvtcli.files.network.file_log import FileLog
 
 Place = tuple[int, int]
@@ -122,7 +123,8 @@ class LackedOfWish:
             if isinstance(lacked, SdoAborted) and lacked.code not in _LACKED:
                 raise
             place = f"0x{lacked.place}" if lacked.place else pdo.label
-            self._take("pdo-lacking", node, pdo, place, mark, lacked)
+            finding = error("pdo-lacking", place, lacked.text, hint=lacked.hint)
+            self._take(node, pdo, finding, mark, lacked.abort)
 
     def look_at(self, node: Node, place: Place, mark: Mark) -> None:
         """Take the object at *place* in where *node* says that there is none; another reason is told elsewhere."""
@@ -130,15 +132,15 @@ class LackedOfWish:
             node.known_value(*place)
         except SdoAborted as lacked:
             if lacked.code in _LACKED:
-                lacked.text = f"node {node.node_id} has no 0x{lacked.place}: {abort_text(lacked.code)}"
-                lacked.hint = lacked.hint if node.dictionary is None else _HINT
+                text = f"node {node.node_id} has no 0x{lacked.place}: {abort_text(lacked.code)}"
+                hint = lacked.hint if node.dictionary is None else _HINT
                 self._places.add((node.node_id, place))
-                self._take("object-lacking", node, None, f"0x{lacked.place}", mark, lacked)
+                finding = error("object-lacking", f"0x{lacked.place}", text, hint=hint)
+                self._take(node, None, finding, mark, lacked.abort)
 
-    def _take(self, rule: str, node: Node, pdo: Pdo | None, place: str, mark: Mark, lacked: DvtcliError) -> None:
-        finding = error(rule, place, lacked.text, hint=lacked.hint)
-        complaint = self.log.shown(mark, lacked.text) if mark.line else None
-        self.found.append(Lacked(node.node_id, pdo, place.removeprefix("0x"), finding, complaint, lacked.abort))
+    def _take(self, node: Node, pdo: Pdo | None, finding: Finding, mark: Mark, abort: int | None) -> None:
+        complaint = self.log.shown(mark, finding.text) if mark.line else None
+        self.found.append(Lacked(node.node_id, pdo, finding.place.removeprefix("0x"), finding, complaint, abort))
 
     def left_of(self, nodes: Mapping[int, Node], wish: NetworkWish) -> NetworkWish:
         """*wish* without them, and without stamps: they would stand for what is left."""

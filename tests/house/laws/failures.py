@@ -40,7 +40,7 @@ MAY_LEAVE_UNSAID = {
     "device/takes_store.py": "nobody knows: the store itself will say",
     "operations/exchange/import_network.py": "read ahead: it is said where it is needed",
     "operations/plans/plan_network.py": "the same",
-    "operations/wanted/lacked_pdos.py": "the same",
+    "operations/wanted/lacked.py": "the same",
     "operations/lss/lss_rate_change.py": "who does not take the old bit rate is named in the failure",
     "operations/lss/lss_rate_proof.py": "what failed first is what there is to say",
     "operations/network/check_live.py": "without its links the file makes nothing to compare; its faults are said",
