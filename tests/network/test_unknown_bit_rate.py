@@ -100,6 +100,21 @@ def test_it_is_said_once_a_session(tmp_path: Path) -> None:
     assert noted(tmp_path, "all") == [NOTE]
 
 
+def test_it_is_said_once_a_bus_that_was_gone_and_is_back(tmp_path: Path) -> None:
+    devices, told = [device(node_id, "generic") for node_id in NODES], Listener()
+    file = tmp_path / "net.yaml"
+    file.write_text(FILE)
+    first, again = VirtualTimeBus(devices, simulated=False), VirtualTimeBus(devices, simulated=False)
+    given = Options(yes=True, journal=str(tmp_path / "files"), eds="generic")
+    with Session(given, told, open_bus=lambda _options: first) as session:
+        session.comes_back = True
+        planned(session, str(file))
+        session.leave_bus("it is gone")
+        session.take_bus(again)
+        planned(session, str(file))
+    assert told.notes == [NOTE]
+
+
 def test_it_is_not_said_where_it_costs_nothing(tmp_path: Path) -> None:
     assert noted(tmp_path, "plan", bit_rate=250_000) == []
     assert noted(tmp_path, "plan", simulated=True) == []

@@ -241,7 +241,11 @@ def test_a_store_that_is_stopped_says_what_is_stored_and_changes_nothing_else(
     assert not bench.journals()
     if "stderr" not in closed:
         assert "Traceback" not in stderr
-        said = "it was complete when the signal came" if code == 0 else "acknowledged the store, which is not proved"
+        said = (
+            "the signal came too late to stop it: it is complete"
+            if code == 0
+            else "acknowledged the store, which is not proved"
+        )
         assert said in stderr
     with bench.wire.at_work:
         bench.wire.device.restart()

@@ -63,7 +63,7 @@ class Calls:
                 finally:
                     self._tell_what_was_noticed()
             if session.cancellation.requested:
-                raise KeyboardInterrupt("it was complete when Ctrl-C came; what it did stays")
+                raise KeyboardInterrupt("Ctrl-C came too late to stop it: it is complete, and what it did stays")
         return result
 
     def _failed(self, raised: BaseException) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.plan import PdoChange
@@ -36,8 +37,12 @@ def carry_out_together(
     found: Mapping[int, Found],
     name: str,
     findings: Mapping[int, tuple[Finding, ...]],
+    *,
+    stores: bool = False,
 ) -> Course:
     """Every phase of *plans* on every one of *nodes*, as each was *found*; *name* is what that is called.
+
+    With *stores* nothing can be taken back after it: a request to stop that came while all nodes were looked at counts.
 
     Any error of a node with state `rolled_back`: everything is taken back then; LeftChanged where a node could not be.
     *findings* are what the rules had said of each.
@@ -52,6 +57,8 @@ def carry_out_together(
         with _announced(course):
             faults = run.phases(plans)
         faults = faults or last_look(session, nodes, course.verified(), boot_ups)
+        if stores:
+            faults = faults or one_by_one([partial(_stop_if_cancelled, session, "before any node stored")])
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
         with course:
             course.take_back([fault])
@@ -148,9 +155,11 @@ class _Run:
         return stopped
 
 
-def _stop_if_cancelled(session: Session) -> None:
+def _stop_if_cancelled(session: Session, where: str = "before the next part") -> None:
     if session.cancellation.requested:
-        raise Interrupted("stopped before the next part")
+        stopped = Interrupted(f"stopped {where}")
+        stopped.exit_code = session.cancellation.exit_code
+        raise stopped
 
 
 def complete(course: Course) -> None:

@@ -111,6 +111,10 @@ class DeviceFiles:
             return "", False
         return f"node {node_id}: {chosen.note}", chosen.doubtful
 
+    def go_on_from(self, before: DeviceFiles) -> None:
+        """Be about the same bus as *before*, opened again: what was said of it need not be said again."""
+        self._said.update(before._said)
+
     def was_said(self, note: str) -> None:
         """*note* is shown, and need not be said again."""
         self._said.add(note)

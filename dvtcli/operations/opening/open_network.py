@@ -188,6 +188,7 @@ class Network:
     def go_on_from(self, before: Network) -> None:
         """Be the same bus as *before*, opened again."""
         self.left, self.identities, self.order = before.left, before.identities, before.order
+        self.files.go_on_from(before.files)
 
     def _others(self, node_id: int) -> list[Node]:
         """The nodes that were met besides *node_id*; of twins, those of the nodes that were met."""

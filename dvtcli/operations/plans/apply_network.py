@@ -70,7 +70,10 @@ def apply_network(
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
         findings = {one.node_id: one.findings for one in planned}
-        course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings)
+        course = carry_out_together(
+            session, nodes, plans, found, name or f"apply {plan.file}", findings,
+            stores=any(one.stores for one in planned),
+        )  # fmt: skip
         with course:
             for node_id, done in course.plans.items():
                 nodes[node_id].keep(done)

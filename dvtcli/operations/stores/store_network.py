@@ -94,6 +94,8 @@ class Stores:
     answers: dict[int, Stored] = field(default_factory=dict)
     failed: dict[int, BaseException] = field(default_factory=dict)
     lost: list[BaseException] = field(default_factory=list)
+    #: whether it was said that a request to stop came too late
+    was_late: bool = False
 
 
 def store_each(
@@ -157,6 +159,19 @@ def _store_one(
         course.lost = [other]
         raise
     course.states[one.node_id] = replace(one, is_done=True)
+    _say_too_late(session, course)
+
+
+def _say_too_late(session: Session, course: Stores) -> None:
+    """Where a request to stop came while a node stored: who has stored, and that the others do so, too."""
+    rest = [str(one.node_id) for one in course.states.values() if not one.is_done]
+    if session.cancellation.requested and rest and not course.was_late:
+        course.was_late = True
+        done = [str(one.node_id) for one in course.states.values() if one.is_done]
+        session.tell.warning(
+            f"too late to stop before the stores: node {', '.join(done)} has stored; node {', '.join(rest)} still "
+            "stores, so that all keep the same (once more: at once)"
+        )
 
 
 def _to_note(journals: Sequence[OwnJournal], node_id: int) -> Sequence[OwnJournal]:
@@ -180,12 +195,14 @@ def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
 def _not_all(course: Stores) -> LeftChanged:
     """What is told where stores came to nothing, and every node holds what was planned all the same."""
     first, fault = next(iter(course.failed.items()))
+    stored = "whether node {} stored it is not known" if _is_unsure(fault) else "node {} did not store it"
+    again = ",".join(str(one.node_id) for one in course.states.values() if not one.is_done)
     left = LeftChanged(
-        f"every node holds what was planned, and node {first} did not store it",
+        f"every node holds what was planned, and {stored.format(first)}",
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
         why=str(fault) or "interrupted",
-        hint=f"`-n {first} store` finishes, on each of them; `undo --all` goes back to what was before, then "
+        hint=f"`-n {again} store` finishes; `undo --all` goes back to what was before, then "
         "`store` on each that stored",
         state="left_changed",
     )
