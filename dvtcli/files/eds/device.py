@@ -101,10 +101,16 @@ def _node_id(layout: Layout, findings: Findings) -> int | None:
         text = f"NodeID is {every}: nobody knows which of them is meant; ignored"
         findings.add(NODE_ID, values["nodeid"].line, text, value_lost=True)
         return None
-    node_id = number_key(values, "nodeid", 0, 0xFF, findings)
-    if node_id is None or 1 <= node_id <= _HIGHEST_NODE_ID:
-        return node_id
-    given = values["nodeid"]
+    given = values.get("nodeid")
+    if given is None or not without_comment(given.value):
+        return None
+    node_id = number_key(values, "nodeid", 0, 0xFF, Findings())
+    if node_id is None or _HIGHEST_NODE_ID < node_id < _UNCONFIGURED:
+        text = f"{quoted(given)} is no node-ID, which is 1..127: of which node the values are, nobody knows; ignored"
+        findings.add(NODE_ID, given.line, text, value_lost=True)
+        return None
+    if 1 <= node_id <= _HIGHEST_NODE_ID:
+        return number_key(values, "nodeid", 0, 0xFF, findings)  # which says what is odd in it
     if node_id == _UNCONFIGURED:
         findings.add(NO_NODE_ID, given.line, f"{quoted(given)} means not configured")
     else:

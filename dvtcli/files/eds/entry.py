@@ -114,7 +114,8 @@ def read_value(
         findings.add(EMPTY_VALUE, given.line, given.key)
         return None
     if data_type is None:
-        findings.add(UNTYPED_VALUE, given.line, f"{quoted(given)} cannot be read: its data type is not known")
+        text = f"{quoted(given)} cannot be read: its data type is not known"
+        findings.add(UNTYPED_VALUE, given.line, text, value_unread=is_wanted)
         return None
     try:
         encoded = encode_value(data_type, given.value)

@@ -19,6 +19,7 @@ class EdsFinding:
     *text* quotes the file as it is; a view must make control characters harmless. *object* is the one that it is
     about, as it is printed (`6C01:01`), empty where it is about none or where nobody has looked it up. With
     *value_lost* it is a ParameterValue (actualValue) that could not be read: nobody knows what the file wants there.
+    With *value_unread* a value stands there that is for no object, or is said twice alike: nothing is wanted by it.
     """
 
     line: int
@@ -27,6 +28,7 @@ class EdsFinding:
     text: str
     object: str = ""
     value_lost: bool = False
+    value_unread: bool = False
 
 
 @dataclass(slots=True)
@@ -35,9 +37,11 @@ class Findings:
 
     found: list[EdsFinding] = field(default_factory=list)
 
-    def add(self, rule: LintRule, line: int, text: str, *, value_lost: bool = False) -> None:
+    def add(
+        self, rule: LintRule, line: int, text: str, *, value_lost: bool = False, value_unread: bool = False
+    ) -> None:
         """Keep that *rule* was met in *line*; *text* says how, and what was done about it."""
-        self.found.append(EdsFinding(line, rule.severity, rule.name, text, value_lost=value_lost))
+        self.found.append(EdsFinding(line, rule.severity, rule.name, text, "", value_lost, value_unread))
 
     def in_order(self) -> tuple[EdsFinding, ...]:
         """All findings by line, those about empty values as one note per key name."""

@@ -120,9 +120,9 @@ def report_stray(layout: Layout, findings: Findings) -> None:
         findings.add(NOT_UNDERSTOOD, section.line, f"section [{section.name}] {kind}: not understood, kept as it is")
 
 
-def report_repeated(every: Iterable[Parts], findings: Findings) -> None:
-    """A warning for each section that occurs again."""
+def report_repeated(every: Iterable[Parts], findings: Findings, *, have_values: bool = False) -> None:
+    """A warning for each section that occurs again; with *have_values* it is one in which values stand."""
     for parts in every:
         for part in parts[1:]:
             text = f"[{part.name}] stands in line {parts[0].line} too; where both have a key, the later one counts"
-            findings.add(DUPLICATE_SECTION, part.line, text)
+            findings.add(DUPLICATE_SECTION, part.line, text, value_unread=have_values)

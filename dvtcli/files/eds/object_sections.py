@@ -33,7 +33,7 @@ def build_object(layout: Layout, index: int, findings: Findings) -> OdObject:
     """Read object *index*, which the file has at least one section of."""
     sections = layout.object_sections(index)
     line = sections.line
-    report_repeated(sections.each(), findings)
+    report_repeated(sections.each(), findings, have_values=True)
     values = section_values(sections.own, findings)
     compact = number_key(values, "compactsubobj", 0, 254, findings) or 0
     object_type = _object_type(values, bool(sections.sub_indices), compact, line, findings)

@@ -62,4 +62,5 @@ def _rows(
         if sub_index in entries:
             yield sub_index, row
         else:
-            findings.add(NO_SUB_INDEX, row.line, f"{quoted(row)}: the object has no such sub-index; ignored")
+            text = f"{quoted(row)}: the object has no such sub-index; ignored"
+            findings.add(NO_SUB_INDEX, row.line, text, value_unread=has_values and bool(row.value))

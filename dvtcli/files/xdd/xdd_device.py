@@ -124,13 +124,15 @@ def _dummies(root: XmlElement, findings: Findings) -> frozenset[int] | None:
 
 
 def _node_id(placed: XmlElement, findings: Findings) -> int | None:
-    node_id = _number(placed, "nodeID", _U32, findings)
-    if node_id is None or 1 <= node_id <= _HIGHEST_NODE_ID:
+    text = placed.attributes.get("nodeID", "").strip()
+    node_id = _number(placed, "nodeID", _U32, Findings())
+    if not text or (node_id is not None and 1 <= node_id <= _HIGHEST_NODE_ID):
         return node_id
     if node_id in (0, _UNCONFIGURED):
         findings.add(NO_NODE_ID, placed.line, f"nodeID={node_id} means not configured")
     else:
-        findings.add(NODE_ID, placed.line, f"nodeID={node_id} is not within 1..127; ignored")
+        said = f"nodeID={text[:40]} is no node-ID, which is 1..127: of which node the values are, nobody knows; ignored"
+        findings.add(NODE_ID, placed.line, said, value_lost=True)
     return None
 
 

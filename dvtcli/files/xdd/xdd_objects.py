@@ -165,7 +165,7 @@ def _sub_entries(
         if sub_index in entries:
             text = f"{index:04X}:{sub_index:02X} is described in line {entries[sub_index].line} too; that one counts"
             is_lost = entry(sub, sub_index, Findings()).value not in (None, entries[sub_index].value)
-            findings.add(OBJECT_TWICE, sub.line, text, value_lost=is_lost)
+            findings.add(OBJECT_TWICE, sub.line, text, value_lost=is_lost, value_unread=True)
             continue
         entries[sub_index] = entry(sub, sub_index, findings)
     return entries

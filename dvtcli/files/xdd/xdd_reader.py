@@ -115,7 +115,8 @@ def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:
             continue
         if index in found:
             text = f"{index:04X} stands in line {found[index].line} too; that one counts"
-            findings.add(OBJECT_TWICE, element.line, text, value_lost=_values(element) != _values(found[index]))
+            is_lost = _values(element) != _values(found[index])
+            findings.add(OBJECT_TWICE, element.line, text, value_lost=is_lost, value_unread=True)
             continue
         found[index] = element
     return found

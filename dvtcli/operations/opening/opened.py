@@ -118,6 +118,8 @@ class Opened(Said):
             self.on_open()
             with self._chooser_said():
                 bus, simulated = self._first_bus()
+            if simulated:
+                self._tell_not_simulated(simulated)
             if self.options.verbose:
                 self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
             self._network = self._network_on(bus, simulated)
@@ -128,6 +130,12 @@ class Opened(Said):
         if self._network.left:
             self._network.meet_again()
         return self._network
+
+    def _tell_not_simulated(self, simulated: tuple[Simulated, ...]) -> None:
+        from dvtcli.operations.opening.simulated_values import not_simulated
+
+        for text in not_simulated(simulated):
+            self.tell.warning(text)
 
     def _first_bus(self) -> tuple[CanopenBus, tuple[Simulated, ...]]:
         """The bus of the options, and which nodes are simulated on it; with --reconnect it is waited for."""

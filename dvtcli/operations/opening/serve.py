@@ -24,6 +24,7 @@ from dvtcli.operations.opening.simulated_nodes import (
     simulated_nodes,
     simulated_signals,
 )
+from dvtcli.operations.opening.simulated_values import not_simulated
 from dvtcli.operations.user.options import Options, node_id
 
 if TYPE_CHECKING:
@@ -104,6 +105,8 @@ def serving(
     from dvtcli.simulator.network.wire import Wire
 
     nodes = simulated_nodes(wanted.nodes, "sim", unconfigured=True)
+    for text in not_simulated(nodes):
+        warn(text)
     devices = [simulated_device(one) for one in nodes]
     keep = _keeper(wanted.state, nodes, devices, warn)
     nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))

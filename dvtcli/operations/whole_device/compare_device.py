@@ -20,7 +20,7 @@ from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompa
 from dvtcli.operations.whole_device.beyond_count import count_beneath, wants_more
 from dvtcli.operations.whole_device.device_suffix import holds_values
 from dvtcli.operations.whole_device.export_dcf import why_unread
-from dvtcli.operations.whole_device.held_device import HeldDevice, KeptIdentity, held_by
+from dvtcli.operations.whole_device.held_device import HeldDevice, KeptIdentity, held_by, told_of
 from dvtcli.operations.whole_device.look_through import configuration, read_entries
 from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
 
@@ -68,7 +68,7 @@ def compare_device(
     again, and if it has changed by then it is told apart. UsageError where a file cannot be read, or no setting could
     be compared; InputFileError where it is none.
     """
-    first = held_by(file)
+    first = told_of(file, session.tell)
     if first.assumed and holds_values(file):
         session.tell.note(f"{file} has no value of any object: its defaults are compared")
     if other is None:
@@ -76,6 +76,8 @@ def compare_device(
         first = first if first.node_id else held_by(file, node.node_id)
         return _compared(first, _knowing(_live(session, node, first), first), node.node_id, shows_all=shows_all)
     second = held_by(other, first.node_id)
+    for text in second.unread:
+        session.tell.warning(text)
     return _compared(
         held_by(file, second.node_id), _knowing(_kept(session, second, first), first), None, shows_all=shows_all
     )

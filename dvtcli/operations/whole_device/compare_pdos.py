@@ -11,13 +11,11 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.errors import UsageError
-from dvtcli.files.device_file import read_device_file
-from dvtcli.files.lost_values import must_tell_values
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
 from dvtcli.operations.wanted.lacked import refuse_lacking
 from dvtcli.operations.whole_device.device_suffix import holds_values
-from dvtcli.operations.whole_device.held_device import held_by
+from dvtcli.operations.whole_device.held_device import told_of
 from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
 
 if TYPE_CHECKING:
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.session.rehearse import Rehearse
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.whole_device.held_device import HeldDevice
 
 NodePdo = tuple[int | None, "Pdo"]
 #: What is compared with where no file is named.
@@ -96,9 +95,10 @@ def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tupl
         named.add(session.node_id())  # a PDO without a node is the selected one's
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")
-    meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held_by(file)),)
+    held = told_of(file, session.tell)
+    meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held),)
     return [(one, pdo) for one in meant for _, pdo in pdos], {
-        one: dcf_wish(session, session.node(one), file) for one in meant
+        one: _device_wish(session, session.node(one), held) for one in meant
     }
 
 
@@ -154,7 +154,7 @@ def compare_node(
 
     UsageError where there is nothing to compare.
     """
-    wish = session_wish(node) if file is None else dcf_wish(session, node, file)
+    wish = session_wish(node) if file is None else _device_wish(session, node, told_of(file, session.tell))
     missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
     if missing or not wish:
         what = missing[0] if missing else "anything"
@@ -194,22 +194,18 @@ def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
         suspicions.pop(REBOOT, None)
 
 
-def dcf_wish(session: Session, node: Node, file: str) -> Wish:
+def _device_wish(session: Session, node: Node, held: HeldDevice) -> Wish:
     """What a DCF, an XDC or a backup wants of this node, or the PDOs as an EDS's defaults set them.
 
-    UsageError where the file cannot be read, SafetyRefusal where it is about another product.
+    SafetyRefusal where it is about another product.
     """
-    if holds_values(file):
+    if holds_values(held.name):
         from dvtcli.operations.whole_device.plan_device import wanted_alone
 
-        found = wanted_alone(node, file)
-        if found is not None:
-            return found
-        session.tell.note(f"{file} has no value of any object: its defaults are compared")
-    try:
-        read = read_device_file(Path(file))
-    except OSError as failed:
-        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
-    must_tell_values(read, file)
-    values = FileValues(read.dictionary, node.node_id)
-    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, read.dictionary)})
+        found = wanted_alone(node, held)
+        if found is not None or held.dictionary is None:
+            return found or Wish()
+        session.tell.note(f"{held.name} has no value of any object: its defaults are compared")
+    assert held.dictionary is not None  # noqa: S101 - only a backup describes nothing
+    values = FileValues(held.dictionary, node.node_id)
+    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, held.dictionary)})

@@ -17,6 +17,7 @@ from dvtcli.operations.whole_device.device_suffix import holds_values
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.operations.user.telling import Teller
 
 _COB_ID_FLAGS, _COB_ID_BYTES = 0xE000_0000, 4
 
@@ -35,6 +36,8 @@ class HeldDevice:
     dictionary: ObjectDictionary | None = None
     #: all objects of a file that only describes: it has no value of any, but what a device comes up with
     assumed: frozenset[ObjectAddress] = frozenset()
+    #: what the file says of values and nobody reads, each with its line
+    unread: tuple[str, ...] = ()
 
     def says(self, place: ObjectAddress) -> bool:
         """Whether it says itself what the object at *place* holds, not what a device comes up with anyway."""
@@ -99,9 +102,18 @@ def held_by(file: str, node_id: int | None = None) -> HeldDevice:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
 
 
+def told_of(file: str, tell: Teller) -> HeldDevice:
+    """As `held_by`, and *tell* gets what of the file's values nobody reads."""
+    held = held_by(file)
+    for text in held.unread:
+        tell.warning(text)
+    return held
+
+
 def _described(file: str, node_id: int | None) -> HeldDevice:
     from dvtcli.files.device_file import must_not_be_cut, read_device_file
     from dvtcli.files.lost_values import must_tell_values
+    from dvtcli.files.unread_values import unread_values
 
     read = read_device_file(Path(file))
     must_not_be_cut(read)
@@ -119,7 +131,9 @@ def _described(file: str, node_id: int | None) -> HeldDevice:
             if not has_values:
                 assumed.add((entry.index, entry.sub_index))
     identity = {**info.identity, "serial": None}
-    return HeldDevice(file, own_id, identity, objects, dictionary, frozenset(assumed))
+    return HeldDevice(
+        file, own_id, identity, objects, dictionary, frozenset(assumed), () if assumed else unread_values(read, file)
+    )
 
 
 def _said(entry: OdEntry, node_id: int | None) -> bytes | None:

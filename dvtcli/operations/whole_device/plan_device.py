@@ -22,7 +22,7 @@ from dvtcli.operations.plans.plan_network import plans_of, with_unknown_syncs
 from dvtcli.operations.sync.unknown_sync import short_frames
 from dvtcli.operations.wanted.meet_network import meet, unlike_wanted
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
-from dvtcli.operations.whole_device.held_device import held_by
+from dvtcli.operations.whole_device.held_device import held_by, told_of
 from dvtcli.operations.whole_device.included import included_of
 from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_alone, selected_nodes
 from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_of_file
@@ -58,7 +58,7 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     """
     options = options or DeviceOptions()
     refuse_kind(file)
-    held = held_by(file)
+    held = told_of(file, session.tell)
     _refuse_nothing(held)
     wish = NetworkWish(tuple(_wish(held, node_id) for node_id in _node_ids(session, held, options)))
     _refuse_nobody(held, options)
@@ -69,12 +69,12 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     return with_unknown_syncs(session, NetworkPlan(file, tuple(planned)), frames)
 
 
-def wanted_alone(node: Node, file: str) -> Wish | None:
-    """What *file* wants of *node*, not judged, read anew; None where it has no value of any object.
+def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
+    """What *held* wants of *node*, not judged, read anew; None where it has no value of any object.
 
     SafetyRefusal where it is about another product.
     """
-    held = held_by(file, node.node_id)
+    held = held if held.node_id else held_by(held.name, node.node_id)
     if not _says_anything(held):
         return None
     node.read_anew()

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.files.eds.ini import IniValue
-from dvtcli.files.eds.lint.linted_text import Found, LintedText
+from dvtcli.files.eds.lint.linted_text import Found, LintedText, is_head
 
 _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 _OBJECT = ("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "PDOMapping", "LowLimit",
@@ -41,7 +41,7 @@ _LONGEST = 40
 @check("misspelt-key", WARNING, "a key that is nearly one of the standard's: it is not read", "CiA 306, 4.4 to 4.6")
 def misspelt_key(text: LintedText) -> Found:
     """What it should say is missing."""
-    for value, near in _unknown(text):
+    for value, near in unknown_keys(text):
         if near:
             yield value.line, f"{value.key} is not known; is {near} meant?"
 
@@ -49,7 +49,7 @@ def misspelt_key(text: LintedText) -> Found:
 @check("unknown-key", NOTE, "a key that the standard does not have", "CiA 306, 4.4 to 4.6")
 def unknown_key(text: LintedText) -> Found:
     """A tool's own, most likely; it is kept as it is."""
-    for value, near in _unknown(text):
+    for value, near in unknown_keys(text):
         if not near:
             yield value.line, f"{value.key} is not known"
 
@@ -84,14 +84,14 @@ def no_sub_number(text: LintedText) -> Found:
 def key_without_effect(text: LintedText) -> Found:
     """What it says counts for none of them."""
     for one in text.objects:
-        if one.sub_index is None and one.index in text.of_many and "compactsubobj" not in one.values:
+        if is_head(text, one):
             for key in _OF_ENTRIES:
                 if key in one.values:
                     value = one.values[key]
                     yield value.line, f"{value.key} says nothing here: the sub-indices have their own"
 
 
-def _unknown(text: LintedText) -> Iterator[tuple[IniValue, str]]:
+def unknown_keys(text: LintedText) -> Iterator[tuple[IniValue, str]]:
     """Every value of a key that is not known, with the known one that is nearly the same, or nothing."""
     seen: dict[tuple[str, str], str] = {}
     sections = [(name, text.values(name).items()) for name in _KEYS]

@@ -70,6 +70,11 @@ class LintedText:
         return frozenset(one.index for one in self.objects if one.sub_index is not None)
 
 
+def is_head(text: LintedText, one: ObjectText) -> bool:
+    """Whether *one* is an object whose sub-indices have sections: what only those have says nothing in it."""
+    return one.sub_index is None and one.index in text.of_many and "compactsubobj" not in one.values
+
+
 def given(values: Values, key: str) -> IniValue | None:
     """The value of *key* (in lower case), None where it is absent or empty."""
     found = values.get(key)

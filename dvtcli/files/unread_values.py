@@ -1,0 +1,55 @@
+"""What a file says of values and nobody reads: misspelt keys, sections of no object, rows of no sub-index.
+
+Who uses the file for its values is told, since else `eds check` alone says it. Does not know what the values are for.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.files.eds.reader import EdsFile
+
+if TYPE_CHECKING:
+    from dvtcli.files.xdd.xdd_reader import XddFile
+
+#: so many lines are told one by one
+_MOST = 4
+_VALUE, _NODE_ID = "parametervalue", "nodeid"
+#: names much like that of an object: `[0x1017]`, `[1017 sub 1]`, `[2100Values]`
+_NEARLY_OBJECT = re.compile(r"(0x)?[0-9a-f]{3,5}h?([^a-z].*|s(ub)?[^a-z]*|val.*)?", re.IGNORECASE)
+_HAS_VALUE = re.compile(r"^[ \t]*(parametervalue|nodeid)[ \t]*=[ \t]*[^\s;]", re.IGNORECASE | re.MULTILINE)
+
+
+def unread_values(read: EdsFile | XddFile, file: str) -> tuple[str, ...]:
+    """What to tell whoever takes values from *read*, the file at the path *file*; nothing where all are read."""
+    found = [(one.line, one.text) for one in read.findings if one.value_unread]
+    if isinstance(read, EdsFile):
+        found += _passed_by(read, file)
+    told = [f"{file}:{line}: {text}" for line, text in sorted(found)]
+    if len(told) <= _MOST:
+        return tuple(told)
+    more = len(told) - _MOST + 1
+    return *told[
+        : _MOST - 1
+    ], f"{file}: {more} more lines like these; `dvtcli eds check {shlex.quote(file)}` names them"
+
+
+def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:
+    """Keys and sections that the reader does not know, and that look like values; values where none belongs."""
+    from dvtcli.files.eds.keys import quoted
+    from dvtcli.files.eds.lint.lint_keys import unknown_keys
+    from dvtcli.files.eds.lint.linted_text import LintedText, given, is_head
+
+    text = LintedText(read, file)
+    for value, near in unknown_keys(text):
+        if near.lower() in (_VALUE, _NODE_ID) and value.value:
+            yield value.line, f"{quoted(value)} is not read; is {near} meant?"
+    for one in text.objects:
+        if is_head(text, one) and (own := given(one.values, _VALUE)) is not None:
+            yield own.line, f"{quoted(own)} is not read: the sub-indices of {one.index:04X} have their own"
+    for section in read.layout.stray:
+        if _HAS_VALUE.search(section.text) or ("=" in section.text and _NEARLY_OBJECT.fullmatch(section.name)):
+            yield section.line, f"[{section.name[:60]}] is not read: it belongs to no object in this file"
