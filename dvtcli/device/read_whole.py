@@ -98,6 +98,11 @@ def read_whole(
     return found
 
 
+def named_itself(entry: OdEntry) -> OdEntry:
+    """*entry* of an object that a file says a value of: to read that one is no scan."""
+    return replace(entry, object_flags=entry.object_flags & ~_REFUSED_ON_SCAN)
+
+
 def values_of(found: Mapping[ObjectAddress, ReadObject]) -> dict[ObjectAddress, bytes]:
     """What was read and did not change meanwhile."""
     return {place: one.data for place, one in found.items() if one.data is not None and not one.changes}

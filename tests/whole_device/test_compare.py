@@ -146,7 +146,7 @@ def test_what_changes_by_itself_is_told_apart(tmp_path: Path) -> None:
         assert {"object": "2010:00", "why": "it changes by itself"} in kept["left_out"]
 
 
-def test_a_setting_that_was_not_read_is_not_called_equal(tmp_path: Path) -> None:
+def test_what_is_not_to_be_read_on_a_scan_is_read_where_a_file_says_its_value(tmp_path: Path) -> None:
     eds = plain()
     eds.variable(0x1017, var("Producer heartbeat time", U16, 500, ObjFlags=2))
     eds.variable(0x2001, var("Ramp", U16, 5))
@@ -159,8 +159,8 @@ def test_a_setting_that_was_not_read_is_not_called_equal(tmp_path: Path) -> None
         compared = bench.run(f"compare {said} --json")
         assert (compared.code, compared.document["equal"]) == (3, False)
         assert [(one["object"], one["after"], one["why"]) for one in compared.document["differences"]] == [
-            ("1017:00", None, "not to be read on a scan (ObjFlags, bit 1)")
-        ]
+            ("1017:00", "F4 01", "")
+        ], "the file itself names it: that is no scan"
         assert bench.run(f"compare {flagged}").code == 0  # a default alone says nothing of it
         assert bench.run(f"backup {same}").code == 0
         kept = bench.run(f"compare {same} --json").document

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.commands.bench import Bench
+from tests.small_eds import U16, U32, plain, var
 from tests.whole_device.test_apply_file import made
 from tests.whole_device.test_export_dcf import FAMILIES
 
@@ -132,3 +133,20 @@ def test_an_entry_beyond_the_count_of_a_node_is_not_as_wanted_where_the_file_say
             (row,) = bench.run(f"compare {sides} --json").document["differences"]
             assert (row["object"], row[none]) == ("1A00:03", None)
         assert bench.run(f"compare {whole} {file}").code == 0
+
+
+def test_what_is_not_to_be_read_on_a_scan_means_the_same_to_all(tmp_path: Path) -> None:
+    eds, device, file = plain(), tmp_path / "flagged.eds", tmp_path / "said.dcf"
+    eds.info |= {"VendorNumber": 0x301, "ProductNumber": 0x302}
+    eds.record(0x1018, "Identity", {n: var(f"Part {n}", U32, 0x300 + n, "ro") for n in (1, 2)})
+    eds.variable(0x1017, var("Producer heartbeat time", U16, 500, ObjFlags=2))
+    device.write_text(eds.text(), "utf-8")
+    eds.variable(0x1017, var("Producer heartbeat time", U16, 500, ObjFlags=2, ParameterValue=2000))
+    file.write_text(eds.text(), "utf-8")
+    with Bench((f"{device}@5",)) as bench:
+        for code, last in ((3, "apply {} --yes"), (0, "write 1017 500"), (3, "clone {} --yes"), (0, "compare {}")):
+            assert [bench.run(line.format(file)).code for line in LINES] == [code] * len(LINES), last
+            assert bench.run(last.format(file)).code == 0, last
+        assert bench.run(f"backup {tmp_path / 'a.jsonl'} --json").document["left_out"] == [
+            {"object": "1017:00", "why": "not to be read on a scan (ObjFlags, bit 1)"}
+        ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_whole import Unread
+from dvtcli.device.read_whole import Unread, named_itself
 from dvtcli.device.same_device import unlike_before
 from dvtcli.domain.configuration import Configuration, NotWritten, configuration_of
 from dvtcli.domain.object_dictionary import Access, OdEntry
@@ -114,7 +114,9 @@ def _live(session: Session, node: Node, first: HeldDevice) -> _Second:
     dictionary = node.dictionary or first.dictionary
     known = Configuration(node.profile) if dictionary is None else configuration(node, dictionary)
     said = {place for place, kept in first.objects.items() if kept.data is not None}
+    named = said - first.assumed
     entries = [entry_of(dictionary, place) for place in sorted({*said, *_beside(said, dictionary)})]
+    entries = [named_itself(one) if (one.index, one.sub_index) in named else one for one in entries]
 
     def again(one: ReadObject) -> bool:
         wanted = first.on_node(one.place, one.entry, node.node_id)
