@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 Place = tuple[int, int]
 #: What differs: the PDO's label or the object, and the difference in words.
 Difference = tuple[str, str]
+#: The value of the object at a place, in words.
+Says = Callable[[int, int, bytes], str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,28 +77,36 @@ def session_wish(node: KnownPdos) -> Wish:
     return Wish(dict(node.wanted), dict(node.wanted_values))
 
 
-def unlike(node: KnownPdos, wish: Wish) -> tuple[Difference, ...]:
-    """Every difference between *wish* and what *node* holds now; NoAnswer where it restarts again and again."""
-    return node.observed(lambda: tuple(_unlike(node, wish)))
-
-
-def _unlike(node: KnownPdos, wish: Wish) -> Iterator[Difference]:
-    for pdo, wanted in wish.pdos.items():
-        yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
-    yield from unlike_values(node, wish.values)
-    yield from wish.unwritten
-
-
-def unlike_values(node: KnownPdos, values: Mapping[Place, bytes]) -> Iterator[Difference]:
-    """Every one of the single objects that does not read what *values* say."""
-    for (index, sub_index), value in values.items():
-        held = node.upload(index, sub_index)
-        if held != value:
-            yield f"{index:04X}:{sub_index:02X}", f"is {value_text(held)}, expected {value_text(value)}"
-
-
 def value_text(data: bytes) -> str:
     """An object's value in words: a number where it has a number's length, else its bytes, of many the first."""
     if len(data) in (1, 2, 4, 8):
         return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
     return few_bytes(data) or "empty"
+
+
+def _bare(_index: int, _sub_index: int, data: bytes) -> str:
+    return value_text(data)
+
+
+def unlike(node: KnownPdos, wish: Wish, says: Says = _bare) -> tuple[Difference, ...]:
+    """Every difference between *wish* and what *node* holds now, with values as *says* says them.
+
+    NoAnswer where it restarts again and again.
+    """
+    return node.observed(lambda: tuple(_unlike(node, wish, says)))
+
+
+def _unlike(node: KnownPdos, wish: Wish, says: Says) -> Iterator[Difference]:
+    for pdo, wanted in wish.pdos.items():
+        yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
+    yield from unlike_values(node, wish.values, says)
+    yield from wish.unwritten
+
+
+def unlike_values(node: KnownPdos, values: Mapping[Place, bytes], says: Says = _bare) -> Iterator[Difference]:
+    """Every one of the single objects that does not read what *values* say."""
+    for (index, sub_index), value in values.items():
+        held = node.upload(index, sub_index)
+        if held != value:
+            texts = (says(index, sub_index, data) for data in (held, value))
+            yield f"{index:04X}:{sub_index:02X}", "is {}, expected {}".format(*texts)

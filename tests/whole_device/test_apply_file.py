@@ -140,7 +140,7 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
             assert (ran.code, last in ran.stdout, "No difference" in ran.stdout) == (code, True, False), line
         assert "Every node holds what is written of the file already" in bench.run(f"apply {file} --yes").stdout
         verified = bench.run(f"verify {file}")
-        assert (verified.code, "2000:00  is 0x0064, expected 0x006F" in verified.stdout) == (3, True)
+        assert (verified.code, "2000:00  is 100, expected 111" in verified.stdout) == (3, True)
         assert bench.run(f"plan {file} -o {tmp_path / 'plan.json'}").code == 0
         assert last in bench.run(f"apply {tmp_path / 'plan.json'} --yes").stdout
         document = bench.run(f"diff {file} --json").document
@@ -401,7 +401,7 @@ def test_a_dcf_that_is_cut_short_is_no_file_of_fewer_settings(tmp_path: Path) ->
             assert (ran.code, "is cut short" in ran.stderr) == (4, True), (line, ran.stderr)
 
 
-def test_a_number_is_written_alike_by_diff_and_compare(tmp_path: Path) -> None:
+def test_a_number_is_written_alike_by_diff_compare_and_verify(tmp_path: Path) -> None:
     eds, file = plain(), tmp_path / "node.jsonl"
     eds.variable(0x2001, var("Maximum speed", U32, 1300))
     eds.variable(0x1006, var("Communication cycle period", U32, 0))
@@ -411,8 +411,15 @@ def test_a_number_is_written_alike_by_diff_and_compare(tmp_path: Path) -> None:
         assert bench.run(f"backup {file}").code == 0
         for line in ("write 2001 50000", "write 1014 0x80000085"):
             assert bench.run(line).code == 0, line
-        diff, compared = (bench.run(f"{line} {file}").stdout for line in ("diff", "compare"))
+        diff, compared, verified = (bench.run(f"{line} {file}").stdout for line in ("diff", "compare", "verify"))
         assert "2001:00 (holds 50000, the file says 1300)" in diff
         assert re.search(r"2001:00  Maximum speed +1300 +50000", compared)
         assert "0x1014:00  0x80000085 -> 0x00000085" in diff
         assert re.search(r"1014:00  COB-ID EMCY +0x00000085 +0x80000085", compared)
+        assert "2001:00  is 50000, expected 1300; apply does not write it" in verified
+        assert "1014:00  is 0x80000085, expected 0x00000085" in verified
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"backup {tmp_path / 'generic.jsonl'}").code == 0
+        assert bench.run("write 1017 900").code == 0
+        verified = bench.run(f"verify {tmp_path / 'generic.jsonl'}").stdout
+        assert "1017:00  is 900 ms, expected 500 ms" in verified

@@ -11,7 +11,7 @@ from dvtcli.cli.monitor.looked_at import Moment, View
 from dvtcli.cli.monitor.room import filled, least_and_most
 from dvtcli.cli.view.columns import columns
 from dvtcli.cli.view.lines import Cell
-from dvtcli.cli.view.shown_value import value_text
+from dvtcli.domain.shown_value import value_text
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, Row
 from dvtcli.watch.statistics import Course, spark

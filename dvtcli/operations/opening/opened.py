@@ -118,7 +118,7 @@ class Opened(Said):
             self.on_open()
             with self._chooser_said():
                 bus, simulated = self._first_bus()
-            if simulated:
+            if any(one.holds_values for one in simulated):
                 self._tell_not_simulated(simulated)
             if self.options.verbose:
                 self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")

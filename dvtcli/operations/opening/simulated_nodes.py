@@ -42,6 +42,11 @@ class Simulated:
     folder: Path | None = None
 
     @property
+    def holds_values(self) -> bool:
+        """Whether its file says what one device holds: a DCF or XDC."""
+        return self.eds.suffix.lower() in VALUE_SUFFIXES
+
+    @property
     def label(self) -> str:
         """Which node it is, in words."""
         what = self.family or self.eds.name

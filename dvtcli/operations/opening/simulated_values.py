@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.device_file import VALUE_SUFFIXES, read_device_file
+from dvtcli.files.device_file import read_device_file
 
 if TYPE_CHECKING:
     from dvtcli.operations.opening.simulated_nodes import Simulated
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def not_simulated(simulated: Iterable[Simulated]) -> Iterator[str]:
     """What to tell whoever simulates nodes by such files: a value that cannot be known, and those that nobody reads."""
-    for path in dict.fromkeys(one.eds for one in simulated if one.eds.suffix.lower() in VALUE_SUFFIXES):
+    for path in dict.fromkeys(one.eds for one in simulated if one.holds_values):
         yield from _of_file(path)
 
 

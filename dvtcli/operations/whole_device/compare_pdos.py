@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.errors import UsageError
+from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
 from dvtcli.operations.wanted.lacked import refuse_lacking
@@ -166,9 +168,10 @@ def compare(
     session: Session, node: Node, wish: Wish, file: str | None = None, *, frame: bool = False, named: bool = False
 ) -> Compared:
     """One node's answer; looked at again after a frame, since the node was started for that and may have restarted."""
-    found = unlike(node, wish)
+    says = partial(planned_words, node)
+    found = unlike(node, wish, says)
     frames, note = look(session, node, [pdo for pdo in wish.pdos if pdo.is_tpdo]) if frame else ((), "")
-    found = unlike(node, wish) if frame else found
+    found = unlike(node, wish, says) if frame else found
     if file is None:
         _judge(node, wish, differs=bool(found))
     return Compared(

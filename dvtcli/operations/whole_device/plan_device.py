@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.wish import Wish, value_text
+from dvtcli.device.wish import Wish
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, PdoConfig
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.consent.power_stage import powered_findings
 from dvtcli.operations.meanings.object_values import understood
+from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import plans_of, with_unknown_syncs
 from dvtcli.operations.sync.unknown_sync import short_frames
@@ -81,7 +82,7 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
     for unlike in unlike_wanted(node, _wish(held, node.node_id).identity, force=False):
         raise unlike
     found = wanted_of_file(node, held)
-    unwritten = tuple((one.object, _unwritten(one)) for one in found.left_out.values() if one.remains)
+    unwritten = tuple((one.object, _unwritten(node, one)) for one in found.left_out.values() if one.remains)
     pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
     said = {pdo: _said_of(held, pdo, config) for pdo, config in pdos.items()}
     return Wish(pdos, found.wants.values, said, unwritten=unwritten, also_equal=tuple(found.also_equal))
@@ -98,11 +99,13 @@ def _said_of(held: HeldDevice, pdo: Pdo, config: PdoConfig) -> frozenset[str]:
     return frozenset(said | {MAPPING} if any(index == pdo.mapping_index for index, _ in places) else said)
 
 
-def _unwritten(one: LeftOut) -> str:
+def _unwritten(node: Node, one: LeftOut) -> str:
     """A setting that differs and that `apply` does not write, as a difference."""
     if one.held is None or one.said is None:
         return f"differs, and apply does not write it: {one.why}"
-    return f"is {value_text(one.held)}, expected {value_text(one.said)}; apply does not write it: {one.why}"
+    index, sub_index = (int(part, 16) for part in one.object.split(":"))
+    held, said = (planned_words(node, index, sub_index, data) for data in (one.held, one.said))
+    return f"is {held}, expected {said}; apply does not write it: {one.why}"
 
 
 def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:

@@ -36,7 +36,7 @@ def test_text_for_what_is_taken_for_a_number() -> None:
 
 
 def test_a_long_value_is_cut_and_says_how_to_have_it_all() -> None:
-    from dvtcli.cli.view.shown_value import cut_bytes
+    from dvtcli.domain.shown_value import cut_bytes
 
     assert cut_bytes(bytes(128)).count("00") == 128
     assert cut_bytes(bytes(3000)).endswith("… 3,000 bytes; read -o FILE has all")

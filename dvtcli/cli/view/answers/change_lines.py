@@ -109,7 +109,7 @@ def _others(result: Changed) -> str:
 
 def _value(result: Changed, step: Step, data: bytes | None) -> str:
     """A step's value with what it means, where that is known."""
-    from dvtcli.cli.view.shown_value import step_text
+    from dvtcli.domain.shown_value import step_text
 
     return step_text(step, data, result.understood.get(step.object))
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.shown_value import value_text
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.results.frames import FrameSeen, Plotted
 

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.shown_value import step_text
 from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.parameter_text import entry_text, parameter_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.several import plural, several
+from dvtcli.domain.shown_value import step_text
 from dvtcli.operations.results.networks import action, differing
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.answers.frame_picture import picture
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.frame import layout
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
 from dvtcli.domain.several import plural
+from dvtcli.domain.shown_value import value_text
 from dvtcli.operations.results.pdos import LastFrame, MappedName, PdoListing, PdoRow
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.shown_value import value_text
+from dvtcli.domain.shown_value import value_text
 from dvtcli.operations.results.values import ObjectListing, ValueRead
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.answers.record_lines import record_lines
 from dvtcli.cli.view.answers.value_lines import value_line
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.shown_value import value_text
+from dvtcli.domain.shown_value import value_text
 from dvtcli.operations.results.records import RecordRead
 from dvtcli.operations.results.values import ValueRead
 from dvtcli.watch.statistics import spark

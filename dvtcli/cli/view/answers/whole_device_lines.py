@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.shown_value import cut_text
 from dvtcli.domain.several import plural, several
+from dvtcli.domain.shown_value import cut_text
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared

@@ -131,5 +131,5 @@ def _named(one: ObjectDifference) -> str:
 
 
 def _sides(one: ObjectDifference) -> str:
-    after = one.unread or "-" if one.after is None else value_text(one, one.after)
-    return f"{value_text(one, one.before)} -> {after}"
+    before, after = (one.unread or "-" if data is None else value_text(one, data) for data in (one.before, one.after))
+    return f"{before} -> {after}"
