@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import dvtcli
-from dvtcli.domain.network.concise_dcf import concise_entries, read_concise_dcf
+from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, read_concise_dcf
+from dvtcli.domain.network.concise_difference import download_lines
 from dvtcli.errors import RuleError, UsageError
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.operations.network.concise_network import concise_dcf
@@ -203,3 +205,37 @@ def test_a_node_that_only_its_device_tells_is_known_as_plan_knows_it() -> None:
     with Bench((), {"yes": True}, beside([unknown(4), on_bus(manager())])) as bench:
         ran = bench.run("apply net.yaml --to-manager 10")
         assert (ran.code, "is left out: no EDS is known of it" in ran.stderr) == (2, True)
+
+
+def test_a_changed_download_is_shown_object_by_object() -> None:
+    with Bench((manager(),), {"yes": True}) as bench:
+        new = bench.run("plan net.yaml --to-manager 10").stdout
+        assert "      node 5  1017:00  not downloaded -> 250" in new
+        assert bench.run("apply net.yaml --to-manager 10 --yes").code == 0
+        assert bench.run("backup manager.jsonl").code == 0
+        Path("net.yaml").write_text(
+            FILE.replace("250", "300").replace("    1: {", "    2: {enabled: false}\n    1: {"), "utf-8"
+        )
+        for line in ("diff", "plan"):
+            shown = bench.run(f"{line} net.yaml --to-manager 10").stdout
+            assert "      node 5  1017:00  250 -> 300\n" in shown, line
+            assert shown.count("node 5  1") == 1, "what stays is not shown"
+        assert bench.run("apply net.yaml --to-manager 10 --yes").code == 0
+        for line, text in (("compare", "250 -> 300"), ("diff", "300 -> 250"), ("plan", "300 -> 250")):
+            assert f"node 5  1017:00  {text}" in bench.run(f"{line} manager.jsonl").stdout, line
+
+
+def test_a_download_in_another_order_and_what_is_none() -> None:
+    one, other = (ConciseEntry(0x1017, 0, b"\x64\0"), ConciseEntry(0x2000, 1, b"\1"))
+    lines = partial(download_lines, "1F22:7F")
+    assert list(lines(concise_bytes((one, other)), concise_bytes((other, one)))) == [
+        "node 127  the same values, downloaded in another order or in other steps"
+    ]
+    assert list(lines(b"", concise_bytes((one, other)))) == [
+        "node 127  1017:00  not downloaded -> 100", "node 127  2000:01  not downloaded -> 1",
+    ]  # fmt: skip
+    assert list(lines(concise_bytes((other,)), bytes(4))) == ["node 127  2000:01  1 -> not downloaded"]
+    assert list(lines(b"\1", concise_bytes((one,)))) == list(lines(None, b"")) == list(lines(bytes(4), bytes(4))) == []
+    assert list(download_lines("1F23:05", b"", concise_bytes((one,)))) == []
+    many = concise_bytes([ConciseEntry(0x2000, sub, b"\1") for sub in range(20)])
+    assert list(lines(b"", many))[-1] == "node 127  and 8 more objects"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.configuration import NotWritten
+from dvtcli.domain.network.concise_difference import download_lines
 from dvtcli.domain.parameter_text import entry_text, parameter_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.several import plural, several
@@ -35,6 +36,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int) -> Iterator[Line]:
             yield from _pdo(node, change, width)
         else:
             yield _object(node, change.step)
+            yield from _downloads(change.step.object, change.step.before, change.step.after)
     if not node.is_read:
         yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{STAMP:04X}) is that of the file")]
     if node.store and node.unstored:
@@ -55,6 +57,7 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
     """What the file says and nobody writes, by why; what is read-only is only counted."""
     for one in node.remaining[:_MOST_REMAINING]:
         yield _otherwise(node, one)
+        yield from _downloads(one.object, one.held, one.said)
     if len(node.remaining) > _MOST_REMAINING:
         rest = [one.object for one in node.remaining[_MOST_REMAINING:]]
         yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {several(rest)}")]
@@ -81,6 +84,11 @@ def _values(node: NodePlan, one: LeftOut) -> str:
     index, sub_index = (int(part, 16) for part in one.object.split(":"))
     step, known = Step(index, sub_index, one.held, one.said, ""), node.understood.get(one.object)
     return f" (holds {step_text(step, one.held, known)}, the file says {step_text(step, one.said, known)})"
+
+
+def _downloads(place: str, before: bytes | None, after: bytes | None) -> Iterator[Line]:
+    """What a manager would download otherwise to its nodes, where that is what changes."""
+    yield from ([Cell(f"      {text}")] for text in download_lines(place, before, after))
 
 
 def _object(node: NodePlan, step: Step) -> Line:

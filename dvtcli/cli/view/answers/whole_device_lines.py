@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.network.concise_difference import download_lines
 from dvtcli.domain.several import plural, several
 from dvtcli.domain.shown_value import cut_text
 
@@ -25,6 +26,8 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
         yield [Cell("another device: ", "yellow"), Cell(result.unlike)]
     if result.differences:
         yield from _rows(result, result.differences, width)
+        for one in result.differences:
+            yield from (f"  {text}" for text in download_lines(one.object, one.before, one.after))
         verb = "differs" if len(result.differences) == 1 else "differ"
         yield f"{len(result.differences)} of {plural(result.objects, 'setting')} {verb} from {result.first}"
     else:
