@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import process, sample
+from tests import branches, process, sample
 from tests.compiled import compile_share
 from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
 
@@ -33,6 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--fresh-python", action="store_true", help="a new Python for each dvtcli, instead of a fork of one"
     )
+    parser.addoption("--branches", metavar="FOLDER", help="count the ways through the code into a folder")
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=3, metavar="N", help="rounds of four dvtcli at once [3]")
@@ -121,10 +123,22 @@ def pytest_configure(config: pytest.Config) -> None:
         if number is not None and signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
     sys.dont_write_bytecode = False  # hundreds of processes start, and would compile all of it again each
+    if config.option.branches is not None:
+        _count_branches(config)
+
+
+def _count_branches(config: pytest.Config) -> None:
+    """Count in this process; the one that only hands tests to others empties the folder first."""
+    folder = config.rootpath / config.option.branches
+    if hasattr(config, "workerinput") or not getattr(config.option, "numprocesses", None):
+        branches.count()
+        config.add_cleanup(lambda: branches.write(folder))
+    else:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _for_workers(config: pytest.Config) -> dict[str, str]:
-    """Options from a variable, which a worker has to read too: `--cov` counts where the tests are."""
+    """Options from a variable, which a worker has to read too: `--branches` counts where the tests are."""
     has_workers = bool(getattr(config.option, "numprocesses", None)) and not hasattr(config, "workerinput")
     kept = ["PYTEST_ADDOPTS"] + ["PYTHONPATH"] * ("TESTS_ELSEWHERE" in os.environ)  # which is where its double is
     return {key: os.environ[key] for key in kept if has_workers and key in os.environ}

@@ -15,8 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 #: what a machine needs to start programs at all; every other variable of whoever runs the tests is dropped
 _KEPT = ("PATH", "PATHEXT", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
-_KEPT_BEGINNINGS = ("PYTEST_VERSION", "PYTEST_XDIST_", "PYTEST_CURRENT_TEST", "PYTEST_MUTATION_")
-_KEPT_BEGINNINGS += ("COVERAGE_", "COV_CORE_", "TESTS_")
+_KEPT_BEGINNINGS = ("PYTEST_VERSION", "PYTEST_XDIST_", "PYTEST_CURRENT_TEST", "PYTEST_MUTATION_", "TESTS_")
 
 
 #: what of the project is found in a working folder
