@@ -146,6 +146,11 @@ def _lost(session: Conversation, failed: OSError) -> int:
     lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state=state)
     lost.state_text = said
     lost.stays = session.staying()
+    if session.made:
+        from dvtcli.domain.several import several
+
+        lost.details.append(("made", several(session.made)))
+        lost.state_text = said or ("unchanged: nothing was written to a node" if state == "unchanged" else None)
     session.output.error(lost, session.place, readable=True)
     return lost.exit_code
 

@@ -26,7 +26,7 @@ from dvtcli.files.device_file import (
 )
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -86,7 +86,7 @@ def convert_file(
     again = parse_device_file(data, path.name).dictionary
     losses = [*lost(read.dictionary, again, suffix), *not_held(read)]
     ask_before_overwriting(session, path)
-    write_bytes(path, data)
+    make_file(session, path, data)
     return _answer(file, target, len(again), losses)
 
 

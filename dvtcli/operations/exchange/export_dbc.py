@@ -12,7 +12,7 @@ from dvtcli.files.dbc_text import dbc_bytes
 from dvtcli.operations.exchange.network_messages import PLAIN, NetworkMessages, network_messages
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -77,7 +77,7 @@ def _write(
     left_out = [*missing, *found.left_out]
     path = place_of(file)
     ask_before_overwriting(session, path)
-    write_bytes(path, dbc_bytes(found.nodes, found.messages))
+    make_file(session, path, dbc_bytes(found.nodes, found.messages))
     signals = sum(len(one.signals) for one in found.messages)
     rows = (
         ("file", file), ("from", source), ("nodes", [one.node_id for one in state.nodes]),

@@ -11,7 +11,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.network.write_network import write_network
 from dvtcli.operations.exchange.exported_node import exported_node
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_whole
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,7 +34,7 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     node = session.node(node_id)
     found = exported_node(session, node, node.pdos(), path)
     ask_before_overwriting(session, path)
-    write_whole(path, write_network(NetworkWish((found.wish,)), f"What node {node.node_id} held", found.remarks))
+    make_file(session, path, write_network(NetworkWish((found.wish,)), f"What node {node.node_id} held", found.remarks))
     count = len(found.wish.pdos)
     said = [f"{file}: node {node.node_id}, {plural(count, 'PDO')}. Check it: dvtcli check {shlex.quote(file)}"]
     if note := found.left_out_note:

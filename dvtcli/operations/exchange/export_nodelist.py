@@ -10,7 +10,7 @@ from dvtcli.files.eds.writer import eds_bytes
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.whole_device.export_dcf import export_dcf
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
         why = f"node {', '.join(untold)}: no EDS is known, so no DCF; `eds add FILE`, then export again"
         notes.insert(0, why)
         said.insert(0, why)
-    write_bytes(path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
+    make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
     rows = (
         ("file", file), ("nodes", [{"node": one.node_id, "name": one.name, "dcf": one.dcf or None} for one in nodes]),
         ("notes", notes),

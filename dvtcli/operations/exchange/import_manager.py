@@ -90,7 +90,7 @@ def import_manager(session: Session, file: str, manager: int) -> Facts:
         raise UsageError(f"node {manager} ({node.title}) downloads nothing to any node{why}", node=manager)
     if unnamed:
         notes.append(f"node {', '.join(unnamed)}: no EDS is known, objects are numbers; `dcf:` names one")
-    return write_found(path, file, f"What node {manager} downloads to the nodes that it boots", found, notes)
+    return write_found(session, path, file, f"What node {manager} downloads to the nodes that it boots", found, notes)
 
 
 def _notes(wish: NodeWish, unsaid: tuple[str, ...]) -> Iterator[str]:

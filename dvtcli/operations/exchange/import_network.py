@@ -93,7 +93,7 @@ def import_network(session: Session, file: str, folder: str | None = None, manag
         title = f"What the files of {folder} say"
         found = [_of_file(one, path, notes) for one in _described(Path(folder), notes)]
     notes += (f"node {one.exported.wish.node_id}: {note}" for one in found if (note := one.exported.left_out_note))
-    return write_found(path, file, title, found, notes)
+    return write_found(session, path, file, title, found, notes)
 
 
 def _live(session: Session, path: Path, notes: list[str]) -> Iterator[FoundNode]:

@@ -15,7 +15,7 @@ from dvtcli.domain.several import plural
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.write_network import write_network
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import write_whole
+from dvtcli.operations.session.save_script import make_file
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.exchange.exported_pdos import Exported
+    from dvtcli.operations.session.session import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class FoundNode:
     values: SdoReader
 
 
-def write_found(path: Path, file: str, title: str, found: list[FoundNode], notes: list[str]) -> Facts:
+def write_found(session: Session, path: Path, file: str, title: str, found: list[FoundNode], notes: list[str]) -> Facts:
     """Write the nodes *found*, and what joins them, to *path*, which the user calls *file*, under *title*.
 
     The answer has the *notes*, and how many errors `check` finds in it.
@@ -49,7 +50,7 @@ def write_found(path: Path, file: str, title: str, found: list[FoundNode], notes
         notes.append(f"{heard} hears {sent}, and their layouts differ: no link")
     wishes = tuple(one.exported.wish for _, one in sorted(nodes.items()))
     remarks = {word: text for one in found for word, text in one.exported.remarks.items()}
-    write_whole(path, write_network(NetworkWish(wishes, links.links), title, remarks))
+    make_file(session, path, write_network(NetworkWish(wishes, links.links), title, remarks))
     pdos = sum(len(wish.pdos) for wish in wishes)
     counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
     errors = _errors(file)

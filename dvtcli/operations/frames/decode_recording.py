@@ -72,6 +72,7 @@ def values_into_file(
     checked_form(target)
     ask_before_overwriting(session, target)
     rows = write_values(session, path, target, nodes, dbc, text)
+    session.made.append(str(target))
     names = [column.header for column in rows.columns]
     said = (("file", str(target)), ("frames", rows.frames), ("columns", names))
     return Facts("decode", said, (f"{target}: {rows.frames} rows, {len(names)} signals",))

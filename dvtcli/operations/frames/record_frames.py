@@ -166,6 +166,7 @@ def _is_back(session: Session, listener: SteadyListener, failed: BusUnavailable,
 def _facts(
     session: Session, path: Path, frames: int, seconds: float, listener: SteadyListener, size: tuple[int, str]
 ) -> Facts:
+    session.made.append(str(path))
     dropped = listener.dropped
     if listener.overflowed:
         session.tell.warning(f"{listener.overflowed} frames were dropped: they came faster than they were written")

@@ -13,7 +13,7 @@ from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, ended_lines, place_of, write_whole
+from dvtcli.operations.session.save_script import ask_before_overwriting, ended_lines, make_file, place_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -39,7 +39,7 @@ def save_lines(session: Session, file: str) -> Facts:
     )
     plan = NetworkPlan("what this session changed", tuple(sorted(nodes, key=lambda one: one.node_id)))
     ask_before_overwriting(session, path)
-    write_whole(path, plan_as_lines(session, plan, stores))
+    make_file(session, path, plan_as_lines(session, plan, stores))
     shown = several(f"node {one.node_id}" for one in plan.nodes)
     said = f"{file}: {plural(plan.writes, 'SDO download')} for {shown}. Run it: dvtcli run {shlex.quote(file)}"
     return Facts("save", (("file", file), ("commands", plan.writes)), (said,))

@@ -20,7 +20,7 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.network.described_network import simulated_word, words_of
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.wanted.network_wish import read_wish
@@ -123,7 +123,7 @@ def convert_network(session: Session, file: str, target: str, node: str | int | 
     path = place_of(target, "eds convert net.yaml {}/node5.cdcf")
     one = concise_dcf(file, node, session.tell)
     ask_before_overwriting(session, path)
-    write_bytes(path, one.data)
+    make_file(session, path, one.data)
     count = plural(len(one.entries), "download")
     rows = (("file", file), ("to", target), ("node", one.node_id), ("entries", _rows(one.entries)))
     said = f"{target}: node {one.node_id} {one.name}, {count}, {len(one.data)} bytes for 0x1F22:{one.node_id:02X}"

@@ -58,6 +58,7 @@ def planned(
         text = _saved_text(session, answer, saved)
         with _opened(saved):
             Path(saved).write_text(text, encoding="utf-8")
+        session.made.append(saved)
     return answer
 
 

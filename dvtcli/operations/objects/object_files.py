@@ -35,6 +35,7 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
     with transfer_progress(session, node.node_id, f"node {node.node_id}: reading 0x{place}"):
         data = node.upload(index, sub_index)
     _write_bytes(path, data)
+    session.made.append(file)
     rows = (("node", node.node_id), ("object", place), ("file", file), ("bytes", len(data)))
     return Facts("object-file", rows, (f"{file}: {len(data):,} bytes of 0x{place} of node {node.node_id}",))
 

@@ -149,6 +149,7 @@ def _rows(
     ask_before_overwriting(session, path)
     try:
         with Path(path).open("w", encoding="utf-8", newline="") as opened:
+            session.made.append(file)
             writer = csv.writer(opened)
             writer.writerow(["time_s", *(_head(place, data_type) for place in places)])
             yield writer.writerow

@@ -47,6 +47,8 @@ class Opened(Said):
         self._set_rate: int | None = None
         #: whether a bus that is gone is waited for
         self.comes_back = False
+        #: the files that the line that runs has made, as they were named
+        self.made: list[str] = []
 
     @contextmanager
     def under(self, **given: Any) -> Iterator[None]:

@@ -9,7 +9,7 @@ from dvtcli.domain.several import plural
 from dvtcli.errors import UsageError
 from dvtcli.operations.picture.gather import PictureWishes, network_picture
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.picture import NetworkPicture
@@ -29,7 +29,7 @@ def draw_network(session: Session, target: str, file: str | None = None, wishes:
     picture = network_picture(session, file, wishes)
     data = drawn(picture, path)
     ask_before_overwriting(session, path)
-    write_bytes(path, data)
+    make_file(session, path, data)
     return _answer(target, picture, len(data))
 
 

@@ -58,7 +58,7 @@ def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callab
     sections = _SECTIONS[what](session)
     ask_before_overwriting(session, path)
     text, identity = _script(session, sections)
-    write_whole(path, text if spelled is None else spelled(text))
+    make_file(session, path, text if spelled is None else spelled(text))
     count = sum(not line.startswith("#") for _, lines in sections for entry in lines for line in entry.splitlines())
     said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {shlex.quote(file)}"
     return Facts("save", (("file", file), ("commands", count)), (said,))
@@ -186,9 +186,10 @@ def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
     return [f"require identity {words}"], f"vendor 0x{vendor:X} product 0x{product:08X}"
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write the file whole or not at all; UsageError where that cannot be."""
-    write_bytes(path, text.encode())
+def make_file(session: Session, path: Path, content: str | bytes) -> None:
+    """Write the file whole or not at all, which the session then knows; UsageError where that cannot be."""
+    write_bytes(path, content.encode() if isinstance(content, str) else content)
+    session.made.append(str(path))
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -102,6 +102,7 @@ class Session(Opened):
         Where the line stands *alone*, not at a prompt, Restarted is raised if a node lost by then what was set.
         """
         failures: list[DvtcliError] = []
+        self.made.clear()
         if self._network is not None:
             self._network.asked_again.clear()
         with self.cancellation.guard():  # a signal waits until the nodes are where they belong

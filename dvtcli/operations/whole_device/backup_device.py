@@ -16,7 +16,7 @@ from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, whole_device_text
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.whole_device.export_dcf import SUFFIXES, dcf_of, left_out, why_unread
 from dvtcli.operations.whole_device.look_through import described, look_through, told
 
@@ -61,24 +61,24 @@ def backup_device(
         found = scan_objects(node, Configuration(node.profile), areas, told(session, node))
     else:
         found = look_through(session, node, twice=twice).objects
-    return _as_lines(node, path, file, found)
+    return _as_lines(session, node, path, file, found)
 
 
 def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool) -> Facts:
     whole = look_through(session, node, twice=twice)
     text, _ = dcf_of(session, whole, path.name)
     _must_have_read(node, len(text.said), left_out(whole, text))
-    write_bytes(path, text.data)
+    make_file(session, path, text.data)
     return _answer(file, node, len(text.said), left_out(whole, text))
 
 
-def _as_lines(node: Node, path: Path, file: str, found: Mapping[ObjectAddress, ReadObject]) -> Facts:
+def _as_lines(session: Session, node: Node, path: Path, file: str, found: Mapping[ObjectAddress, ReadObject]) -> Facts:
     eds = "" if node.dictionary is None else node.dictionary.source
     kept = {place: _kept(one) for place, one in found.items()}
     out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
     _must_have_read(node, len(kept) - len(out), out)
     text = whole_device_text(KeptDevice(node.node_id, node.identity(), utc(time.time()), kept, eds))
-    write_bytes(path, text.encode())
+    make_file(session, path, text)
     answer = _answer(file, node, len(kept) - len(out), out)
     if node.dictionary is not None:
         return answer

@@ -18,7 +18,7 @@ from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_valu
 from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, device_file_bytes, is_xml, parse_device_file
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.whole_device.look_through import WholeDevice, described, look_through
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice
     ask_before_overwriting(session, path)
     whole = look_through(session, node, twice=twice, only=is_exported)
     text, eds = dcf_of(session, whole, path.name)
-    write_bytes(path, text.data)
+    make_file(session, path, text.data)
     return _answer(file, whole, text, eds)
 
 

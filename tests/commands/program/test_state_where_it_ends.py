@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.ports import Frame
+from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, beside
 from tests.process import PATIENCE_S, ROOT, environment
 from tests.simulator.bench import booted
@@ -23,6 +24,16 @@ def bench_with_file() -> Bench:
     assert bench.run("export x.dcf").code == 0
     assert bench.run("map tpdo1 606C").code == 0
     return bench
+
+
+def with_full_disk(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """A dvtcli in *folder* whose answers go where there is no room."""
+    with Path("/dev/full").open("w") as full:
+        return subprocess.run(
+            [sys.executable, "-m", "dvtcli", "--sim", "gen4", *words], stdout=full, stderr=subprocess.PIPE,
+            encoding="utf-8", env=environment() | {"PYTHONPATH": str(ROOT)}, cwd=folder, timeout=PATIENCE_S,
+            check=False,
+        )  # fmt: skip
 
 
 def interrupt(bench: Bench, after: int) -> list[Frame]:
@@ -73,12 +84,27 @@ def test_what_a_dry_run_writes_to_a_twin_is_written_to_nobody() -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_results_that_are_lost_before_the_first_write_leave_the_node_unchanged(tmp_path: Path) -> None:
     (tmp_path / "n.yaml").write_text("nodes:\n  a: {node_id: 1, tpdo: {1: {event_timer: 50}}}\n", "utf-8")
-    with Path("/dev/full").open("w") as full:
-        words = ("--sim", "gen4", "apply", "n.yaml", "--yes")
-        done = subprocess.run(
-            [sys.executable, "-m", "dvtcli", *words], stdout=full, stderr=subprocess.PIPE, encoding="utf-8",
-            env=environment() | {"PYTHONPATH": str(ROOT)}, cwd=tmp_path, timeout=PATIENCE_S, check=False,
-        )  # fmt: skip
+    done = with_full_disk(tmp_path, "apply", "n.yaml", "--yes")
     assert done.returncode == 1, done.stderr
     assert "the results cannot be written" in done.stderr
     assert UNCHANGED in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize(
+    ("words", "made"),
+    [
+        ("backup x.jsonl", "x.jsonl"), ("backup x.dcf", "x.dcf"), ("export x.yaml", "x.yaml"),
+        ("export x.dcf", "x.dcf"), ("export x.dbc", "x.dbc"), ("report x.html", "x.html"), ("import x.yaml", "x.yaml"),
+        ("log x.log --duration 0.1", "x.log"), ("eds convert n.eds x.xdd", "x.xdd"), ("save x.dvt --all", "x.dvt"),
+        ("plan n.yaml -o x.json", "x.json"), ("read 1008 -o x.bin", "x.bin"), ("export x.cpj", "x.cpj"),
+    ],
+)  # fmt: skip
+def test_a_file_that_was_made_is_named_where_the_answer_is_lost(words: str, made: str, tmp_path: Path) -> None:
+    (tmp_path / "n.yaml").write_text("nodes:\n  a: {node_id: 1, tpdo: {1: {event_timer: 50}}}\n", "utf-8")
+    (tmp_path / "n.eds").write_bytes(family_eds("gen4").read_bytes())
+    ran = with_full_disk(tmp_path, *words.split())
+    assert (tmp_path / made).stat().st_size > 0, ran.stderr
+    (said,) = (line for line in ran.stderr.splitlines() if line.startswith("  made    "))
+    assert (ran.returncode, said.split()[-1]) == (1, made), ran.stderr
+    assert "unchanged: nothing was written to a node" in ran.stderr
