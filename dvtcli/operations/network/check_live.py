@@ -83,7 +83,7 @@ def check_live(
     files: Sequence[str] = (),
     on_bus: Mapping[str, Mapping[int, str]] | None = None,
 ) -> NetworksChecked:
-    """Look at the nodes on the bus as they are, those known and those heard; and hold *files* against them.
+    """Look at the nodes on the bus as they are, whoever is known, heard or answers; and hold *files* against them.
 
     A report of the bus, and one a file: whether its nodes are there and are the devices that it says, and whether a
     manager there expects or downloads something else. A file that cannot be read is left out; *on_bus* has for each

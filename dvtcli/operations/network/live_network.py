@@ -62,7 +62,7 @@ def heard_traffic(session: Session, for_s: float) -> HeardTraffic | None:
 
 
 def live_state(session: Session, traffic: HeardTraffic | None, others: Collection[int] = ()) -> NetworkState:
-    """What the nodes on the bus hold, with what only rules look at: those known, those heard, and *others*."""
+    """What the nodes on the bus hold, with what only rules look at: those `present`, and *others*."""
     heard = () if traffic is None else traffic.by_id
     ids = sorted({*present(session, heard), *others})
     return network_state(answering(session, ids), for_rules=True)
@@ -91,13 +91,30 @@ def has_bus(session: Session) -> bool:
 
 
 def present(session: Session, heard: Iterable[Identifier]) -> list[int]:
-    """The nodes that are known without asking, those that a scan found, and those of which a CAN-ID was *heard*."""
+    """The nodes that are known, those of which a CAN-ID was *heard*, and all that answer where others may be there.
+
+    Not every node sends a heartbeat, or a PDO. With `-n` no other node-ID is asked, which is said.
+    """
     network = session.network
     found = {*network.simulated_ids, *session.known_ids(), *network.scanned, *network.bus.heard_nodes()}
     for can_id, extended in heard:
         if not extended and any(can_id in one for one in _OF_ONE_NODE):
             found.add(can_id & 0x7F)
-    return sorted(found)
+    return sorted(found.union(_others(session)))
+
+
+def _others(session: Session) -> list[int]:
+    """The nodes that are found by asking each node-ID; none where nobody else can be there."""
+    from dvtcli.operations.nodes.find_nodes import answering_ids
+
+    bus, named = session.network.bus, session.base.nodes
+    if bus.simulated:
+        return []
+    if named:
+        who = f"node{'s' if len(named) > 1 else ''} {','.join(map(str, named))}"
+        session.tell.note(f"{who} as -n says, and who is known or heard; `-n all` looks for the other nodes, too")
+        return []
+    return answering_ids(bus)
 
 
 def answering(session: Session, node_ids: Iterable[int]) -> list[Node]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.read_pdos import read_identity, read_optional
 from dvtcli.device.seen_state import HEARTBEAT_TIME
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
     from dvtcli.operations.session.session import Session
 
+_Said = TypeVar("_Said")
 #: How long each node-ID has to answer, in seconds, and how many are asked at once.
 _ANSWER_S = 0.05
 _AT_ONCE = 8
@@ -41,16 +42,37 @@ def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
     if not bus.simulated:
         for _ in bus.receive(_LISTEN_S):
             pass  # heartbeats are noted by the bus itself
-    with ThreadPoolExecutor(_AT_ONCE) as pool, _answers(bus) as answered:
-        found = list(pool.map(lambda node_id: _ask(bus, node_id, answer_s), range(1, 128)))
-        if not bus.simulated:
-            bus.sleep(answer_s)
-        late = [node_id for node_id, row in enumerate(found, 1) if row is None and node_id in answered]
-        found += pool.map(lambda node_id: _ask(bus, node_id, None), late)
-    rows = [_with_file(session, _with_own_state(session, row)) for row in found if row is not None]
+    found = _each_asked(bus, answer_s, lambda node_id, limit_s: _ask(bus, node_id, limit_s))
+    rows = [_with_file(session, _with_own_state(session, row)) for row in found]
     rows.sort(key=lambda row: row.node)
     session.network.scanned = tuple(row.node for row in rows)
     return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
+
+
+def answering_ids(bus: CanopenBus, answer_s: float = _ANSWER_S) -> list[int]:
+    """The node-IDs 1…127 that answer an SDO upload, whatever they answer; asked as `find_nodes` asks. Only reads."""
+    return sorted(_each_asked(bus, answer_s, lambda node_id, limit_s: _answers_at_all(bus, node_id, limit_s)))
+
+
+def _answers_at_all(bus: CanopenBus, node_id: int, limit_s: float | None) -> int | None:
+    try:
+        _device_type(bus.sdo(node_id), limit_s, heard=False)
+    except NoAnswer:
+        return None
+    except SdoProtocolError:
+        return node_id  # who answers wrongly is there, too
+    return node_id
+
+
+def _each_asked(bus: CanopenBus, answer_s: float, ask: Callable[[int, float | None], _Said | None]) -> list[_Said]:
+    """What *ask*(node-ID, its time limit in s) has of each node-ID 1…127; once more of those that answered late."""
+    with ThreadPoolExecutor(_AT_ONCE) as pool, _answers(bus) as answered:
+        found = list(pool.map(lambda node_id: ask(node_id, answer_s), range(1, 128)))
+        if not bus.simulated:
+            bus.sleep(answer_s)
+        late = [node_id for node_id, said in enumerate(found, 1) if said is None and node_id in answered]
+        found += pool.map(lambda node_id: ask(node_id, None), late)
+    return [said for said in found if said is not None]
 
 
 def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
