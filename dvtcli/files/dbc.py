@@ -41,7 +41,7 @@ def read_dbc(file: str) -> dict[Address, Layout]:
         database = cantools.database.load_string(text, "dbc")
     except (cantools.Error, ValueError, KeyError, IndexError, AttributeError) as wrong:
         raise InputFileError(f"{path.name} is no DBC file", why=_first_line(wrong), place=file) from wrong
-    return {(one.frame_id, one.is_extended_frame): _layout(one) for one in database.messages}
+    return {(one.frame_id, one.is_extended_frame): _layout(one, path.name) for one in database.messages}
 
 
 def _hint(path: Path) -> str:
@@ -54,9 +54,9 @@ def _first_line(wrong: Exception) -> str:
     return str(wrong).partition("\n")[0] or type(wrong).__name__
 
 
-def _layout(message: Message) -> Layout:
+def _layout(message: Message, file: str) -> Layout:
     signals = tuple(Signal(one.name, one.name, "", _meaning(one)) for one in message.signals)
-    return Layout(Service("message", message.name), signals, _reader(message))
+    return Layout(Service("message", message.name), signals, _reader(message), byte_length=message.length, source=file)
 
 
 def _meaning(signal: DbcSignal) -> Physical:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from dvtcli.domain.datatypes import DataType, Value
-from dvtcli.domain.frame import decode
+from dvtcli.domain.frame import byte_length, decode
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import NOTHING, Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -47,7 +47,8 @@ class Layout:
     """What a frame carries: *read* turns its data into one value a signal, None where the frame ends before it.
 
     *mapping* is the PDO's, dummies included; empty where a file says where its signals lie. With *is_consumers* it is
-    what an RPDO takes from the frame, which may be less than its producer sends.
+    what an RPDO takes from the frame, which may be less than its producer sends. *byte_length* is how long the frame
+    has to be by *source*, the words for who says so (`the mapping in gen4.eds`); None where nobody does.
     """
 
     service: Service
@@ -55,6 +56,8 @@ class Layout:
     read: Callable[[bytes], list[Value | None]]
     mapping: tuple[PdoMappingEntry, ...] = ()
     is_consumers: bool = False
+    byte_length: int | None = None
+    source: str = ""
 
 
 def _nothing(_data: bytes) -> list[Value | None]:
@@ -111,18 +114,26 @@ class Decoder:
 
 
 def pdo_layouts(
-    node_id: int, configs: Mapping[Pdo, PdoConfig], dictionary: ObjectDictionary | None, meanings: Meanings
+    node_id: int,
+    configs: Mapping[Pdo, PdoConfig],
+    dictionary: ObjectDictionary | None,
+    meanings: Meanings,
+    source: str = "",
 ) -> dict[Address, Layout]:
     """The layouts of a node's enabled PDOs; where a TPDO and an RPDO share a COB-ID, the TPDO's counts.
 
-    *meanings* says what their objects' values mean.
+    *meanings* says what their objects' values mean, *source* in words where the mapping is from.
     """
     layouts: dict[Address, Layout] = {}
     for pdo, config in sorted(configs.items(), key=lambda item: not item[0].is_tpdo):
         if config.enabled:
             cob_id = config.communication.cob_id
             service = Service("pdo", pdo.label, node_id)
-            layout = replace(_layout(service, config.mapping, dictionary, meanings), is_consumers=not pdo.is_tpdo)
+            bits = sum(entry.bits for entry in config.mapping)
+            layout = replace(
+                _layout(service, config.mapping, dictionary, meanings), is_consumers=not pdo.is_tpdo, source=source,
+                byte_length=byte_length(bits) if config.mpdo is None else None,
+            )  # fmt: skip
             layouts.setdefault((cob_id.can_id, cob_id.extended), layout)
     return layouts
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.layout_fit import misfit
 from dvtcli.watch.recent_load import BusLoad
 from dvtcli.watch.service import Service, event_of, state_in
 from dvtcli.watch.statistics import Course, Rhythm
@@ -47,6 +48,8 @@ class Row:
     rhythm: Rhythm = field(default_factory=Rhythm)
     changed_s: list[float] = field(default_factory=list)
     courses: list[Course] = field(default_factory=list)
+    #: whether it was said that its length is not that of the layout
+    is_misfit: bool = False
 
     @property
     def service(self) -> Service:
@@ -82,6 +85,8 @@ class FrameStore:
         row.rhythm.beat(time_s)
         news = self._note_events(frame, row.service)
         first, row.remote = row.count == 1, frame.remote
+        if first or len(frame.data) != len(row.data):
+            news |= self._note_misfit(row, frame)
         if frame.remote:
             return first or news
         changed = self._note_bytes(row, frame.data, time_s)
@@ -103,6 +108,14 @@ class FrameStore:
             row = Row(layout, frame.can_id, frame.extended, courses=[Course() for _ in layout.signals])
             self.rows[address] = row
         return row
+
+    def _note_misfit(self, row: Row, frame: Frame) -> bool:
+        """Whether *frame* cannot be what the row's layout says, and that was not said before."""
+        text = "" if row.is_misfit else misfit(frame, row.layout)
+        if text:
+            row.is_misfit = True
+            self.events.append(Event(frame.timestamp_s, text, bad=True))
+        return bool(text)
 
     def _note_bytes(self, row: Row, data: bytes, time_s: float) -> bool:
         """Whether *data* differs from what the row held; notes when each byte changed."""
@@ -142,8 +155,9 @@ class FrameStore:
             if layout.service == row.service and layout.signals == row.layout.signals:
                 row.layout = layout
                 continue
-            row.layout, row.courses = layout, [Course() for _ in layout.signals]
+            row.layout, row.courses, row.is_misfit = layout, [Course() for _ in layout.signals], False
             if not row.remote:
+                self._note_misfit(row, Frame(row.can_id, row.data, row.extended, timestamp_s=row.last_s))
                 for course, value in zip(row.courses, layout.read(row.data), strict=True):
                     if value is not None:
                         course.take(value, row.last_s)

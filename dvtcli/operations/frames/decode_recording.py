@@ -11,6 +11,7 @@ from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.recording import check_readable, read_recording
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
@@ -28,7 +29,9 @@ def decode_recording(
     UsageError for a suffix that is no format, InputFileError where the file is none of it.
     """
     check_readable(path)
-    return _fitting(path, decoder_for(session, nodes, dbc, path), text)
+    decoder = decoder_for(session, nodes, dbc, path)
+    misfits = Misfits(decoder.layout, session.tell.warning)
+    return _fitting(misfits.passing(read_recording(path)), decoder, text)
 
 
 def write_values(
@@ -50,7 +53,8 @@ def write_values(
         if text and len(rows.decoder):
             raise UsageError(f"no signal has {text!r} in its name", hint="decode FILE shows what is in it")
         raise UsageError("--csv needs a mapping, and none is known", hint="give --dbc, --eds, -n or --sim")
-    _write(rows, read_recording(path), target, text)
+    misfits = Misfits(rows.decoder.layout, session.tell.warning)
+    _write(rows, misfits.passing(read_recording(path)), target, text)
     if rows.other:
         session.tell.note(f"{rows.other} frames without known signals were left out")
     return rows
@@ -96,6 +100,6 @@ def _write(rows: SignalRows, frames: Iterable[Frame], target: TextIO | Path, tex
         raise DvtcliError(f"{target}: {failed.strerror or failed}", place=str(target)) from failed
 
 
-def _fitting(path: Path, decoder: Decoder, text: str) -> Iterator[FrameSeen]:
-    seen = (frame_seen(frame, decoder) for frame in read_recording(path))
+def _fitting(frames: Iterable[Frame], decoder: Decoder, text: str) -> Iterator[FrameSeen]:
+    seen = (frame_seen(frame, decoder) for frame in frames)
     return (one.chosen(text) for one in seen if one.matches(text))

@@ -12,6 +12,7 @@ from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.explained import FrameExplained
 from dvtcli.watch.explain.frame_parts import Described, frame_parts
+from dvtcli.watch.layout_fit import misfit
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
@@ -39,7 +40,10 @@ def explain_frame(
     is no frame.
     """
     frame = parsed_frame(text)
-    return explained(frame, decoder_for(session, nodes, file), described_nodes(session, file))
+    decoder = decoder_for(session, nodes, file)
+    if wrong := misfit(frame, decoder.layout(frame)):
+        session.tell.warning(wrong)
+    return explained(frame, decoder, described_nodes(session, file))
 
 
 def explained(frame: Frame, decoder: Decoder, described: Callable[[int], Described]) -> FrameExplained:

@@ -42,5 +42,7 @@ def _network_layouts(file: str, tell: Teller) -> Mapping[Address, Layout]:
     decoder = Decoder()
     for node in described_network(file).nodes:
         meanings = meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
-        decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings))
+        decoder.add(
+            pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings, f"the mapping in {Path(file).name}")
+        )
     return decoder.layouts

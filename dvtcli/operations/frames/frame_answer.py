@@ -5,6 +5,7 @@ from __future__ import annotations
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.frames import FrameSeen
 from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.layout_fit import misfit
 
 
 def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
@@ -15,4 +16,7 @@ def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
     meanings = {one.key: one.meaning for one in layout.signals if one.meaning.says}
     objects = {one.key: one.object for one in layout.signals if one.object}
     values = decoder.values(frame)
-    return FrameSeen(frame, service.kind, service.label, service.node, pdo, values, meanings, objects=objects)
+    mapped = layout.byte_length if misfit(frame, layout) else None
+    return FrameSeen(
+        frame, service.kind, service.label, service.node, pdo, values, meanings, objects=objects, mapped_bytes=mapped
+    )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.frames.layouts import HEARD_S
+from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
 from dvtcli.operations.frames.node_services import node_services
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
@@ -65,7 +65,9 @@ class KnownParties:
             for address, service in services:
                 self.parties.services.setdefault(address, {})[service] = None
             meanings = meanings_of(node.profile, node.dictionary)
-            self.decoder.add(pdo_layouts(node_id, configs, node.dictionary, meanings))
+            self.decoder.add(
+                pdo_layouts(node_id, configs, node.dictionary, meanings, mapping_of(self._session, node_id))
+            )
 
     def _know_file(self, file: str) -> None:
         from dvtcli.operations.frames.file_layouts import file_layouts

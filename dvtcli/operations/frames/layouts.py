@@ -57,7 +57,8 @@ def live_decoders(
         yield node_id, Decoder(known.layouts, names)
         try:
             node = session.node(node_id)
-            known.add(pdo_layouts(node_id, node.pdos(), node.dictionary, meanings_of(node.profile, node.dictionary)))
+            meanings = meanings_of(node.profile, node.dictionary)
+            known.add(pdo_layouts(node_id, node.pdos(), node.dictionary, meanings, mapping_of(session, node_id)))
             if named:
                 names[node_id] = _name(node)
             if node.dictionary is None:
@@ -67,6 +68,12 @@ def live_decoders(
         except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
             session.tell.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
     yield None, Decoder(known.layouts, names)
+
+
+def mapping_of(session: Session, node_id: int) -> str:
+    """Whose mapping is meant, in words: a simulated node is not the one that sent what a recording holds."""
+    simulated = node_id in session.network.simulated_ids
+    return f"the mapping of the simulated node {node_id}" if simulated else f"the mapping that node {node_id} holds now"
 
 
 def _name(node: Node) -> str:

@@ -14,11 +14,13 @@ from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.steady_listener import SteadyListener
+from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
+    from dvtcli.watch.decoder import Layout
 
 #: how long frames are gathered before they are written (s)
 _BATCH_S = 0.05
@@ -97,7 +99,16 @@ def record_values(
                         hint="log into another file",
                     )
 
-            seconds = _record(session, listener, file.write, file.flush, filters, duration_s, require_the_same)
+            def layout_of(frame: Frame) -> Layout:
+                return rows.decoder.layout(frame)  # another one after the bus was gone
+
+            misfits = Misfits(layout_of, session.tell.warning)
+
+            def write(frame: Frame) -> None:
+                misfits.look(frame)
+                file.write(frame)
+
+            seconds = _record(session, listener, write, file.flush, filters, duration_s, require_the_same)
         size = path.stat().st_size
     except OSError as failed:
         raise DvtcliError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed

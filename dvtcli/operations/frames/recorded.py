@@ -49,7 +49,7 @@ def _own_decoder(session: Session, path: Path) -> Decoder:
         return decoder  # no transfer in it carries a mapping, or they are of several buses
     for node in state.nodes:
         meanings = meanings_of(node.profile, node.dictionary)
-        decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings))
+        decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings, f"what {path.name} itself tells"))
     names = several(f"{pdo.label} of node {node.node_id}" for node in state.nodes for pdo in node.pdos)
     left = f"; not {several(missing)}" if missing else ""
     session.tell.note(f"by the SDO transfers in {path.name} itself: {names}{left}")
@@ -75,5 +75,5 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Dec
     for node_id in nodes or (dictionary.info.node_id or 1,):
         values = FileValues(dictionary, node_id)
         configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
-        decoder.add(pdo_layouts(node_id, configs, dictionary, meanings))
+        decoder.add(pdo_layouts(node_id, configs, dictionary, meanings, f"the mapping in {path.name}"))
     return decoder

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +10,15 @@ from dvtcli.errors import UsageError
 from dvtcli.files.recording import check_readable, read_recording
 from dvtcli.files.values.value_file import is_value_file, read_values
 from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import all_columns
 from dvtcli.watch.tracks import fill, fill_rows, find_tracks
 
 if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
+    from dvtcli.watch.decoder import Decoder
+    from dvtcli.watch.table import Place
     from dvtcli.watch.tracks import Track
 
 
@@ -40,9 +44,19 @@ def recorded_tracks(
         check_readable(path)
         decoder = decoder_for(session, nodes, dbc, path)
         tracks = by_place = find_tracks(signals, all_columns(decoder))
-        span_s = fill(by_place, read_recording(path), decoder)
+        span_s = fill(by_place, _fitting(session, path, by_place, decoder), decoder)
     found = [track for track in tracks.values() if track.values]
     if not found:
         names = ", ".join(track.name for track in tracks.values())
         raise UsageError(f"{path} has no sample of {names}", hint="decode shows what is in it")
     return found, span_s
+
+
+def _fitting(session: Session, path: Path, tracks: Mapping[Place, Track], decoder: Decoder) -> Iterator[Frame]:
+    """The frames of the recording at *path*; it is said which of those with *tracks* their layout does not fit."""
+    addresses = {address for address, _ in tracks}
+    misfits = Misfits(decoder.layout, session.tell.warning)
+    for frame in read_recording(path):
+        if (frame.can_id, frame.extended) in addresses:
+            misfits.look(frame)
+        yield frame

@@ -12,10 +12,12 @@ from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, live_decoders, open_wire
 from dvtcli.operations.session.steady_listener import SteadyListener
-from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.decoder import Decoder, Layout
+from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.seen import FrameStore
 
 if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
     from dvtcli.operations.opening.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.session.session import Session
@@ -85,6 +87,11 @@ def stream(
     that is gone, or back; BusUnavailable where it is not waited for, or not back in time.
     """
     listener, store = watched.listener, FrameStore(watched.decoder)
+
+    def layout_of(frame: Frame) -> Layout:
+        return watched.decoder.layout(frame)  # another one after the bus was gone
+
+    misfits = Misfits(layout_of, watched.session.tell.warning)
     until_s = None if duration_s is None else monotonic() + duration_s
 
     def is_over() -> bool:
@@ -100,7 +107,7 @@ def stream(
                     raise
                 store = FrameStore(watched.decoder)
                 continue
-            fresh = [frame for frame in taken if store.take(frame) or not changes]
+            fresh = [frame for frame in misfits.passing(taken) if store.take(frame) or not changes]
             seen = (frame_seen(frame, watched.decoder) for frame in fresh)
             show(one.chosen(text) for one in seen if not text or one.matches(text))
     finally:

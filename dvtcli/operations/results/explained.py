@@ -15,6 +15,10 @@ from dvtcli.watch.explain.parts import FramePart
 _ASIDE = frozenset({"index", "reserved", "n: bytes without data", "e: transfer type", "s: size", "without data", "c"})
 
 
+def _tells(part: FramePart) -> bool:
+    return not part.in_id and not part.is_bit_of_value and part.name not in _ASIDE
+
+
 def part_document(part: FramePart) -> Document:
     """One element of `parts` in `dvtcli.explain/1`."""
     return {
@@ -51,9 +55,9 @@ class FrameExplained(Answer):
 
     @property
     def short(self) -> str:
-        """What it says in one line: its service's word, its object, its value; not the protocol's own bits."""
+        """What it says in one line: its service's word, its objects' values; no single bits of either."""
         said = ((f"{part.object} {part.text}".strip(), part) for part in self.parts)
-        return ", ".join(words for words, part in said if words and not part.in_id and part.name not in _ASIDE)
+        return ", ".join(words for words, part in said if words and _tells(part))
 
     def document(self) -> Document:
         """`dvtcli.explain/1`."""

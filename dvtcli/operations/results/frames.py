@@ -18,7 +18,7 @@ class FrameSeen(Answer):
     """One frame with what it is (*kind*, *label*), its *node* and *pdo* where known, and its *signals* by name.
 
     *signals* are raw; *meanings* says what those mean of which anybody says, *objects* which object (`606C:00`) those
-    are of which that is known.
+    are of which that is known. *mapped_bytes* is how long its mapping is, where the frame does not fit that.
     """
 
     renderer: ClassVar = "frame_lines:frame_lines"
@@ -32,6 +32,7 @@ class FrameSeen(Answer):
     meanings: Mapping[str, Physical] = field(default_factory=dict)
     exit_code: int = 0
     objects: Mapping[str, str] = field(default_factory=dict)
+    mapped_bytes: int | None = None
 
     def document(self) -> Document:
         """`dvtcli.frame/1`."""

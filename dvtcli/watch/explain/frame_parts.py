@@ -18,7 +18,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.standard_names import standard_name
 from dvtcli.watch.decoder import Decoder, Layout, Signal
 from dvtcli.watch.explain.lss_parts import lss_parts
-from dvtcli.watch.explain.parts import Bytes, FramePart
+from dvtcli.watch.explain.parts import BIT_INDENT, Bytes, FramePart
 from dvtcli.watch.explain.sdo_parts import sdo_parts
 from dvtcli.watch.explain.service_parts import (
     emergency_parts,
@@ -29,7 +29,7 @@ from dvtcli.watch.explain.service_parts import (
 )
 from dvtcli.watch.service import service_of
 
-_STANDARD_BITS, _NODE_BITS = 11, 7
+_STANDARD_BITS, _NODE_BITS, _BYTE = 11, 7, 8
 #: the CAN-IDs of SDO requests begin behind it
 REQUESTS = 0x600
 _BY_KIND: dict[str, Callable[[bytes], Iterator[FramePart]]] = {
@@ -123,23 +123,45 @@ def _pdo_parts(data: bytes, known: Layout) -> Iterator[FramePart]:
     signals, last = zip(known.signals, known.read(data), strict=True), 0
     for field in layout(known.mapping):
         if field.end_bit > end:
-            break
+            yield from _cut_off(cut, field, known, end)
+            return
         last = field.end_bit
         if field.entry.is_dummy:
             yield cut.part(field.start_bit, field.bits, "dummy", "a gap", field.entry.object)
         else:
             yield from _object_parts(cut, field, *next(signals))
     if last < end:
-        yield cut.part(last, end - last, "behind the mapping")
+        yield cut.part(last, end - last, "behind the mapping", _of_rest(known, end - last))
+
+
+def _of_rest(known: Layout, bits: int) -> str:
+    """What to say of the *bits* behind the mapping: less than a byte of them fills up the last one."""
+    if bits < _BYTE:
+        return "fills up the byte"
+    if known.is_consumers:
+        return f"{known.service.label} of node {known.service.node} does not take it"
+    return "so the mapping is not its sender's"
+
+
+def _cut_off(cut: Bytes, field: Field, known: Layout, end: int) -> Iterator[FramePart]:
+    """What is there of an object that does not lie in the frame completely."""
+    if field.start_bit >= end:
+        return
+    of = field.entry
+    named = next((one.name for one in known.signals if one.object == of.object), "") or of.object
+    text = f"cut off: {end - field.start_bit} of its {field.bits} bits are there"
+    yield cut.part(field.start_bit, end - field.start_bit, named, text, of.object)
 
 
 def _object_parts(cut: Bytes, field: Field, signal: Signal, value: Value | None) -> Iterator[FramePart]:
     text = "" if value is None else said(value, signal.meaning, field.bits)
     yield cut.part(field.start_bit, field.bits, signal.name or signal.object, text, signal.object)
-    for bit, name in sorted(signal.meaning.bits.items()):
-        if bit < field.bits:
-            at = field.start_bit + bit
-            yield cut.part(at, 1, f"  {name}", "set" if cut.raw(at, 1) else "")
+    names = signal.meaning.bits
+    for bit in range(field.bits) if names else ():
+        at = field.start_bit + bit
+        is_set = cut.raw(at, 1)
+        if bit in names or is_set:  # a bit that nobody names is worth a line where it is set
+            yield cut.part(at, 1, f"{BIT_INDENT}{names.get(bit, f'bit {bit}')}", "set" if is_set else "")
 
 
 def _signal_parts(cut: Bytes, known: Layout) -> Iterator[FramePart]:

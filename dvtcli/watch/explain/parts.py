@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+#: what the name of one bit of the part above it begins with
+BIT_INDENT = "  "
+
 
 @dataclass(frozen=True, slots=True)
 class FramePart:
@@ -32,6 +35,11 @@ class FramePart:
         if first // 8 == last // 8:
             return f"byte {first // 8} {_span('bit', first % 8, last % 8)}"
         return _span("bit", first, last)
+
+    @property
+    def is_bit_of_value(self) -> bool:
+        """Whether it is a bit that has a name within the value of the part above it."""
+        return self.name.startswith(BIT_INDENT)
 
     @property
     def raw_text(self) -> str:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.several import plural
 from dvtcli.domain.shown_value import value_text
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.results.frames import FrameSeen, Plotted
@@ -21,12 +22,14 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
     signals = "  ".join(
         f"{name}={value_text(value, result.meanings.get(name, NOTHING))}" for name, value in result.signals.items()
     )
+    mapped = result.mapped_bytes
     yield [
         Cell(f"{at}  ", "dim"),
         Cell(f"0x{frame.can_id:0{8 if frame.extended else 3}X}  "),
         Cell(f"{f'{result.label}{node}':<18}  ", "bold"),
         Cell(f"{data:<23}"),
         Cell(f"  {signals}" if signals else ""),
+        Cell("" if mapped is None else f"  [{plural(len(frame.data), 'byte')}, {mapped} mapped]", "yellow"),
     ]
 
 

@@ -1,0 +1,55 @@
+"""Whether a frame is as long as the layout by which it is read; where it is not, that is not its sender's layout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import plural
+from dvtcli.watch.decoder import Address, Layout
+
+
+def misfit(frame: Frame, layout: Layout) -> str:
+    """What is wrong with reading *frame* by *layout*, in words; empty where its length fits.
+
+    A TPDO is sent as long as it is mapped. A node takes the front of a frame that is longer than its RPDO, and nothing
+    of a shorter one (CiA 301, 7.4.7).
+    """
+    length, mapped = len(frame.data), layout.byte_length
+    if frame.remote or mapped is None or not layout.signals or length == mapped:
+        return ""
+    if layout.is_consumers and length > mapped:
+        return ""
+    who = f"{layout.service.label} of node {layout.service.node}" if layout.service.node else layout.service.label
+    cob_id = f"0x{frame.can_id:0{8 if frame.extended else 3}X}"
+    said = f"{cob_id}: the frame has {plural(length, 'byte')}, {layout.source or 'its mapping'} has {mapped} for {who}"
+    if layout.is_consumers:
+        return f"{said}: a node takes no frame that is shorter than its RPDO, or this is not its mapping"
+    return f"{said}: it is not its sender's layout, so the values shown may not be what was sent"
+
+
+class Misfits:
+    """Tells *tell* of frames that do not fit what *layout_of* them says, once for each CAN-ID."""
+
+    def __init__(self, layout_of: Callable[[Frame], Layout], tell: Callable[[str], None]) -> None:
+        self._layout_of = layout_of
+        self._tell = tell
+        #: the length that was looked at last, by address; None where it was told of
+        self._seen: dict[Address, int | None] = {}
+
+    def look(self, frame: Frame) -> None:
+        """Look at *frame*; what is not longer or shorter than the one before costs nothing."""
+        address, length = (frame.can_id, frame.extended), len(frame.data)
+        seen = self._seen.get(address, -1)
+        if seen == length or seen is None or frame.remote:
+            return
+        text = misfit(frame, self._layout_of(frame))
+        self._seen[address] = None if text else length
+        if text:
+            self._tell(text)
+
+    def passing(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """*frames*, each looked at."""
+        for frame in frames:
+            self.look(frame)
+            yield frame
