@@ -142,6 +142,15 @@ def test_without_allow_changes_nothing_is_written() -> None:
         assert not session.record.lines
 
 
+def test_without_allow_changes_no_slave_is_taken_out_of_waiting() -> None:
+    with served("gen4@4", allow_changes=False) as (session, running), Client(running) as client:
+        for line in ("lss_switch_sel 0x1E 0x0705302D 0x00030000 0x00012345", "lss_switch_glob 1", "_lss_fastscan"):
+            assert client.ask(line).startswith("ERROR:102 #read-only"), line
+        assert not [frame for frame, ours in session.bus.exchanged() if ours and frame.can_id == 0x7E5]
+        assert client.ask("lss_switch_glob 0") == "OK"
+        assert client.ask("lss_identity 0x1E 0x0705302D 0 0xFFFFFFFF 0 0xFFFFFFFF") == "OK"
+
+
 def test_a_dry_run_changes_a_twin() -> None:
     with served("generic@4", dry_run=True) as (session, running):
         with Client(running) as client:
@@ -181,6 +190,73 @@ def test_who_one_client_selected_is_not_what_another_configures() -> None:
         assert second.ask("lss_switch_glob 0") == "OK"
         assert first.ask("lss_get_node") == "9"
         assert first.ask("lss_store") == "OK"
+
+
+@pytest.mark.parametrize("allow_changes", [False, True])
+def test_a_heartbeat_that_is_missed_is_said_to_who_watches_it(allow_changes: bool) -> None:
+    with (
+        served("generic@4", allow_changes=allow_changes, in_virtual_time=True) as (session, running),
+        Client(running) as client,
+        Client(running) as other,
+    ):
+        assert client.ask("4 enable heartbeat 1200") == "OK"
+        while "1 4 ERROR 202 #Heartbeat started" not in client.events:
+            assert client.ask("9 r 0x1017 0").startswith("ERROR:103 #")  # makes time go on
+        session.wire.sdo(4).download(0x1017, 0, bytes(2))
+        while "1 4 ERROR 203 #Heartbeat lost" not in client.events:
+            assert client.ask("9 r 0x1017 0").startswith("ERROR:103 #")
+        session.wire.sdo(4).download(0x1017, 0, (500).to_bytes(2, "little"))
+        while client.events.count("1 4 ERROR 202 #Heartbeat started") < 2:
+            assert client.ask("9 r 0x1017 0").startswith("ERROR:103 #")
+        assert client.ask("4 disable heartbeat") == "OK"
+        session.wire.sdo(4).download(0x1017, 0, bytes(2))
+        said = list(client.events)
+        for _ in range(10):
+            assert client.ask("9 r 0x1017 0").startswith("ERROR:103 #")
+        assert client.events == said
+        assert other.ask("info version")
+        assert not other.events
+
+
+def test_a_heartbeat_that_is_watched_again_has_its_new_time() -> None:
+    with (
+        served("generic@4", dialect=Dialect.PAREN, in_virtual_time=True) as (_, running),
+        Client(running) as client,
+    ):
+        for words in ("enable heartbeat 0", "enable heartbeat 65536", "enable heartbeat", "disable heartbeat 1"):
+            assert client.ask(f"4 {words}").startswith("ERROR: 101 (")
+        assert client.ask("enable heartbeat 100").startswith("ERROR: 105 (")
+        for node_id in (0, 128):
+            assert client.ask(f"{node_id} enable heartbeat 100").startswith("ERROR: 107 (")
+        assert client.ask("4 disable heartbeat") == "OK"
+        assert client.ask("4 enable heartbeat 60000") == "OK"
+        assert client.ask("4 enable heartbeat 100") == "OK", "shorter than the node's time"
+        while client.events.count("1 4 ERROR 203 (Heartbeat lost)") < 2:
+            assert client.ask("9 r 0x1017 0").startswith("ERROR: 103 (")
+        with Client(running) as gone:
+            assert gone.ask("4 enable heartbeat 100") == "OK"
+        assert client.ask("4 r 0x1017 0") == "500"
+
+
+def test_what_a_gateway_that_is_no_node_has_not_is_said() -> None:
+    with served("generic@4") as (_, running), Client(running) as client:
+        for words, why in (
+            ("set id 5", "no node of the bus"),
+            ("set heartbeat 100", "no node of the bus"),
+            ("4 enable guarding 100 3", "enable heartbeat"),
+            ("4 disable guarding", "enable heartbeat"),
+            ("init 3", "where the gateway is started"),
+            ("set sdo_block 1", "by itself"),
+            ("lss_switch_glob 1", "lss_switch_sel"),
+            ("lss_conf_bitrate 0 2", "dvtcli lss bit-rate"),
+            ("lss_activate_bitrate 100", "dvtcli lss bit-rate"),
+        ):
+            said = client.ask(words)
+            assert said.startswith("ERROR:100 #"), words
+            assert why in said, words
+        assert client.ask("set command_size 65536") == "OK"
+        assert client.ask("set command_size 65537").startswith("ERROR:600 #")
+        assert client.ask("set command_size 0").startswith("ERROR:101 #")
 
 
 def test_what_comes_from_elsewhere_is_refused() -> None:
@@ -323,7 +399,9 @@ def test_a_pdo_that_is_set_up_again_has_heard_nothing() -> None:
 
 _WORDS = (
     "r", "w", "p", "pdo", "set", "rpdo", "tpdo", "node", "network", "sdo_timeout", "start", "stop", "reset", "comm",
-    "lss_switch_sel", "lss_identity", "lss_inquire_addr", "lss_set_node", "lss_store", "_lss_fastscan", "init", "help",
+    "lss_switch_sel", "lss_switch_glob", "lss_conf_bitrate", "lss_identity", "lss_inquire_addr", "lss_set_node",
+    "lss_store", "_lss_fastscan", "init", "help",
+    "enable", "disable", "heartbeat", "guarding", "id", "command_size",
     "event", "sync1", "u8", "u64", "vs", "hex", "d", "td", '"', '""', "0", "1", "4", "-1", "0x1017", "0x1A00", "0x301",
     "255", "4294967295", "99999999999", "1e9", "[3]",
 )  # fmt: skip

@@ -16,6 +16,8 @@ class GatewayError(IntEnum):
     NO_DEFAULT_NODE = 105
     UNSUPPORTED_NET = 106
     UNSUPPORTED_NODE = 107
+    HEARTBEAT_STARTED = 202
+    HEARTBEAT_LOST = 203
     WRONG_NMT_STATE = 204
     PDO_USED = 400
     PDO_LENGTH = 401
@@ -40,6 +42,8 @@ _TEXTS = {
     GatewayError.NO_DEFAULT_NODE: "No default node set",
     GatewayError.UNSUPPORTED_NET: "Unsupported net",
     GatewayError.UNSUPPORTED_NODE: "Unsupported node",
+    GatewayError.HEARTBEAT_STARTED: "Heartbeat started",
+    GatewayError.HEARTBEAT_LOST: "Heartbeat lost",
     GatewayError.WRONG_NMT_STATE: "Wrong NMT state",
     GatewayError.PDO_USED: "PDO already used",
     GatewayError.PDO_LENGTH: "PDO length exceeded",

@@ -60,6 +60,12 @@ def format_answer(sequence: int | None, answer: Answer, dialect: Dialect = Diale
     return f"{head}ERROR:{code} #{text}"
 
 
+def format_event(net: int, node_id: int, error: GatewayError, dialect: Dialect = Dialect.HASH) -> str:
+    """The line that tells of *error* at a node without being asked, without its end."""
+    text = f"({error.text})" if dialect is Dialect.PAREN else f"#{error.text}"
+    return f"{net} {node_id} ERROR {error.value} {text}"
+
+
 def _one_line(text: str) -> str:
     """*text* as it may stand in a line: printable ASCII, others by their look-alikes, and not too long."""
     return "".join(char if 0x20 <= ord(char) < 0x7F else "?" for char in ascii_only(text))[:_LONGEST_TEXT].strip()

@@ -23,7 +23,11 @@ LSS = (
 )  # fmt: skip
 #: the command specifier that asks for the first part of an address (CiA 305)
 _FIRST_PART = 0x5A
-_CHANGES = ("lss_set_node", "lss_store")
+#: what changes a slave, if only its LSS state: who is found by a fast scan is let be configured, too (CiA 305)
+_CHANGES = ("lss_set_node", "lss_store", "lss_switch_sel", "_lss_fastscan")
+_SWITCH_ALL = ("lss_switch_glob", (1,))
+_RATES = "a bus whose nodes run at two bit rates is dead; dvtcli lss bit-rate changes all, and takes it back"
+_ALL = "all slaves at once would get one node-ID; lss_switch_sel selects one"
 
 
 class LssLines:
@@ -35,7 +39,7 @@ class LssLines:
 
     def answer(self, client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
         """What *client* is answered to the order *name*."""
-        if name in _CHANGES and not self._allow_changes:
+        if not self._allow_changes and (name in _CHANGES or (name, numbers) == _SWITCH_ALL):
             return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
         if self._session.dry_run:
             return Failed(GatewayError.INTERNAL_STATE, "dry run: no LSS is sent, so that nobody can answer")
@@ -52,8 +56,10 @@ class LssLines:
                 return self._identify(numbers)
             case "_lss_fastscan", _:
                 return self._scan()
-            case "lss_conf_bitrate" | "lss_activate_bitrate" | "lss_switch_glob", _:
-                return Failed(GatewayError.NOT_SUPPORTED, "all nodes at once are configured by `dvtcli lss`")
+            case "lss_conf_bitrate" | "lss_activate_bitrate", _:
+                return Failed(GatewayError.NOT_SUPPORTED, _RATES)
+            case "lss_switch_glob", _:
+                return Failed(GatewayError.NOT_SUPPORTED, _ALL)
         if client.selected is None:
             return Failed(GatewayError.LSS, "no slave is selected: lss_switch_sel comes first")
         return self._of_selected(client.selected, name, numbers)

@@ -21,6 +21,7 @@ from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, Us
 from dvtcli.operations.gateway.client_orders import NET, ordered
 from dvtcli.operations.gateway.gateway_lss import LSS, LssLines
 from dvtcli.operations.gateway.gateway_pdos import GatewayPdos
+from dvtcli.operations.gateway.heartbeat_watches import HEARTBEATS, HeartbeatWatches
 from dvtcli.operations.meanings.object_values import type_of
 from dvtcli.operations.nodes.command_nmt import begin_reset, command_nmt, end_reset
 from dvtcli.operations.objects.write_object import signature, write_bytes
@@ -44,11 +45,13 @@ class GatewayWork:
         self._allow_changes = allow_changes
         self._lss = LssLines(session, allow_changes=allow_changes)
         self._pdos = GatewayPdos(session, allow_changes=allow_changes)
+        self.heartbeats = HeartbeatWatches(session)
         self._resets: list[_Reset] = []
 
     def close(self) -> None:
         """Listen no longer."""
         self._pdos.close()
+        self.heartbeats.close()
 
     def answer(self, client: LineClient, request: Request) -> Answer | None:
         """What *client* is answered, None where `later` says it; BusUnavailable and Interrupted end the gateway."""
@@ -76,7 +79,7 @@ class GatewayWork:
         """Whether *request* is about a node whose restart is not over."""
         if not isinstance(request.command, Read | Write | Nmt):
             return False
-        node_id = client.node if request.node is None else request.node
+        node_id = _node_of(client, request)
         return any(node_id in (0, one.begun.node_id) for one in self._resets)
 
     def _tried(self, client: LineClient, work: Callable[[], Answer | None]) -> Answer | None:
@@ -96,6 +99,8 @@ class GatewayWork:
         match request.command:
             case Order(name, numbers) if name in LSS:
                 return self._lss.answer(client, name, numbers)
+            case Order(name, numbers) if name in HEARTBEATS:
+                return self.heartbeats.answer(client, _node_of(client, request), numbers)
             case Order(name, numbers):
                 return ordered(client, name, numbers)
             case Read() | Write() | Nmt() as command:
@@ -104,7 +109,7 @@ class GatewayWork:
                 return self._pdos.answer(command)
 
     def _to_node(self, client: LineClient, request: Request, command: Read | Write | Nmt) -> Answer | None:
-        node_id = client.node if request.node is None else request.node
+        node_id = _node_of(client, request)
         if node_id is None:
             return Failed(GatewayError.NO_DEFAULT_NODE)
         if not (0 if isinstance(command, Nmt) else 1) <= node_id <= 127:
@@ -200,6 +205,11 @@ class _Reset:
 
 
 _LENGTH = 0x0607_0010
+
+
+def _node_of(client: LineClient, request: Request) -> int | None:
+    """The node that *request* is about, as it says or *client* did; None where neither does."""
+    return client.node if request.node is None else request.node
 
 
 def _silent(node_id: int, command: Read | Write, silent: NoAnswer) -> str:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.gateway_answers import Answer, Dialect, Failed, format_answer
+from dvtcli.domain.gateway.gateway_answers import Answer, Dialect, Failed, format_answer, format_event
 from dvtcli.domain.gateway.parse import parse_request, sequence_of
 from dvtcli.domain.node_events import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal
@@ -172,6 +172,9 @@ class Gateway:
             for client in self._clients() if text else ():
                 if client.told_boot_ups or not isinstance(event, BootUp):
                     client.put(self._line(text), self)
+
+        for client, node_id, error in self._work.heartbeats.news():
+            client.put(self._line(format_event(NET, node_id, error, self._dialect)), self)
 
     @staticmethod
     def _line(text: str) -> bytes:
