@@ -1,17 +1,27 @@
 """Which objects of a device are configuration: what a file or a clone may write, and why nothing else.
 
-Knows CiA 301, 302, 401, 402, 404, 406, 410 and what a file and a profile say of an object. Does not know what an object
-holds, nor in which state a device is: a power stage that is on forbids more.
+Knows CiA 301, 302 and what a file and a profile say of an object. Does not know what an object holds, nor in which
+state a device is: a power stage that is on forbids more.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.acting_objects import (
+    DEVICE_TYPE,
+    DRIVE,
+    PROFILES,
+    Acts,
+    DeviceTypes,
+    acts,
+    in_first,
+    logical_types,
+)
 from dvtcli.domain.carried import pdo_may_carry, rpdo_may_take
 from dvtcli.domain.named_process_data import is_named_as_process_data, is_named_as_setting
 from dvtcli.domain.object_dictionary import normalised
@@ -63,7 +73,7 @@ class NotWritten(StrEnum):
         return self.is_lifted_by_include and self is not NotWritten.NAMED_PROCESS_DATA
 
 
-_ERROR_HISTORY, _STAMP, _DEVICE_TYPE = 0x1003, 0x1020, 0x1000
+_ERROR_HISTORY, _STAMP = 0x1003, 0x1020
 _STORE = (0x1010, 0x1011)
 _PROGRAM = range(0x1F50, 0x1F60)
 _DEFAULT_SDO_SERVER = 0x1200
@@ -72,24 +82,10 @@ _SAFETY = range(0x1300, 0x1400)
 #: and of CiA 302: verify and configure, request NMT, request guarding
 _REQUESTS = frozenset({0x1013, 0x1021, 0x1022, 0x1023, 0x1024, 0x1025, 0x1026, 0x1F24, 0x1F25, 0x1F82, 0x1F83})
 _NODE_ID = 0x100B
-_MAKERS, _PROFILES = range(0x2000, 0x6000), range(0x6000, 0xA000)
-#: How far the objects of one axis, or logical device, are from those of the next (CiA 301, 7.4.1)
-_AXIS = 0x800
-_IO_MODULE, _DRIVE, _MEASURING, _ENCODER, _INCLINOMETER = 401, 402, 404, 406, 410
-#: CiA 401: digital outputs of 8, 1, 16 and 32 bits, analogue ones of 8, 16, 32 bits, a float and of a maker's kind
-_OUTPUTS = frozenset({0x6200, *range(0x6220, 0x6228), 0x6300, 0x6320, *range(0x6410, 0x6415)})
-#: CiA 402: controlword, targets, offsets, touch probe, interpolation data, outputs
-_COMMANDS = frozenset(
-    {0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60B8, 0x60C1, 0x60FE, 0x60FF}
-)  # fmt: skip
-#: Where the objects of CiA 402 are, from 0x6000 of the first axis: what is not among `_COMMANDS` is a setting
-_OF_DRIVES = range(0x40, 0x100)
-#: auto zero (CiA 404), preset (CiA 406), preset of a slope (CiA 410): written, what is measured is another value
-_PRESETS: Mapping[int, frozenset[int]] = {
-    _MEASURING: frozenset({0x6125, 0x7124, 0x9124}),
-    _ENCODER: frozenset({0x6003, 0x6010, 0x6013}),
-    _INCLINOMETER: frozenset({0x6012, 0x6022, 0x6112, 0x6122}),
-}
+_MAKERS = range(0x2000, 0x6000)
+#: Where the objects of CiA 402 are, in the first axis: what is no command there is a setting
+_OF_DRIVES = range(0x6040, 0x6100)
+_ACTS = {Acts.COMMAND: NotWritten.COMMAND, Acts.OUTPUT: NotWritten.OUTPUT, Acts.PRESET: NotWritten.PRESET}
 _DOWNLOAD_REFUSED = 0x01
 _NAMED_PASSCODE = re.compile(r"pass_?(code|word|wort|phrase)|password|kennwort|access_code|security_(code|key)|unlock")
 _NAMED_NODE_ID = re.compile(r"node_?(id|address|number)|module_(id|address)|can_address|bit_?rate|baud_?rate")
@@ -128,14 +124,13 @@ def is_named_as_command(name: str, whole: str) -> bool:
 class Configuration:
     """Which of a device's objects may be written from a file, by its *profile*.
 
-    *profile_number* is the low half of 0x1000, the number of its device profile (`401`), None or 0 where it has none or
-    nobody knows. *named* are objects of the maker that a file names as configuration, *included* ranges of indices that
-    the user names, *included_objects* single sub-indices that he names, *taken* objects that an RPDO takes now.
-    *dictionary* has the names of whole objects.
+    *types* are the device profiles that it says it has. *named* are objects of the maker that a file names as
+    configuration, *included* ranges of indices that the user names, *included_objects* single sub-indices
+    that he names, *taken* objects that an RPDO takes now. *dictionary* has the names of whole objects.
     """
 
     profile: DeviceProfile
-    profile_number: int | None = None
+    types: DeviceTypes = field(default_factory=DeviceTypes)
     named: Collection[ObjectAddress] = field(default_factory=frozenset)
     included: Collection[Range] = ()
     included_objects: Collection[ObjectAddress] = ()
@@ -166,14 +161,8 @@ class Configuration:
             return NotWritten.PASSCODE
         if within(entry.index, own.no_configuration) or place in _behaviours(own):
             return NotWritten.BEHAVIOUR
-        if entry.index not in _PROFILES:
-            return None
-        first, number = 0x6000 + (entry.index - 0x6000) % _AXIS, self.profile_number or None
-        if number in (None, _DRIVE) and first in _COMMANDS:
-            return NotWritten.COMMAND
-        if number in (None, _IO_MODULE) and first in _OUTPUTS:
-            return NotWritten.OUTPUT
-        return NotWritten.PRESET if number is not None and first in _PRESETS.get(number, ()) else None
+        acting = acts(entry, self._names(entry), self.types)
+        return None if acting is None else _ACTS[acting]
 
     def _by_name(self, entry: OdEntry) -> NotWritten | None:
         """What the name tells of an object that no standard describes."""
@@ -212,8 +201,8 @@ class Configuration:
 
     def _is_setting(self, entry: OdEntry) -> bool:
         """Whether what an RPDO could take is a setting by its standard or its own name, which a range may write."""
-        in_drive = entry.index in _PROFILES and (entry.index - 0x6000) % _AXIS in _OF_DRIVES
-        if entry.index < _MAKERS.start or (in_drive and self.profile_number in (None, 0, _DRIVE)):
+        in_drive = entry.index in PROFILES and in_first(entry.index) in _OF_DRIVES
+        if entry.index < _MAKERS.start or (in_drive and self.types.at(entry.index) & {0, DRIVE}):
             return True
         whole = None if self.dictionary is None else self.dictionary.get(entry.index)
         return is_named_as_setting(entry.name, "" if whole is None else whole.name)
@@ -241,16 +230,21 @@ def configuration_of(
     dictionary: ObjectDictionary, profile: DeviceProfile, included: Collection[Range] = ()
 ) -> Configuration:
     """What is configuration of a device that *dictionary* describes; *included* are ranges that the user names."""
-    entry = dictionary.entry(_DEVICE_TYPE, 0)
-    held = None if entry is None else entry.initial(0)
-    return Configuration(
-        profile, None if held is None else profile_number(held), included=included, dictionary=dictionary
-    )
+    return Configuration(profile, device_types(dictionary), included=included, dictionary=dictionary)
 
 
-def profile_number(device_type: bytes) -> int:
-    """The number of the device profile, as 0x1000 tells it (CiA 301, 7.5.2.1); 0: none."""
-    return int.from_bytes(device_type[:2], "little")
+def device_types(dictionary: ObjectDictionary, held: Callable[[int], bytes | None] | None = None) -> DeviceTypes:
+    """The device profiles that *dictionary* tells, and the node itself: *held* is what it holds at an index."""
+
+    def told(index: int) -> list[bytes]:
+        entry = dictionary.entry(index, 0)
+        both = (None if entry is None else entry.initial(0), None if held is None else held(index))
+        return [one for one in both if one is not None]
+
+    types = told(DEVICE_TYPE)
+    is_several = DeviceTypes.of(*types).is_several
+    places = {device: index for device, index in logical_types().items() if is_several or index in dictionary}
+    return DeviceTypes.of(*types, logical={device: found[-1] for device, at in places.items() if (found := told(at))})
 
 
 def _by_standard(index: int) -> NotWritten | None:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.domain.acting_objects import DeviceTypes
 from dvtcli.domain.configuration import Configuration, configuration_of
 from dvtcli.domain.configuration import NotWritten as Why
 from dvtcli.domain.datatypes import U8, U32
@@ -22,6 +23,12 @@ LOCKED = DeviceProfile(
     no_configuration=((0x2810, 0x2810),),
 )
 EVERYTHING = ((0x0000, 0xFFFF),)
+
+
+def types(*numbers: int | None, more: int = 0x0002, logical: dict[int, int] | None = None) -> DeviceTypes:
+    """What a device says whose 0x1000 has *numbers* in its lower half, and *more* in its upper one."""
+    said = [(more << 16 | one).to_bytes(4, "little") for one in numbers if one is not None]
+    return DeviceTypes.of(*said, logical={at: one.to_bytes(4, "little") for at, one in (logical or {}).items()})
 
 
 def entry(index: int, sub_index: int = 0, access: str = "rw", *, mapped: bool | None = None, **more: object) -> OdEntry:
@@ -62,20 +69,68 @@ def test_what_acts_is_never_written_also_where_somebody_names_it(one: OdEntry, w
 
 
 @pytest.mark.parametrize(
-    ("number", "index", "why"),
+    ("number", "index", "mapped", "why"),
     [
-        (406, 0x6200, None),  # the cyclic timer of an encoder is no output
-        (406, 0x6003, Why.PRESET),
-        (402, 0x6003, None),
-        (401, 0x6200, Why.OUTPUT),
-        (401, 0x6040, None),
-        (404, 0x6125, Why.PRESET),
-        (0, 0x6200, Why.OUTPUT),  # no device profile: nobody knows
-        (None, 0x6040, Why.COMMAND),
+        (406, 0x6200, None, None),  # the cyclic timer of an encoder is no output
+        (406, 0x6200, True, Why.RPDO_MAPPABLE),
+        (406, 0x6003, None, Why.PRESET),
+        (402, 0x6003, None, None),
+        (401, 0x6200, False, Why.OUTPUT),
+        (401, 0x6071, False, None),  # which edges of inputs interrupt
+        (401, 0x6040, True, Why.COMMAND),
+        (402, 0x6200, True, Why.OUTPUT),
+        (402, 0x6200, None, Why.OUTPUT),  # nobody says that no RPDO can take it
+        (402, 0x6A00, True, Why.OUTPUT),
+        (402, 0x6C11, True, Why.OUTPUT),
+        (402, 0x6410, False, None),  # the motor's data
+        (402, 0x6052, False, Why.COMMAND),
+        (404, 0x6200, True, Why.OUTPUT),
+        (404, 0x7300, True, Why.OUTPUT),
+        (404, 0x7320, False, None),  # a scaling
+        (404, 0x6125, None, Why.PRESET),
+        (0, 0x6200, False, Why.OUTPUT),  # no device profile: nobody knows
+        (None, 0x6040, False, Why.COMMAND),
     ],
 )
-def test_what_an_index_means_is_said_by_the_device_profile(number: int | None, index: int, why: Why | None) -> None:
-    assert Configuration(GENERIC, number).why_not(entry(index)) is why
+def test_what_an_index_means_is_said_by_the_device_profile(
+    number: int | None, index: int, mapped: bool | None, why: Why | None
+) -> None:
+    for included in ((), EVERYTHING):
+        known = Configuration(GENERIC, types(number), included=included)
+        assert known.why_not(entry(index, 1, mapped=mapped)) is why
+
+
+def test_a_name_tells_an_output_of_a_drive() -> None:
+    for name, why in (("Digital outputs 1 to 8", Why.OUTPUT), ("Output current limit", None)):
+        one = replace(entry(0x6411, 1, mapped=False), name=name)
+        assert Configuration(GENERIC, types(402)).why_not(one) is why
+
+
+@pytest.mark.parametrize(
+    ("kinds", "index", "why"),
+    [
+        (types(402, 401), 0x6200, Why.OUTPUT),  # the node says another profile than its file
+        (types(0, 402), 0x6410, None),  # the file says none
+        (types(402, more=0xFFFF), 0x6410, None),
+        (types(402, more=0xFFFF), 0x6C10, Why.OUTPUT),  # of another logical device, whose profile nobody tells
+        (types(402, more=0xFFFF), 0x7200, Why.OUTPUT),
+        (types(402, more=0xFFFF, logical={1: 402, 2: 401}), 0x6C10, None),
+        (types(402, more=0xFFFF, logical={1: 402, 2: 401}), 0x7200, Why.OUTPUT),
+        (types(406, more=0xFFFF, logical={1: 402}), 0x6840, Why.COMMAND),
+        (types(402, more=0xFFFF, logical={1: 406}), 0x6803, Why.PRESET),
+    ],
+)
+def test_each_logical_device_has_its_profile(kinds: DeviceTypes, index: int, why: Why | None) -> None:
+    assert Configuration(GENERIC, kinds, included=EVERYTHING).why_not(entry(index, 1, mapped=False)) is why
+
+
+def test_the_types_of_logical_devices_are_read_in_the_dictionary() -> None:
+    def held(index: int, number: int, more: int) -> OdObject:
+        kind = OdEntry(index, 0, "Type", U32, Access.RO, default=(more << 16 | number).to_bytes(4, "little"))
+        return OdObject(index, "Type", ObjectType.VAR, {0: kind})
+
+    dictionary = ObjectDictionary({0x1000: held(0x1000, 402, 0xFFFF), 0x6FFF: held(0x6FFF, 401, 0)})
+    assert configuration_of(dictionary, GENERIC).types == types(402, more=0xFFFF, logical={1: 401})
 
 
 def test_an_object_of_the_maker_is_written_where_somebody_names_it() -> None:
@@ -148,12 +203,12 @@ def test_a_range_takes_no_command_of_a_record_for_a_setting() -> None:
 
 
 def test_a_range_of_a_profile_writes_settings_of_drives_and_what_its_name_says() -> None:
-    output = OdEntry(0x7300, 1, "Output Process Value", U32, Access.RWW, pdo_mapping=True)
+    output = OdEntry(0x7310, 1, "Output Process Value", U32, Access.RWW, pdo_mapping=True)
     for one, number, is_written in (
         (entry(0x6083, mapped=True), 402, True), (entry(0x6083, mapped=True), 404, False), (output, 404, False),
         (entry(0x6200, mapped=True), 402, False), (replace(output, name="Output limit"), 404, True),
     ):  # fmt: skip
-        known = Configuration(GENERIC, number, included=((0x6000, 0x9FFF),))
+        known = Configuration(GENERIC, types(number), included=((0x6000, 0x9FFF),))
         assert (known.why_not(one) is None) is is_written, f"{one.object} {number}"
 
 
@@ -185,7 +240,7 @@ def test_names_tell_what_no_standard_does(name: str, why: Why | None) -> None:
 def test_the_device_profile_is_read_in_the_dictionary() -> None:
     kind = OdEntry(0x1000, 0, "Device type", U32, Access.RO, default=bytes([0x96, 0x01, 0x02, 0x00]))
     dictionary = ObjectDictionary({0x1000: OdObject(0x1000, "Device type", ObjectType.VAR, {0: kind})})
-    assert configuration_of(dictionary, GENERIC).profile_number == 406
+    assert configuration_of(dictionary, GENERIC).types == types(406)
 
 
 def test_a_built_in_family_keeps_its_passcode() -> None:
@@ -208,7 +263,7 @@ entries = st.builds(
 known = st.builds(
     Configuration,
     st.sampled_from([GENERIC, LOCKED]),
-    st.sampled_from([None, 0, 401, 402, 404, 406, 410]),
+    st.sampled_from([types(one, more=more) for one in (None, 0, 401, 402, 404, 406, 410) for more in (2, 0xFFFF)]),
     included=st.sampled_from([(), EVERYTHING, ((0x2000, 0x5FFF),)]),
 )
 
@@ -262,7 +317,7 @@ def test_a_setting_is_none(name: str) -> None:
 
 @given(entries, known)
 def test_naming_objects_lifts_only_what_may_be_lifted(one: OdEntry, known: Configuration) -> None:
-    unasked = Configuration(known.profile, known.profile_number).why_not(one)
-    asked = Configuration(known.profile, known.profile_number, included=EVERYTHING).why_not(one)
+    unasked = Configuration(known.profile, known.types).why_not(one)
+    asked = Configuration(known.profile, known.types, included=EVERYTHING).why_not(one)
     assert asked in (unasked, None)
     assert unasked is asked or (unasked is not None and unasked.is_lifted_by_include)

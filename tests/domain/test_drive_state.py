@@ -18,5 +18,5 @@ def test_words_and_simulated_states_agree(state: DriveState, more: int) -> None:
 
 
 def test_read_says_the_state_of_a_drive() -> None:
-    assert "= operation enabled (0x1237)" in dvtcli("--sim", "gen4", "read", "statusword").stdout
+    assert "= switch on disabled (0x0250)" in dvtcli("--sim", "gen4", "read", "statusword").stdout
     assert "enabled" not in dvtcli("--sim", "gen4", "read", "6040").stdout

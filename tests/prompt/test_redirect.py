@@ -20,7 +20,7 @@ def test_results_go_into_files(gen4: Terminal, tmp_path: Path) -> None:
     gen4.wait_prompt()
     first, bits, second = (tmp_path / "out.txt").read_text("utf-8").splitlines()
     assert "Statusword" in first
-    assert bits.lstrip().startswith("ready to switch on,"), "the names of the bits that are set"
+    assert bits.lstrip().startswith("voltage enabled,"), "the names of the bits that are set"
     assert "Velocity actual value" in second
     assert "0x6041:00" not in gen4.text
     gen4.run("read 6041 > no/such/folder")

@@ -61,6 +61,8 @@ def test_a_target_velocity_moves_a_served_drive(tmp_path: Path) -> None:
     with served(tmp_path, "generic@1") as server:
         bus = with_velocity_on_tpdo1(server)
         write(bus, 0x60FF, (300).to_bytes(4, "little"))
+        for controlword in (6, 7, 15):
+            write(bus, 0x6040, controlword.to_bytes(2, "little"))
         seen = velocities(bus, lambda seen: bool(seen) and seen[-1] == 300)
         assert seen == sorted(seen)
         write(bus, 0x6040, b"\x02\x00")  # quick stop

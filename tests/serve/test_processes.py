@@ -27,7 +27,7 @@ pytestmark = pytest.mark.drawn(14, "processes")
 VENDOR = "0x1018:01  Identity object.Vendor-ID = "
 #: what pdo_config.dvt puts into the frames, as the simulated controller's values are
 FRAMES = {
-    0x181: "24faffff78003712",
+    0x181: "24faffff78005002",
     0x281: "000388fffe021f",
     0x381: "0000000a80020500",
     0x481: "000000000005",
@@ -138,7 +138,7 @@ def test_a_foreign_client_reads_and_receives(gen4: Served) -> None:
         node.tpdo[1].add_callback(came.append)  # wait_for_reception misses a frame that is quicker than it
         network.sync.transmit()
         wait_for(lambda: came, "the TPDO")
-        assert [variable.raw for variable in node.tpdo[1].map] == [-1500, 0x1237]
+        assert [variable.raw for variable in node.tpdo[1].map] == [-1500, 0x0250]
     finally:
         network.notifier.stop()
 
@@ -317,7 +317,7 @@ def test_nodes_on_a_bus_of_the_kernel(tmp_path: Path, own: tuple[str, ...]) -> N
         with can.Bus(interface="socketcan", channel="vcan0", ignore_config=True) as other:
             other.send(can.Message(arbitration_id=0, data=[1, 1], is_extended_id=False))
             other.send(can.Message(arbitration_id=0x080, is_extended_id=False))
-            while received_but_heartbeats(other, 1) != [(0x181, "371224faffff")]:
+            while received_but_heartbeats(other, 1) != [(0x181, "500224faffff")]:
                 pass
 
 

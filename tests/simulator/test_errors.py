@@ -138,7 +138,7 @@ def test_a_producer_sends_sync_and_its_own_tpdos() -> None:
     assert device.services.next_poll_s() == pytest.approx(1.01)
     assert device.services.poll(1.01) == [Frame(0x80, b"")]
     assert device.services.poll(1.015) == []
-    assert device.services.poll(1.02) == [Frame(0x80, b""), Frame(0x181, b"\x37\x12")]
+    assert device.services.poll(1.02) == [Frame(0x80, b""), Frame(0x181, b"\x50\x02")]
 
 
 def test_the_counter_runs_from_1_to_1019() -> None:

@@ -167,7 +167,7 @@ def test_identity_and_pdo_counts(family: str, vendor_id: int, rpdos: int, tpdos:
         ("gen4", 0x1800, 1, 0x181),
         ("gen4", 0x5000, 1, 4),
         ("gen4", 0x5800, 0, 0),
-        ("generic", 0x6041, 0, 0x1237),
+        ("generic", 0x6041, 0, 0x0250),
     ],
 )
 def test_factory_values(family: str, index: int, sub_index: int, raw: int) -> None:

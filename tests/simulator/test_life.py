@@ -186,7 +186,7 @@ def test_sync_does_nothing_outside_operational() -> None:
     Client.on(device).write(0x1800, 2, 1, 1)
     assert device.services.sync() == []
     device.nmt(NmtCommand.START)
-    assert device.services.sync() == [Frame(0x181, b"\x37\x12")]
+    assert device.services.sync() == [Frame(0x181, b"\x50\x02")]
 
 
 def test_sync_counts_by_transmission_type() -> None:
@@ -312,7 +312,7 @@ def test_live_values_are_not_stored() -> None:
     device.set_value(0x6041, 0, b"\0\0")
     Client.on(device).write(0x1010, 1, SAVE, 4)
     device.nmt(NmtCommand.RESET_NODE)
-    assert number(device, 0x6041) == 0x1237
+    assert number(device, 0x6041) == 0x0250
 
 
 def test_a_reset_ends_a_transfer() -> None:

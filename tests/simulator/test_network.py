@@ -67,7 +67,7 @@ def test_sdo_nmt_and_sync_over_frames(bench: Bench) -> None:
     bench.send(0x080)
     bench.send(0x000, "0101")
     bench.send(0x080)
-    assert bench.hear(0x181) == "3712"
+    assert bench.hear(0x181) == "5002"
     assert bench.hear(0x701) is not None
     bench.send(0x000, "0200")
     bench.send(0x601, "4000180100000000")
@@ -99,9 +99,9 @@ def test_nodes_hear_each_other(bench: Bench) -> None:
         assert bench.write(2, request) is not None
     bench.send(0x000, "0100")
     bench.send(0x080)
-    assert bench.hear(0x181) == "3712"
+    assert bench.hear(0x181) == "5002"
     with bench.network.lock:
-        assert bench.network.nodes[1].device.value(0x6040) == b"\x37\x12"
+        assert bench.network.nodes[1].device.value(0x6040) == b"\x50\x02"
 
 
 def test_stop_leaves_no_thread_and_may_be_called_twice(bench: Bench) -> None:

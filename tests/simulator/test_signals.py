@@ -271,14 +271,16 @@ def test_a_drive_is_as_its_file_says_until_it_is_ordered_something() -> None:
     device = booted()
     plant = Plant(device)
     run(plant, 10.0)
-    assert (plant.due_s, velocity(device), device.value(0x6041)) == (float("inf"), -1500, b"\x37\x12")
+    assert (plant.due_s, velocity(device), device.value(0x6041)) == (float("inf"), -1500, b"\x50\x02")
     Client.on(device).write(0x60FF, 0, 500, 4)
     plant.poll(10.0)
     run(plant, 11.0)
-    assert velocity(device) == 500
+    assert (velocity(device), plant.state) == (0, DriveState.SWITCH_ON_DISABLED), (
+        "it is not enabled, and comes to a stand"
+    )
     device.nmt(NmtCommand.RESET_NODE)
     run(plant, 20.0)
-    assert (velocity(device), device.value(0x6041)) == (-1500, b"\x37\x12")
+    assert (velocity(device), device.value(0x6041)) == (-1500, b"\x50\x02")
 
 
 def test_a_drive_that_stands_wants_no_polls() -> None:

@@ -42,7 +42,7 @@ def sent(device: StrictDevice, *times_s: float) -> list[float]:
 
 def test_on_change_and_once_at_the_start() -> None:
     device = alone()
-    assert device.services.poll(0.0) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    assert device.services.poll(0.0) == [Frame(STATUS_FRAME, b"\x50\x02")]
     assert device.services.poll(1.0) == []
     assert device.services.next_poll_s() is None
     change(device, 0x1234)
@@ -56,7 +56,7 @@ def test_a_change_that_is_undone_before_it_was_seen_is_none() -> None:
     device = alone()
     device.services.poll(0.0)
     change(device, 0)
-    change(device, 0x1237)
+    change(device, 0x0250)
     assert device.services.poll(0.1) == []
 
 
@@ -106,7 +106,7 @@ def test_only_in_operational_and_anew_after_each_start() -> None:
     assert device.services.poll(0.05) == []
     assert device.services.next_poll_s() is None
     device.nmt(NmtCommand.START)
-    assert device.services.poll(0.06) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    assert device.services.poll(0.06) == [Frame(STATUS_FRAME, b"\x50\x02")]
     assert device.services.next_poll_s() == pytest.approx(0.11)
 
 
@@ -155,7 +155,7 @@ REQUEST = Frame(STATUS_FRAME, b"", remote=True)
 def test_a_remote_frame_brings_any_tpdo_that_allows_it(kind: int) -> None:
     device = alone(kind=kind)
     device.services.poll(0.0)
-    assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x50\x02")]
     assert device.services.receive(Frame(STATUS_FRAME, b"", extended=True, remote=True)) == []
 
 
@@ -172,7 +172,7 @@ def test_type_252_samples_at_sync_and_answers_with_the_sample() -> None:
     assert device.services.receive(REQUEST) == []
     assert device.services.sync() == []
     change(device, 1)
-    assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x50\x02")]
     device.services.sync()
     assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x01\x00")]
 

@@ -198,10 +198,10 @@ def test_frame_of_the_trinamic_rpdo_lands_in_its_objects() -> None:
 @pytest.mark.parametrize(
     ("family", "node_id", "writes", "can_id", "data"),
     [
-        ("gen4", 1, SEVCON_TPDO1, 0x201, "000A24FAFFFF3712"),
+        ("gen4", 1, SEVCON_TPDO1, 0x201, "000A24FAFFFF5002"),
         ("roboteq", 1, ROBOTEQ_TPDO1, 0x181, "7D00B0FF870022"),
         ("generic", 5, LINK_TPDO1, 0x185, "000A00FE05"),
-        ("tmcm", 1, [(0x1800, 2, 1, 1), *TMCM_TPDO1], 0x181, "37120340E20100"),
+        ("tmcm", 1, [(0x1800, 2, 1, 1), *TMCM_TPDO1], 0x181, "50020340E20100"),
     ],
 )
 def test_sync_frame_carries_the_mapped_values(

@@ -115,6 +115,52 @@ def test_a_drive_whose_power_stage_is_on_is_not_configured(tmp_path: Path) -> No
         assert "power stage" not in bench.run(f"plan {file}").stderr, "nothing is to be written"
 
 
+def test_a_simulated_drive_that_is_on_by_its_file_is_not_configured_either(tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf", *CHANGES)
+    eds = tmp_path / "on.eds"
+    text = builtin_path("generic").with_name("generic.eds").read_text("utf-8")
+    eds.write_text(text.replace("DefaultValue=0x0250", "DefaultValue=0x1237"), "utf-8")
+    with Bench((f"{eds}@5",)) as bench:
+        for line in ("apply", "clone"):
+            ran = bench.run(f"{line} {file} --yes")
+            assert (ran.code, "the power stage of node 5 is on: operation enabled" in ran.stderr) == (6, True)
+        assert bench.run("read 1017 --json").document["value"] == 500
+
+
+@pytest.mark.parametrize("form", ["dcf", "jsonl"])
+@pytest.mark.parametrize(
+    ("family", "outputs"),
+    [
+        ("generic", ("6200:01", "6411:01", "6411:02")), ("gen4", ("6200:01", "6C11:01")), ("espac", ("6200:01",)),
+        ("loader", ("6200:01",)), ("canopennode", ("6200:01", "6411:01")),
+    ],
+)  # fmt: skip
+def test_outputs_are_written_by_no_file_whatever_profile_the_device_has(
+    family: str, outputs: tuple[str, ...], form: str, tmp_path: Path
+) -> None:
+    file = made(tmp_path, family, form, *(f"write {one} 1" for one in outputs), "write 1017 710")
+    text = file.read_text("utf-8")
+    for one in outputs if form == "dcf" else ():
+        section = f"[{one[:4]}sub{int(one[5:], 16):X}]\n"
+        assert section in text
+        text = text.replace(section, f"{section}ParameterValue=1\n")
+    file.write_text(text, "utf-8")
+    names = " ".join(f"--include {one} --include {one[:4]}" for one in outputs)
+    with Bench((f"{family}@5",)) as bench:
+
+        def held() -> list[int]:
+            return [bench.run(f"read {one} --json").document["value"] for one in outputs]
+
+        before = held()
+        assert "--include 6" not in bench.run(f"diff {file}").stdout, "nobody is told to name an output"
+        ran = bench.run(f"apply {file} {names} --force --yes")
+        assert (ran.code, "it is an output" in ran.stderr or "process data" in ran.stderr) == (0, True), ran
+        cloned = bench.run(f"clone {file} {names} --include 6000-9FFF --yes")
+        assert cloned.code == 0 or "does not say which product" in cloned.stderr
+        assert bench.run("read 1017 --json").document["value"] == 710
+        assert held() == before
+
+
 def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
     eds = odd(tmp_path)
     file = tmp_path / "node.jsonl"

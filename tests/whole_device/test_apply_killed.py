@@ -21,6 +21,8 @@ def test_a_killed_apply_is_recovered(tmp_path: Path, kill_at: int) -> None:
     file, folder = made(tmp_path, "generic", "dcf", *SETTING), tmp_path / "nodes"
     folder.mkdir()
     with killable(folder, "generic@1") as nodes:
+        for controlword in ("6", "7", "15"):
+            assert nodes.dvtcli("-n", "1", "write", "6040", controlword).returncode == 0
         assert nodes.dvtcli("-n", "1", "--yes", "apply", str(file)).returncode == 6, "its power stage is on"
         assert nodes.dvtcli("-n", "1", "write", "6040", "6").returncode == 0
         before = nodes.dvtcli("-n", "1", "pdo", "--all", "--json").stdout

@@ -10,7 +10,6 @@ from dvtcli.domain.drive_state import drive_state
 from dvtcli.domain.rules.finding import warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.errors import SafetyRefusal, SdoAborted
-from dvtcli.operations.consent.reset_consent import commanded
 
 if TYPE_CHECKING:
     from dvtcli.domain.rules.finding import Finding
@@ -28,10 +27,7 @@ _HINT = "bring the machine to a stand, then 6040 = 0; a file is written to a dri
 
 
 def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
-    """SafetyRefusal where the statusword of an axis of *node_ids* (0x6041, 0x6841, …) says that its power stage is on.
-
-    A drive of this process comes up as its EDS says, which may be enabled: it counts once this session commanded it.
-    """
+    """SafetyRefusal where the statusword of an axis of *node_ids* (0x6041, 0x6841, …) says its power stage to be on."""
     for node_id in node_ids:
         for _, state in _powered(session, node_id):
             raise SafetyRefusal(f"the power stage of node {node_id} is {state}", node=node_id, hint=_HINT)
@@ -47,8 +43,6 @@ def powered_findings(session: Session, node_id: int) -> tuple[Finding, ...]:
 
 def _powered(session: Session, node_id: int) -> Iterator[tuple[str, str]]:
     """Each statusword of the node that says that a power stage is on, and what it says."""
-    if session.bus.simulated and not commanded(session, node_id):
-        return
     for index, sub_index in STATUSWORDS:
         try:
             data = session.bus.sdo(node_id).upload(index, sub_index)

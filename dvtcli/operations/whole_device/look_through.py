@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_whole import ReadObject, read_whole
-from dvtcli.domain.configuration import Configuration, configuration_of, profile_number
+from dvtcli.domain.configuration import Configuration, device_types
 from dvtcli.domain.datatypes import Kind
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.objects.transfer_progress import transfer_progress
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress, Range
     from dvtcli.operations.session.session import Session
-
-_DEVICE_TYPE = (0x1000, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +94,15 @@ def described(node: Node) -> ObjectDictionary:
 
 
 def configuration(node: Node, dictionary: ObjectDictionary, included: Collection[Range] = ()) -> Configuration:
-    """What is configuration of *node*, by the device profile that it says it has, else by its file's."""
-    known = configuration_of(dictionary, node.profile, included)
-    try:
-        held = node.memory.upload(*_DEVICE_TYPE)
-    except SdoAborted:
-        return known
-    return Configuration(node.profile, profile_number(held), included=included, dictionary=dictionary)
+    """What is configuration of *node*, by the device profiles that it and its file say it has."""
+
+    def held(index: int) -> bytes | None:
+        try:
+            return node.memory.upload(index, 0)
+        except SdoAborted:
+            return None
+
+    return Configuration(node.profile, device_types(dictionary, held), included=included, dictionary=dictionary)
 
 
 def duration(seconds: float) -> str:

@@ -55,7 +55,7 @@ def test_one_value_stays_one(gen4: Bench, words: str) -> None:
     document = gen4.run(f"read {words} --json").document
     assert "entries" not in document
     value, *bits = gen4.run(f"read {words}").stdout.splitlines()
-    assert len(bits) == ("Statusword = operation enabled (0x1237)" in value)
+    assert len(bits) == ("Statusword = switch on disabled (0x0250)" in value)
 
 
 def test_among_several_objects(gen4: Bench) -> None:

@@ -42,6 +42,8 @@ def test_a_target_velocity_moves_the_actual_one() -> None:
     with Bench(sim=("generic",)) as bench:
         assert value(bench, "606C") == value(bench, "606C") == -1500
         assert bench.run("write 60FF 500").code == 0
+        for controlword in (6, 7, 15):
+            assert bench.run(f"write 6040 {controlword}").code == 0
         until = time.monotonic() + 60
         while value(bench, "606C") != 500:
             assert time.monotonic() < until
