@@ -111,6 +111,8 @@ BREAKS = [
     Break("vendors", "domain/cob_id.py", 'MAKERS = {"Lely": 1}'),
     Break("vendors", "bus/opening.py", "PRODUCT = 0x07050000"),
     Break("vendors", "device/node.py", _function("if node.vendor_id == 30:", "    return 1")),
+    Break("vendors", "device/node.py", "VENDOR_ID = 0x1E"),
+    Break("vendors", "device/node.py", _function("node.configure(vendor=30)")),
     Break("vendors", "device/node.py", _function("match node.product:", "    case 30:", "        return 1")),
     Break("vendors", "device/node.py", _function('return node.name.startswith(b"Gen4")')),
     Break("vendors", "device/node.py", _function('return node.name == "rob" + "oteq"')),

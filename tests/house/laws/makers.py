@@ -19,20 +19,19 @@ _NOBODY = ("generic", "loader", "standard")
 _OTHERS = ("borgwarner", "maxon", "schunk", "faulhaber", "systec", "ingenia", "axiomatic")
 #: a word that has a maker's name in it by chance
 _CHANCE = re.compile("namespace", re.I)
+#: a number up to here is more often a CAN-ID, a length or a time than a maker's
+_CAN_ID = 0x7FF
 _PROSE = ("help", "hint", "epilog", "short_help")
 
 
 @cache
 def names() -> frozenset[str]:
-    """Names of families, and of their makers as titles and EDS files say them."""
+    """Names of families, and of their makers as EDS files say them; a title may begin with any word."""
     found = {*_OTHERS}
     for folder in FAMILIES.iterdir():
         if folder.name in _NOBODY or not folder.is_dir():
             continue
         found.add(folder.name.partition("-")[0])
-        for file in folder.glob("*.toml"):
-            title = tomllib.loads(file.read_text("utf-8")).get("title", "")
-            found |= {word.lower() for word in title.split()[:1]}
         for eds in folder.glob("*.eds"):
             said = re.findall(r"^(?:VendorName|ProductName) *= *(\w+)", eds.read_text("latin-1"), re.M | re.I)
             found |= {word.lower() for word in said}
@@ -74,19 +73,29 @@ def _pattern() -> re.Pattern[str]:
 
 
 def _numbers_in(source: str, module: ast.Module) -> Iterator[tuple[int, str]]:
-    """Identity numbers in hex, as the field writes them; large ones, and any that an identity is compared with."""
+    """Identity numbers: large ones, and any that an identity is compared with, or that is called one."""
     compared = {id(inner) for node in nodes(module) if _asks_for_identity(node) for inner in ast.walk(node)}
     for node in nodes(module):
         if isinstance(node, ast.Constant) and type(node.value) is int and node.value in numbers():
             written = ast.get_source_segment(source, node) or ""
-            if node.value > 0xFF or written.lower().startswith("0x") or id(node) in compared:
-                yield node.lineno, written
+            if node.value > _CAN_ID or id(node) in compared:
+                yield node.lineno, f"{written} is an identity number in families/: what the family does is a key there"
 
 
 def _asks_for_identity(node: ast.AST) -> bool:
-    """Whether *node* compares something that is called a vendor or a product."""
-    asked = node.subject if isinstance(node, ast.Match) else node if isinstance(node, ast.Compare) else None
-    return asked is not None and re.search("vendor|product|identity", ast.unparse(asked)) is not None
+    """Whether *node* compares, or sets, something that is called a vendor or a product."""
+    match node:
+        case ast.Compare():
+            asked = [ast.unparse(node)]
+        case ast.Match(subject=one) | ast.AnnAssign(target=one):
+            asked = [ast.unparse(one)]
+        case ast.Assign(targets=several):
+            asked = [ast.unparse(one) for one in several]
+        case ast.keyword(arg=name):
+            asked = [name or ""]
+        case _:
+            return False
+    return any(re.search("vendor|product|identity", one, re.IGNORECASE) for one in asked)
 
 
 def texts(tree: ast.Module) -> Iterator[tuple[int, str]]:

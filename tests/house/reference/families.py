@@ -57,12 +57,18 @@ def simulated() -> Iterator[str]:
         (
             f"[`{name}`](#simulated-{name})",
             plain(_facts(name).get("title", "")),
-            _facts(name)["about"],
+            _about(name),
             family_eds(name).name,
         )
         for name in family_names()
     )
     return table(("family", "like", "in short", "object dictionary"), rows)
+
+
+def _about(name: str) -> str:
+    about = _facts(name).get("about")
+    assert about, f"families/{name}/simulated.toml: about = …, in a few words"
+    return str(about)
 
 
 def simulated_values() -> Iterator[str]:
