@@ -38,7 +38,7 @@ def test_the_generic_file_and_the_code_agree() -> None:
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*/profile.toml")), ids=lambda path: path.parent.name)
 def test_every_value_names_its_source(path: Path) -> None:
-    """A paper that the head of the file names (`"EDS" = …`), CiA, or `assumed`: beside the value, or above its table."""
+    """A paper that the head of the file names (`"EDS" = …`), CiA, or `assumed`: beside the value or above it."""
     lines = path.read_text(encoding="utf-8").splitlines()
     head = " ".join(takewhile(lambda line: line.startswith("#"), lines))
     papers = map(re.escape, re.findall(r'"([^"]+)" = \S', head))

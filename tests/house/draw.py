@@ -282,8 +282,11 @@ def text(house: House) -> Iterator[str]:
 _WIDTH, _BOX, _STEP, _HIGH = 860, 380, 78, 50
 
 
-def svg(house: House) -> str:
-    """The house as a drawing, its roof at the top: arrows in the order on the right, others in red on the left."""
+def svg(house: House, *, counted: bool = True) -> str:
+    """The house as a drawing, its roof at the top: arrows in the order on the right, others in red on the left.
+
+    Without *counted* it says no numbers: so it changes only where an arrow comes or goes.
+    """
     sizes = Counter(map(room_of, house.files))
     rooms = [*[room for room in sizes if room not in ROOMS], *reversed(ROOMS)]
     top = {room: 20 + _STEP * place for place, room in enumerate(rooms)}
@@ -300,19 +303,20 @@ def svg(house: House) -> str:
             begin, end = top[source] + _HIGH * 0.65, top[target] + _HIGH * 0.35
             bow = edge + way * (24 + 17 * abs(rooms.index(source) - rooms.index(target)))
             colour = "#c62828" if against else "#78909c"
+            wide, many = (min(1 + count / 25, 5), f": {count}") if counted else (2, "")
             parts.append(
                 f'<path d="M{edge},{begin} C{bow},{begin} {bow},{end} {edge},{end}" fill="none" stroke="{colour}" '
-                f'stroke-width="{min(1 + count / 25, 5):.1f}" opacity="0.7"><title>{source} imports {target}: {count}'
+                f'stroke-width="{wide:.1f}" opacity="0.7"><title>{source} imports {target}{many}'
                 f'</title></path><circle cx="{edge}" cy="{end}" r="3" fill="{colour}"/>'
             )
     for room in rooms:
         about = ROOMS.get(room, "in no table")
+        files = f"{sizes[room] or 'no'} files" if counted else ""
         parts += [
             f'<rect x="{left}" y="{top[room]}" width="{_BOX}" height="{_HIGH}" rx="6" fill="#eceff1" '
             'stroke="#455a64"/>',
             f'<text x="{left + 12}" y="{top[room] + 21}" font-size="15" font-weight="bold">{room}</text>',
-            f'<text x="{left + _BOX - 12}" y="{top[room] + 21}" font-size="12" text-anchor="end">'
-            f"{sizes[room] or 'no'} files</text>",
+            f'<text x="{left + _BOX - 12}" y="{top[room] + 21}" font-size="12" text-anchor="end">{files}</text>',
             f'<text x="{left + 12}" y="{top[room] + 40}" font-size="12" fill="#37474f">{about}</text>',
         ]
     return "\n".join([*parts, "</svg>\n"])

@@ -13,6 +13,7 @@ from dvtcli.operations.user.options import Options
 from tests.house.pages import PAGES, text
 from tests.house.reference import PARTS, REWRITE, names, rewritten
 from tests.house.reference.documents import RUNS, SENSES, paths, schemas, sense
+from tests.house.reference.house import DRAWING, drawing
 from tests.process import ROOT
 
 generated = pytest.mark.parametrize("page", [page for page in PAGES if any(names(text(page)))])
@@ -21,6 +22,11 @@ generated = pytest.mark.parametrize("page", [page for page in PAGES if any(names
 @generated
 def test_what_is_generated_is_what_the_code_has(page: str) -> None:
     assert rewritten(text(page)) == text(page), f"{page} is not what the code has now: {REWRITE}"
+
+
+def test_the_drawing_shows_the_imports_that_there_are() -> None:
+    assert DRAWING.read_text("utf-8") == drawing(), f"{DRAWING.name} is not what the code has now: {REWRITE}"
+    assert f"]({DRAWING.name})" in (DRAWING.parent / "architecture.md").read_text("utf-8")
 
 
 def test_every_part_stands_in_one_page() -> None:

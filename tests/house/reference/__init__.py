@@ -39,6 +39,7 @@ PARTS = {
     "profile-values": "families:profile_values",
     "simulated": "families:simulated",
     "simulated-values": "families:simulated_values",
+    "rooms": "house:rooms",
     "faults": "faults:faults",
     "signals": "faults:signals",
     "python-calls": "api:calls",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.house.reference import pages, rewritten
+from tests.house.reference.house import DRAWING, drawing
 from tests.house.reference.network import SCHEMA_FILES, schema_text
 from tests.process import ROOT
 
@@ -17,3 +18,7 @@ for path in SCHEMA_FILES:
     if not path.exists() or path.read_text("utf-8") != schema_text():
         path.write_text(schema_text(), encoding="utf-8")
         print(f"{path.relative_to(ROOT)} rewritten")
+
+if not DRAWING.exists() or DRAWING.read_text("utf-8") != drawing():
+    DRAWING.write_text(drawing(), encoding="utf-8")
+    print(f"{DRAWING.relative_to(ROOT)} rewritten")

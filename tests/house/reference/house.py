@@ -1,0 +1,24 @@
+"""Which room imports which, for the documentation: as a table and as a drawing. Not what they are for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tests.house.draw import ROOMS, House, svg
+from tests.house.reference.markdown import code, table
+from tests.house.source import PACKAGE
+from tests.process import ROOT
+
+DRAWING = ROOT / "docs/explanation/house.svg"
+
+
+def rooms() -> Iterator[str]:
+    """Each room, its roof first, with those that its files import."""
+    arrows = {arrow.rooms for arrow in House(PACKAGE).arrows}
+    below = {room: [one for one in reversed(ROOMS) if one != room and (room, one) in arrows] for room in ROOMS}
+    return table(("room", "imports"), ((code(room), ", ".join(map(code, below[room]))) for room in reversed(ROOMS)))
+
+
+def drawing() -> str:
+    """The same as a picture."""
+    return svg(House(PACKAGE), counted=False)
