@@ -16,7 +16,8 @@ from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import remove
 from dvtcli.device.change.whole import Part, Storing, Whole
-from dvtcli.domain.plan import Plan
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import JournalKept, SafetyRefusal
 
 
@@ -63,6 +64,13 @@ class OwnJournal:
     def says_stores(self) -> bool:
         """Whether it tells of stores that end the whole."""
         return bool(self._course.part.stores)
+
+    def before(self) -> dict[Pdo, PdoConfig]:
+        """What the PDOs held that the changes of a whole altered which is not complete yet, before any of them."""
+        course = self._course
+        if not course.made or course.part.whole != self.whole.id:
+            return {}
+        return {change.pdo: change.before for change in course.plan.changes if isinstance(change, PdoChange)}
 
     def announce(self, plan: Plan | None) -> None:
         """The changes that follow are parts of *plan*: its journal is written before the first one, for all of them.

@@ -124,13 +124,15 @@ class Keeper:
         """Before the first write of *plan*: take the lock, back the PDOs up where needed, put the journal on disk.
 
         *held* are PDOs as they were just read, by which it is seen whether a backup is needed; *pdos* reads all of
-        them, for a backup only. *asked* are the PDOs that `learn` asks, where it does.
+        them, for a backup only. Where *plan* goes on with a whole, or takes it back, what that changed counts as it was
+        before. *asked* are the PDOs that `learn` asks, where it does.
         """
+        before = self.own_journal.before()
         with self._files("kept"):
             self.lock.take()
-            needed = self._backing_up.needed(identity, held or {})
+            needed = self._backing_up.needed(identity, {pdo: before.get(pdo, one) for pdo, one in (held or {}).items()})
         if needed:
-            whole = pdos()
+            whole = {**pdos(), **before}
             with self._files("kept"):
                 path = self._backing_up.make(identity, whole, {pdo for pdo in whole if self.is_fixed(pdo)})
                 self.say(f"backup of node {self.node_id}: {path}")
