@@ -1,17 +1,24 @@
 """The last frame of each CAN-ID that was heard on a bus, and how regularly it comes.
 
-Knows frames and times it is given. Does not know a clock, a bus, nor what a frame means.
+Knows frames and times it is given, and when a node's PDO was set otherwise. Does not know a clock, nor a bus.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dvtcli.domain.ports import Frame
 
 #: CAN-IDs that are remembered; the one that was silent longest is forgotten for a new one.
 MOST = 512
+#: PDO parameters, and the CAN-IDs of SDO requests and heartbeats, whose first one (no data but 0) is a boot-up
+_PDO_PARAMETERS = range(0x1400, 0x1C00)
+_REQUESTS, _HEARTBEATS = range(0x601, 0x680), range(0x701, 0x780)
+#: command specifiers of SDO downloads: expedited and segmented, block
+_DOWNLOADS = (1, 6)
+_NEVER = float("-inf")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +45,16 @@ class LastFrames:
 
     def __init__(self) -> None:
         self._heard: OrderedDict[tuple[int, bool], Heard] = OrderedDict()
+        #: when a PDO parameter was written last, by node-ID and index, and when the node booted (index 0)
+        self._set_s: dict[tuple[int, int], float] = {}
 
     def take(self, frame: Frame, now_s: float) -> None:
         """Remember a *frame* that was heard at *now_s*; remote frames carry nothing to remember."""
         if frame.remote:
             return
         key = frame.can_id, frame.extended
+        if not frame.extended and frame.data:
+            self._note_setting(frame.can_id, frame.data, now_s)
         before = self._heard.pop(key, None)
         self._heard[key] = Heard(frame.data, now_s, None if before is None else _period(before, now_s))
         if len(self._heard) > MOST:
@@ -52,6 +63,20 @@ class LastFrames:
     def clear(self) -> None:
         """Forget all of them."""
         self._heard.clear()
+        self._set_s.clear()
+
+    def _note_setting(self, can_id: int, data: bytes, now_s: float) -> None:
+        """Note what may give a node's PDOs another layout, or another COB-ID: a download, by anybody, or a restart."""
+        if can_id in _HEARTBEATS and data == b"\0":
+            self._set_s[can_id & 0x7F, 0] = now_s
+        elif can_id in _REQUESTS and data[0] >> 5 in _DOWNLOADS:
+            index = int.from_bytes(data[1:3], "little")
+            if index in _PDO_PARAMETERS:
+                self._set_s[can_id & 0x7F, index] = now_s
+
+    def set_s(self, node_id: int, indices: Iterable[int]) -> float:
+        """When one of the PDO parameters *indices* of *node_id* was written last, or the node booted, as was heard."""
+        return max(self._set_s.get((node_id, index), _NEVER) for index in (0, *indices))
 
     def last(self, can_id: int, *, extended: bool = False) -> Heard | None:
         """What was last heard with *can_id* (11 bits, 29 where *extended*), None where nothing was."""

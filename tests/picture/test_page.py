@@ -138,6 +138,31 @@ def test_what_cannot_be_compared_is_said_and_drawn_all_the_same(tmp_path: Path) 
     assert "not compared with other.yaml" in read.text
 
 
+def test_the_contents_lead_to_every_section_and_each_of_them_back(tmp_path: Path) -> None:
+    with dvtcli.simulate("gen4@1", "generic@5") as bus:
+        bus.report(tmp_path / "x.html", LINE, yes=True)
+    for text in ((tmp_path / "x.html").read_text("utf-8"), drawn(tmp_path, LINE, "y.html")):
+        contents = text[text.index("<nav ") : text.index("</nav>")]
+        sections = re.findall(r'<section id="([a-z]+)"', text)
+        assert re.findall(r'href="#([a-z]+)"', contents) == sections
+        assert text.count('<a class="up" href="#contents">') == len(sections)
+        assert "nav { display: none" in text[text.index("@media print") :]
+
+
+def test_the_map_has_the_colours_of_its_legend(tmp_path: Path) -> None:
+    """Red is what may be late, or has no limit: also where there is no deadline to be late for."""
+    with dvtcli.simulate("gen4@1", "generic@5") as bus:
+        bus.report(tmp_path / "x.html", yes=True)
+    text = (tmp_path / "x.html").read_text("utf-8")
+    kinds = {cob_id: kind for kind, cob_id in re.findall(r'class="place ([a-z]+)"><title>(0x[0-9A-F]{3})', text)}
+    late = {cob_id for cob_id, kind in kinds.items() if kind == "late"}
+    rows = re.findall(r'<tr role="row">.*?</tr>', text[text.index('id="frames"') : text.index('id="pdos"')], re.DOTALL)
+    told = {re.findall("0x[0-9A-F]{3}", row)[0] for row in rows if "no limit" in row or " - late" in row}
+    assert late == told
+    assert {"0x181", "0x185", "0x285"} <= late
+    assert "0x181 TPDO1 of node 1, no limit" in text
+
+
 @pytest.mark.parametrize("name", ["x.html", "x.svg", "x.dot"])
 def test_nothing_is_written_where_it_cannot_be_drawn(tmp_path: Path, name: str) -> None:
     wrong = tmp_path / "wrong.yaml"

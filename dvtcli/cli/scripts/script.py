@@ -37,6 +37,7 @@ def run_script(
         raise UsageError("--atomic and --keep-going exclude each other: a failing line takes all lines back")
     lines = script_lines(data, source, first_line)
     session.started = True
+    session.keep_frames()
     reach = Reach()
     parsed = all_parsed(lines, session, [*session.scripts, source], {}, reach)
     if atomic:

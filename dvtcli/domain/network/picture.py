@@ -118,6 +118,11 @@ class PictureFrame:
     heard_hz: float | None = None
     heard_share: float | None = None
 
+    @property
+    def has_no_limit(self) -> bool:
+        """Whether nothing says how often it comes at most."""
+        return self.is_computed and self.share is None
+
 
 @dataclass(frozen=True, slots=True)
 class PictureFinding:

@@ -12,6 +12,8 @@ _ROWS = (
     "SDO request", "-", "heartbeat", "LSS",
 )  # fmt: skip
 _ROW, _TOP = 17, 26
+#: what the legend tells apart
+_KINDS = ("unsent", "used", "late")
 _MARKS = (1, 32, 64, 96, 127)
 
 
@@ -33,7 +35,7 @@ def cob_id_map(picture: NetworkPicture, width: int = 960, name: str = "map") -> 
             add(root, "text", words.partition(",")[0].removesuffix(" answer").removesuffix(" request"), x=42, y=y + 11,
                 class_="dim tiny")  # fmt: skip
         add(root, "rect", x=left, y=y, width=step * 128, height=_ROW - 3, rx=2, class_="lane")
-    for frame in frames:
+    for frame in sorted(frames, key=lambda one: _KINDS.index(_kind(one))):  # what is worst is drawn over the others
         _place(root, frame, left, step)
     return root
 
@@ -41,10 +43,18 @@ def cob_id_map(picture: NetworkPicture, width: int = 960, name: str = "map") -> 
 def _place(root: Element, frame: PictureFrame, left: float, step: float) -> None:
     can_id = frame.identifier[0]
     x, y = left + step * (can_id & 0x7F), _TOP + _ROW * (can_id >> 7)
-    kind = "late" if frame.is_late else "used" if frame.is_computed else "unsent"
     wide = max(step - 0.6, 4)
     mark = add(root, "rect", x=f"{x + (step - wide) / 2:.2f}", y=y, width=f"{wide:.2f}", height=_ROW - 3, rx=1,
-               class_=f"place {kind}")  # fmt: skip
+               class_=f"place {_kind(frame)}")  # fmt: skip
     whose = "" if frame.node is None else f" of node {frame.node}"
     hears = f", heard by {ends_text(frame.consumers)}" if frame.consumers else ""
-    add(mark, "title", f"{cob_id(frame.identifier)} {frame.what or frame.why}{whose}{hears}")
+    add(mark, "title", f"{cob_id(frame.identifier)} {frame.what or frame.why}{whose}{hears}{_warning(frame)}")
+
+
+def _kind(frame: PictureFrame) -> str:
+    """Which of the legend's colours it has."""
+    return "late" if frame.is_late or frame.has_no_limit else "used" if frame.is_computed else "unsent"
+
+
+def _warning(frame: PictureFrame) -> str:
+    return ", no limit" if frame.has_no_limit else ", may be late" if frame.is_late else ""

@@ -34,6 +34,15 @@ class Tile:
     target: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A line of the contents: a section, and how many things are in it (empty where that says nothing)."""
+
+    target: str
+    title: str
+    count: str = ""
+
+
 def page(picture: NetworkPicture) -> bytes:
     """The page, UTF-8."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
@@ -54,7 +63,8 @@ def page(picture: NetworkPicture) -> bytes:
         for size, width in (("wide", _WIDE), ("narrow", _NARROW))
     }
     text = environment.get_template("page.html").render(
-        picture=picture, tiles=tuple(_tiles(picture)), cards=tuple(frame_cards(picture)), rate=_rate(picture),
+        picture=picture, tiles=tuple(_tiles(picture)), contents=tuple(_contents(picture)),
+        cards=tuple(frame_cards(picture)), rate=_rate(picture),
         findings=tables.findings_table(picture), differences=tables.differences_table(picture),
         nodes=tables.nodes_table(picture), pdos=tables.pdos_table(picture), frames=tables.frames_table(picture),
         fitting=", ".join(kbit(rate) for rate in picture.load.fitting), percent=percent,
@@ -71,6 +81,19 @@ def _hash(text: str) -> str:
 
 def _rate(picture: NetworkPicture) -> str:
     return kbit(picture.load.bit_rate) + (" (assumed)" if picture.load.is_assumed else "")
+
+
+def _contents(picture: NetworkPicture) -> Iterator[Entry]:
+    """The sections in their order: on a phone the page is long."""
+    yield Entry("wiring", "Wiring")
+    yield Entry("findings", "Findings", str(len(picture.findings)))
+    if picture.compared:
+        count = "" if picture.differences is None else str(len(picture.differences))
+        yield Entry("differences", "Differences", count)
+    yield Entry("nodes", "Nodes", str(len(picture.nodes)))
+    yield Entry("frames", "COB-IDs, load, times", str(len(picture.frames)))
+    yield Entry("pdos", "PDOs", str(sum(1 for _ in picture.pdos)))
+    yield Entry("layouts", "Layouts", str(sum(1 for _ in frame_cards(picture))))
 
 
 def _tiles(picture: NetworkPicture) -> Iterator[Tile]:

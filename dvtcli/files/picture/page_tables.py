@@ -178,8 +178,8 @@ def _length(one: PictureFrame) -> Cell:
 
 
 def _at_most(one: PictureFrame) -> Cell:
-    unlimited = one.is_computed and one.share is None
-    return Cell(one.why or "-", _LAST if one.period_us is None else float(one.period_us), "bad" if unlimited else "")
+    key = _LAST if one.period_us is None else float(one.period_us)
+    return Cell(one.why or "-", key, "bad" if one.has_no_limit else "")
 
 
 def _times(one: PictureFrame, most: float) -> Iterator[Cell]:

@@ -17,6 +17,7 @@ from dvtcli.operations.user.said import Said
 if TYPE_CHECKING:
     from dvtcli.device.change.whole import Whole
     from dvtcli.device.node import Node
+    from dvtcli.domain.heard import LastFrames
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.opening.bus_of_options import OpenBus, Simulate
     from dvtcli.operations.opening.open_network import Network
@@ -45,6 +46,9 @@ class Opened(Said):
         self._gone: str | None = None
         #: what the bus was set to since it was opened (bit/s), so that it is opened again at that
         self._set_rate: int | None = None
+        #: the last frames that were heard, where somebody listens all the time: the prompt, or a script (`keep_frames`)
+        self.frames: LastFrames | None = None
+        self._keeps_frames = False
         #: whether a bus that is gone is waited for
         self.comes_back = False
         #: the files that the line that runs has made, as they were named
@@ -129,6 +133,7 @@ class Opened(Said):
             if self.options.bus_share and bus.bitrate is None and not bus.simulated:
                 self.tell.note(f"--bus-share is of no effect: the bit rate of {bus.name} is not known; -b says it")
             self._watch()
+            self._keep_frames_of(bus)
         if self._network.left:
             self._network.meet_again()
         return self._network
@@ -138,6 +143,23 @@ class Opened(Said):
 
         for text in not_simulated(simulated):
             self.tell.warning(text)
+
+    def keep_frames(self) -> None:
+        """Keep the last frame of each CAN-ID from now on, unless somebody does; for several lines on one bus."""
+        if self.frames is None:
+            self._keeps_frames = True
+            if self._network is not None:
+                self._keep_frames_of(self._network.bus)
+
+    def _keep_frames_of(self, bus: CanopenBus) -> None:
+        if not self._keeps_frames:
+            return
+        from time import monotonic
+
+        from dvtcli.domain.heard import LastFrames
+
+        frames = self.frames = LastFrames()
+        bus.tap(lambda frame, _sent: frames.take(frame, monotonic()))
 
     def _first_bus(self) -> tuple[CanopenBus, tuple[Simulated, ...]]:
         """The bus of the options, and which nodes are simulated on it; with --reconnect it is waited for."""
@@ -177,6 +199,7 @@ class Opened(Said):
         self._network, self._twin, self._untap, self._gone = network, None, None, None
         self._obey(bus)
         self._watch()
+        self._keep_frames_of(bus)
 
     def _network_on(self, bus: CanopenBus, simulated: tuple[Simulated, ...]) -> Network:
         from dvtcli.operations.opening.network_on_bus import network_on_bus

@@ -7,7 +7,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_optional
-from dvtcli.domain.frame import decode
+from dvtcli.domain.frame import byte_length, decode
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results import LastFrame, MappedName, PdoListing, PdoRow
 
@@ -31,7 +31,7 @@ def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListi
     """Read one PDO of *node_id*, None for the selected node, with its last frame where one was heard."""
     node = session.node(node_id)
     row = _row(node, pdo, node.pdo(pdo))
-    row = replace(row, last=_last_frame(session, node, row.config))
+    row = replace(row, last=_last_frame(session, node, pdo, row.config))
     period = read_optional(node.sdo, 0x1006, 0, 4)
     return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
 
@@ -51,14 +51,21 @@ def _name(node: Node, meanings: Meanings, index: int, sub_index: int) -> MappedN
     return MappedName(node.dictionary.display_name(index, sub_index), kind, meaning)
 
 
-def _last_frame(session: Session, node: Node, config: PdoConfig) -> LastFrame | None:
-    """The last frame with the PDO's COB-ID, where the session listens and heard one."""
-    cob_id = config.communication.cob_id
-    if session.frames is None or not config.enabled or config.mpdo is not None:
+def _last_frame(session: Session, node: Node, pdo: Pdo, config: PdoConfig) -> LastFrame | None:
+    """The last frame with the PDO's COB-ID, where the session listens and heard one since the PDO was set so.
+
+    A TPDO's frame of another length is not of this mapping, and a node takes no frame shorter than its RPDO: without
+    values then. A twin sends nothing that is heard.
+    """
+    cob_id, frames = config.communication.cob_id, session.frames
+    if frames is None or session.dry_run or not config.enabled or config.mpdo is not None:
         return None
-    heard = session.frames.last(cob_id.can_id, extended=cob_id.extended)
-    if heard is None:
+    heard = frames.last(cob_id.can_id, extended=cob_id.extended)
+    if heard is None or heard.at_s <= frames.set_s(node.node_id, (pdo.communication_index, pdo.mapping_index)):
         return None
+    mapped = byte_length(config.bits)
+    if len(heard.data) < mapped or (pdo.is_tpdo and len(heard.data) != mapped):
+        return LastFrame(heard.data, monotonic() - heard.at_s, heard.period, (None,) * len(config.mapping))
 
     def type_of(mapped: PdoMappingEntry) -> DataType | None:
         entry = node.dictionary.entry(mapped.index, mapped.sub_index) if node.dictionary else None

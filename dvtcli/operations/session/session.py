@@ -14,7 +14,6 @@ from dvtcli.operations.opening.opened import Opened
 if TYPE_CHECKING:
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
-    from dvtcli.domain.heard import LastFrames
     from dvtcli.operations.opening.bus_of_options import OpenBus
     from dvtcli.operations.session.record import Record
     from dvtcli.operations.user.options import Options
@@ -37,8 +36,6 @@ class Session(Opened):
     ) -> None:
         super().__init__(options, tell, open_bus=open_bus)
         self.selected: int | None = None
-        #: the last frames that were heard, where somebody listens all the time as the prompt does
-        self.frames: LastFrames | None = None
 
     def __enter__(self) -> Session:
         return self
