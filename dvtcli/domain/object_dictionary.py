@@ -250,20 +250,24 @@ class ObjectDictionary(Mapping[int, OdObject]):
         return f"{self.source}:{entry.line}" if entry.line else self.source
 
     def display_name(self, index: int, sub_index: int) -> str:
-        """A name for a person: the entry's own, with its object's in front where several entries share it."""
+        """A name for a person: the entry's own, with its object's in front where several entries share it.
+
+        What somebody called it in this device stands before that: `Tank left (Analogue input.Channel 1)`.
+        """
         entry = self.entry(index, sub_index)
         if entry is None:
             return ""
         parent = self[index].name
-        if len(self[index].entries) == 1 or entry.name == parent:
-            return entry.name
-        return f"{parent}.{entry.name}"
+        name = entry.name if len(self[index].entries) == 1 or entry.name == parent else f"{parent}.{entry.name}"
+        called = " ".join(entry.denotation.split())
+        return f"{called} ({name})" if called and called != name else name
 
     def find(self, name: str) -> list[OdEntry]:
         """Entries whose name a user means by *name*: case, blanks and punctuation do not matter.
 
         `statusword`, `Velocity actual value`, `velocity_actual_value` and `Analogue input.Channel 1` all find
-        theirs. A full `object.entry` name is tried first, then an entry's or a one-entry object's own name.
+        theirs. A full `object.entry` name is tried first, then an entry's or a one-entry object's own name, and what
+        the entry is called in this device.
         """
         if self._names is None:
             self._names = self._index_names()
@@ -273,7 +277,8 @@ class ObjectDictionary(Mapping[int, OdObject]):
         names: dict[str, list[OdEntry]] = {}
         for entry in self.entries():
             parent = self[entry.index].name
-            keys = {normalised(entry.name), normalised(f"{parent}.{entry.name}")}
+            keys = {normalised(entry.name), normalised(f"{parent}.{entry.name}"), normalised(entry.denotation)}
+            keys.add(normalised(self.display_name(entry.index, entry.sub_index)))
             if len(self[entry.index].entries) == 1:
                 keys.add(normalised(parent))
             for key in keys - {""}:

@@ -119,7 +119,8 @@ def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str])
     """Names close to *text*, best first, at most three."""
     from difflib import get_close_matches
 
-    names = [*aliases, *(normalised(entry.name) for entry in dictionary.entries())]
+    own = (normalised(name) for entry in dictionary.entries() for name in (entry.name, entry.denotation))
+    names = [*aliases, *filter(None, own)]
     wanted = normalised(text)
     close = get_close_matches(wanted, dict.fromkeys(names), n=3, cutoff=0.6)
     return close or list(dict.fromkeys(name for name in names if len(wanted) > 2 and wanted in name))[:3]

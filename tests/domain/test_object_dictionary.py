@@ -71,6 +71,19 @@ def test_places_and_shown_names(dictionary: ObjectDictionary) -> None:
     assert dictionary.display_name(0x6C01, 9) == ""
 
 
+def test_what_an_object_is_called_in_this_device_stands_before_its_name_and_finds_it() -> None:
+    level = OdEntry(0x2001, 1, "Level", U16, denotation="  Tank\tleft  ")
+    tanks = OdObject(0x2001, "Tanks", ObjectType.RECORD, {0: OdEntry(0x2001, 0, "Highest", U8), 1: level})
+    again = variable(0x2002, "Level", denotation="Level")
+    dictionary = ObjectDictionary({0x2001: tanks, 0x2002: again})
+    shown = dictionary.display_name(0x2001, 1)
+    assert shown == "Tank left (Tanks.Level)"
+    for name in ("tank_left", "Tank left", "tanks.level", shown):
+        assert [entry.object for entry in dictionary.find(name)] == ["2001:01"], name
+    assert dictionary.display_name(0x2002, 0) == "Level"
+    assert [entry.object for entry in dictionary.find("level")] == ["2001:01", "2002:00"]
+
+
 def test_the_value_of_a_dcf_wins_and_node_ids_are_added() -> None:
     entry = OdEntry(0x1800, 1, "COB-ID", U32, default=bytes.fromhex("80010040"), default_relative=True)
     assert entry.initial(5) == bytes.fromhex("85010040")

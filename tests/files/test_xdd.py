@@ -236,7 +236,7 @@ def test_an_xdd_is_taken_wherever_an_eds_is(tmp_path: Path, monkeypatch: pytest.
         assert bench.run("map tpdo1 6000").code == 0
         assert bench.run("plan net.yaml --json").code == 0
     with Bench(("generic@1",), {"eds": "pump.xdd"}) as bench:
-        assert bench.run("objects 6200 --json").document["objects"][0]["name"] == "Output"
+        assert bench.run("objects 6200 --json").document["objects"][0]["name"] == "main valve (Output)"
     with Bench() as bench:
         shown = bench.run("eds show pump.xdc --json").document
         assert (shown["objects"], shown["tpdos"], shown["node_id"]) == (9, 1, 7)

@@ -41,7 +41,9 @@ class Secrets:
         if any(re.search(rf"\b(?:{index:04x}|{index})\s+0*{sub:x}\b", words) for index, sub in self.objects):
             return True
         found = (one.entry(*place) for one in dictionaries for place in self.objects)
-        return any(normalised(entry.name) in normalised(line) for entry in found if entry is not None)
+        typed = normalised(line)
+        names = (name for entry in found if entry is not None for name in (entry.name, entry.denotation))
+        return any(name in typed for name in map(normalised, names) if name)
 
 
 def _frames(line: str) -> Iterator[Frame]:

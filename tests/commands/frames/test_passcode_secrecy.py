@@ -11,6 +11,8 @@ from pathlib import Path
 import can
 import pytest
 
+from dvtcli.domain.datatypes import U16
+from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.user.secret_objects import Secrets
 from dvtcli.watch.listener import Listener
@@ -57,6 +59,15 @@ def test_lines_that_may_hold_a_passcode() -> None:
         assert secrets.in_line(line), line
     for line in ("read 5000:1", "write 5000:3 1", "map tpdo1 5000:21", "write 1017 5000", "login 4"):
         assert not secrets.in_line(line), line
+
+
+def test_a_passcode_s_object_may_be_named_as_this_device_calls_it() -> None:
+    door = OdEntry(0x5000, 2, "Passcode", U16, denotation="Door code")
+    dictionary = ObjectDictionary({0x5000: OdObject(0x5000, "Access", ObjectType.RECORD, {2: door})})
+    secrets = Secrets.known()
+    assert secrets.in_line("write door_code 17476", [dictionary])
+    assert secrets.in_line('write "Door code (Access)" 17476', [dictionary])
+    assert not secrets.in_line("write 1017 5", [dictionary])
 
 
 @pytest.mark.parametrize("line", ["write passcode 17476", 'write "Access level.Passcode" 17476', "write PassCode 1"])
