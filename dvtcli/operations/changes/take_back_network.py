@@ -164,13 +164,27 @@ class Course:
 
         Which of them were put back once more, or restarted meanwhile.
         """
-        seen = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in taken}
         rewritten: list[int] = []
+        seen = self._boot_ups_of(taken, failures, fault)
         for node_id in taken:
             if node_id not in failures:
                 self._try(node_id, failures, fault, lambda node: self._settle(node, rewritten))
-        restarted = {node_id for node_id in taken if self.nodes[node_id].bus.boot_ups(node_id) != seen[node_id]}
-        return [one for one in taken if one not in failures and (one in restarted or one in rewritten)]
+        now = self._boot_ups_of(taken, failures, fault)
+        return [one for one in taken if one not in failures and (now[one] != seen[one] or one in rewritten)]
+
+    def _boot_ups_of(
+        self, taken: Sequence[int], failures: dict[int, LeftChanged], fault: BaseException
+    ) -> dict[int, int]:
+        """How many boot-ups were heard of each of *taken* but the *failures*, to which a dead bus adds the rest."""
+        found: dict[int, int] = {}
+
+        def look(node: Node) -> None:
+            found[node.node_id] = node.bus.boot_ups(node.node_id)
+
+        for node_id in taken:
+            if node_id not in failures:
+                self._try(node_id, failures, fault, look)
+        return found
 
     def _settle(self, node: Node, rewritten: list[int]) -> None:
         """Once all nodes had their turn: *node* is as it was, or it is put back again, which *rewritten* notes.

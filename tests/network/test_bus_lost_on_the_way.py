@@ -1,0 +1,56 @@
+"""A bus that is lost while several nodes are changed: what was written is never called unchanged, and comes back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
+from dvtcli.operations.recover.recover_change import recover
+from tests.network.bench import Chain, Heard
+
+PART = "  heartbeat_producer: 300\n  tpdo: {2: {mapping: [6041, 606C]}, 1: {event_timer: 70}}\n"
+
+
+class Cut(Heard):
+    """A bus whose driver fails for good once it has sent so many frames that write (*left*)."""
+
+    left = -1
+    cut = False
+
+    def _use(self) -> None:
+        super()._use()
+        if self.cut:
+            raise BusUnavailable("the bus is gone")
+
+    def _send(self, frame: Frame) -> None:
+        super()._send(frame)
+        if 0x600 < frame.can_id < 0x680 and frame.data[0] >> 5 == 1 and self.left > 0:
+            self.left -= 1
+            self.cut = not self.left
+
+
+@pytest.mark.parametrize("writes", range(1, 17))
+def test_after_each_number_of_writes_the_nodes_are_said_to_be_changed_and_come_back(home: Path, writes: int) -> None:
+    folder, path = home.parent / "files", home.parent / "net.yaml"
+    folder.mkdir()
+    path.write_text("".join(f"n{node_id}:\n  node_id: {node_id}\n{PART}" for node_id in (5, 9)))
+    chain = Chain(folder, families={5: "generic", 9: "generic"}, bus=Cut, operational=False)
+    before = chain.held()
+    assert isinstance(chain.bus, Cut)
+    chain.bus.left = writes
+    with pytest.raises(DvtcliError) as raised:
+        chain.apply(path)
+    assert isinstance(raised.value, LeftChanged), raised.value
+    assert (raised.value.state, raised.value.exit_code) == ("left_changed", 7)
+    told = [raised.value.text, *(text for label, text in raised.value.details if label == "also")]
+    changed = {node_id for node_id, held in chain.held().items() if held != before[node_id]}
+    assert changed <= {node_id for node_id in (5, 9) if any(f"of node {node_id} " in text for text in told)}
+    assert chain.journals()
+    chain.bus.cut = False
+    with chain.session() as session:
+        recover(session)
+    assert chain.held() == before
+    assert chain.journals() == []
