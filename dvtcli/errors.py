@@ -72,8 +72,8 @@ class DvtcliError(Exception):
         self.rehearsed = False
         #: `FILE:LINE` of the script lines above it whose changes stay
         self.stays: tuple[str, ...] = ()
-        #: whether the frames of it can be looked at with `trace last`
-        self.is_traced = False
+        #: what is typed to look at the frames of it, empty where there are none
+        self.traced_by = ""
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")
         self.details: list[tuple[str, str]] = []
 

@@ -34,7 +34,7 @@ LEAVE = -1
 COMPLETING = "_DVTCLI_COMPLETE"
 #: What a signal ends with: SIGHUP, SIGINT, SIGTERM.
 SIGNALLED = frozenset({129, 130, 143})
-#: What frames tell more of: `trace last` shows them at the prompt, where a line may follow.
+#: What frames tell more of: `trace last` shows them, at the prompt, where a line may follow, and as a run of its own.
 _OF_FRAMES = (SdoAborted, DeviceRefused, NoAnswer, SdoProtocolError, LeftChanged)
 #: What only writing ends with: a full disk, a file that may not grow, a terminal that went away.
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
@@ -79,13 +79,23 @@ def _ended(session: Conversation, raised: BaseException) -> int:
 
 def _shown(session: Conversation, error: DvtcliError) -> int:
     error.stays = session.staying()
-    error.is_traced = session.at_prompt and session.is_open and isinstance(error, _OF_FRAMES)
+    if session.is_open and isinstance(error, _OF_FRAMES):
+        error.traced_by = _traced_by(session)
     place = None if error.at_start else session.place
     try:
         session.output.error(error, place)
     except OSError:  # stdout takes no documents
         session.output.error(error, place, readable=True)
     return error.exit_code
+
+
+def _traced_by(session: Conversation) -> str:
+    """What shows the frames of what has just failed; what ends with this run is kept for another one."""
+    if session.at_prompt:
+        return "trace last"
+    from dvtcli.operations.frames.kept_exchange import keep_exchange
+
+    return "dvtcli trace last" if keep_exchange(_last_exchange(session)) else ""
 
 
 def _stopped(session: Conversation) -> int:

@@ -24,8 +24,8 @@ TASK = ("Frames", 20)
 def command(session: Session, /, which: str, count: int) -> Traced:  # noqa: ARG001 - there is one
     """Show the frames that were sent from here last, and those that answered them: SDO, LSS, EMCY and boot-ups, too.
 
-    It sends nothing. At the prompt, and in a script behind the line it is about: a run of its own has no exchange
-    before it. A passcode is not shown.
+    It sends nothing. At the prompt, and in a script, behind the line it is about; a run of its own shows the last
+    exchange of the last run that a node refused something, or was silent to. A passcode is not shown.
 
     \b
     trace last

@@ -87,8 +87,8 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     rows += [(label, text) for label, text in (("why", error.why), ("hint", error.hint)) if text]
     if error.exit_code not in (2, 4) or error.stays or error.state_text or error.state != "unchanged":
         rows.append(("state", _state(error, at)))
-    if error.is_traced:
-        rows.append(("frames", "trace last"))
+    if error.traced_by:
+        rows.append(("frames", error.traced_by))
     yield from _rows(rows)
 
 

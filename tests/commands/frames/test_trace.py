@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
+
+import pytest
 
 from dvtcli.bus.traffic import REMEMBERED
 from dvtcli.cli.run_line import boundary
+from dvtcli.files.user_folders import user_folder
 from tests.commands.bench import Bench
 
 
@@ -61,6 +66,58 @@ def test_without_an_exchange_it_says_where_it_works() -> None:
     assert (ran.code, "-vv" in ran.stderr) == (2, True)
 
 
+def test_the_exchange_of_a_run_that_failed_is_kept_for_another_one() -> None:
+    kept = user_folder("state") / "last-exchange.txt"
+    with Bench(in_real_time=True) as bench:
+        assert bench.run("read 1017").code == 0
+        assert bench.run("read FFFF:x").code == 2
+    assert not kept.exists(), "nothing failed on the bus"
+    with Bench(in_real_time=True) as bench:
+        assert bench.run("write 1018:1 5 --force").stderr.splitlines()[-1] == "  frames  dvtcli trace last"
+        assert "trace last" not in bench.run("write 1018:1 5 --force --json").stdout
+    if os.name == "posix":
+        assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+    ran = Bench().run("trace last --count 200")
+    assert (ran.code, "of a run that failed" in ran.stderr) == (0, True)
+    assert "attempt to write a read-only object" in ran.stdout
+    with Bench(in_real_time=True) as bench:
+        assert bench.run("read 5FFF --force").code == 1
+    assert [path.name for path in kept.parent.glob("last-*")] == [kept.name], "the newest alone"
+    assert "5FFF" in Bench().run("trace last").stdout
+    assert "1018" not in Bench().run("trace last").stdout
+
+
+def test_a_passcode_is_not_kept() -> None:
+    with Bench(("gen4-locked",), in_real_time=True) as bench:
+        bench.session.node().sdo.download(0x5000, 2, b"\x44\x44")
+        assert bench.run("read 5FFF --force").code == 1
+    assert "4444" not in (user_folder("state") / "last-exchange.txt").read_text()
+    ran = Bench().run("trace last")
+    assert "4444" not in ran.stdout
+    assert "its value is not shown" in ran.stdout
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [b"", b"rubbish\n", b"2026-11-23T14:33:20Z -> 601#40\xff\n", b"2026-11-23T14:33:20Z ?? 601#40\n", b"x -> 601#40\n"],
+)
+def test_a_kept_exchange_that_is_damaged_is_none(damaged: bytes) -> None:
+    kept = user_folder("state") / "last-exchange.txt"
+    kept.parent.mkdir(parents=True)
+    kept.write_bytes(damaged)
+    assert Bench().run("trace last").code == 2
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no modes of this kind")
+def test_where_it_cannot_be_kept_the_failure_is_told_all_the_same(tmp_path: Path) -> None:
+    kept = user_folder("state")
+    kept.parent.mkdir(parents=True)
+    kept.symlink_to(tmp_path / "elsewhere")
+    with Bench(in_real_time=True) as bench:
+        ran = bench.run("read 5FFF --force")
+    assert (ran.code, "trace last" in ran.stderr) == (1, False)
+
+
 def test_a_bugs_file_has_the_last_exchange() -> None:
     with Bench(in_real_time=True) as bench:
         bench.run("read 1017")
@@ -76,7 +133,8 @@ def test_a_bugs_file_has_the_last_exchange() -> None:
 
 def test_an_error_at_the_prompt_names_it() -> None:
     with Bench(("gen4",), {"fault": ("refuse@3=0x06040041",)}) as bench:
-        assert "trace last" not in bench.run("map tpdo1 606C 6041").stderr, "of a line of its own nothing follows"
+        ran = bench.run("map tpdo1 606C 6041")
+        assert ran.stderr.splitlines()[-1] == "  frames  dvtcli trace last", "nothing follows a line of its own"
     with Bench(("gen4",), {"fault": ("refuse@3=0x06040041",)}) as bench:
         bench.session.at_prompt = True
         assert "trace last" not in bench.run("map tpdo1 606C:x").stderr, "nothing was sent"
