@@ -59,12 +59,14 @@ _FROM = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name in _FROM:
-        return getattr(import_module(f"dvtcli.{_FROM[name]}"), name)
-    if name in __all__:
-        return import_module(f"dvtcli.{name}")
-    raise AttributeError(f"dvtcli has no {name}")
+if not TYPE_CHECKING:  # for a type checker a name that is not there is a mistake
+
+    def __getattr__(name: str) -> Any:
+        if name in _FROM:
+            return getattr(import_module(f"dvtcli.{_FROM[name]}"), name)
+        if name in __all__:
+            return import_module(f"dvtcli.{name}")
+        raise AttributeError(f"dvtcli has no {name}")
 
 
 def __dir__() -> list[str]:

@@ -116,7 +116,10 @@ class RuleError(DvtcliError):
 
 
 class SdoAborted(DvtcliError):
-    """The device answered an SDO request with an abort code."""
+    """The device answered an SDO request with an abort code.
+
+    *index* and *sub_index* are the object's, *code* is the abort code.
+    """
 
     slug = "sdo_abort"
 

@@ -12,6 +12,7 @@ from dvtcli.domain.rules import Finding
 from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule
+from dvtcli.operations.results.checked_networks import NetworksChecked
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.device_profiles import ProfileListing, ProfileRow, ProfileShown
 from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
@@ -66,6 +67,7 @@ __all__ = [
     "NetworkApplied",
     "NetworkLoad",
     "NetworkPlanned",
+    "NetworksChecked",
     "NodeListing",
     "NodeRow",
     "ObjectDifference",

@@ -8,10 +8,10 @@ or backup of the user's is read or written. Does not know what is tested.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import pytest
 
@@ -19,11 +19,15 @@ from dvtcli.operations.api.open_bus import simulate
 from dvtcli.operations.api.served_bus import ServedBus, serve
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.progress import Progress
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_node import Node
+    from dvtcli.operations.api.told import Message
 
 __all__ = [
+    "Serve",
     "ServedBus",
+    "Simulate",
     "dvtcli_bus",
     "dvtcli_node",
     "dvtcli_nodes",
@@ -32,6 +36,35 @@ __all__ = [
     "dvtcli_state",
     "serve",
 ]
+
+
+class Simulate(Protocol):
+    """What the fixture `dvtcli_simulate` is, for type hints: a call of `dvtcli.simulate`."""
+
+    def __call__(
+        self,
+        *nodes: str,
+        faults: tuple[str, ...] | list[str] = (),
+        signals: tuple[str, ...] | list[str] = (),
+        timeout_s: float = 0.5,
+        ask: Callable[[str], bool] | None = None,
+        on_message: Callable[[Message], None] | None = None,
+        on_progress: Callable[[Progress], None] | None = None,
+    ) -> Bus:
+        """A bus with simulated *nodes*."""
+
+
+class Serve(Protocol):
+    """What the fixture `dvtcli_serve` is, for type hints: a call of `serve`, whose bus stays until the test's end."""
+
+    def __call__(
+        self,
+        *nodes: str,
+        faults: Sequence[str] = (),
+        signals: Sequence[str] = (),
+        state: str | Path | None = None,
+    ) -> ServedBus:
+        """A bus on loopback with simulated *nodes*."""
 
 
 @pytest.fixture
@@ -50,7 +83,7 @@ def dvtcli_nodes() -> tuple[str, ...]:
 
 
 @pytest.fixture
-def dvtcli_bus(dvtcli_nodes: tuple[str, ...], dvtcli_simulate: Callable[..., Bus]) -> Bus:
+def dvtcli_bus(dvtcli_nodes: tuple[str, ...], dvtcli_simulate: Simulate) -> Bus:
     """A bus with the nodes of `dvtcli_nodes`, in this process."""
     return dvtcli_simulate(*dvtcli_nodes)
 
@@ -62,14 +95,14 @@ def dvtcli_node(dvtcli_bus: Bus) -> Node:
 
 
 @pytest.fixture
-def dvtcli_simulate(dvtcli_state: Path) -> Iterator[Callable[..., Bus]]:  # noqa: ARG001 - it is the test's state folder
+def dvtcli_simulate(dvtcli_state: Path) -> Iterator[Simulate]:  # noqa: ARG001 - it is the test's state folder
     """Call it as `dvtcli.simulate`: a bus in this process, which is left at the test's end."""
     with ExitStack() as buses:
         yield lambda *nodes, **options: buses.enter_context(simulate(*nodes, **options))
 
 
 @pytest.fixture
-def dvtcli_serve(dvtcli_state: Path) -> Iterator[Callable[..., ServedBus]]:  # noqa: ARG001 - as above
+def dvtcli_serve(dvtcli_state: Path) -> Iterator[Serve]:  # noqa: ARG001 - as above
     """Call it as `serve`: a bus on loopback that the firmware's own programs join, gone at the test's end."""
     with ExitStack() as buses:
         yield lambda *nodes, **options: buses.enter_context(serve(*nodes, **options))

@@ -11,7 +11,7 @@ import pytest
 import dvtcli
 from dvtcli import errors
 from dvtcli.operations.api.hints import in_python
-from dvtcli.testing import ServedBus, serve
+from dvtcli.testing import Serve, serve
 from tests.process import PATIENCE_S
 
 #: a call -> the argument that its error names
@@ -158,7 +158,7 @@ def test_hints_are_python() -> None:
     assert {hint: in_python(hint) for hint in hints} == hints
 
 
-def test_another_bus_of_this_program_is_no_other_process(dvtcli_serve: Callable[..., ServedBus]) -> None:
+def test_another_bus_of_this_program_is_no_other_process(dvtcli_serve: Serve) -> None:
     served = dvtcli_serve("gen4@5")
     said: list[errors.DvtcliError] = []
     with served.connect(timeout_s=PATIENCE_S) as other:

@@ -6,7 +6,7 @@ import logging
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import dvtcli
 from dvtcli import errors
 from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
-from dvtcli.testing import ServedBus
+from dvtcli.testing import Serve
 from tests.commands.bench import Bench
 from tests.posix import SIGKILL
 from tests.process import PATIENCE_S, environment
@@ -74,7 +74,7 @@ def test_nmt_is_judged_by_the_state_that_is_seen() -> None:
         assert not bus.node().nmt("start")
 
 
-def test_a_change_of_an_earlier_program_is_recovered(dvtcli_serve: Callable[..., ServedBus]) -> None:
+def test_a_change_of_an_earlier_program_is_recovered(dvtcli_serve: Serve) -> None:
     served = dvtcli_serve("gen4@5")
     killed = """
 import dvtcli, os, signal
@@ -388,7 +388,7 @@ def test_another_threads_call_is_no_part_of_a_dry_run() -> None:
         assert not bus.node().pdo("tpdo1").config.enabled
 
 
-def test_what_stood_or_fell_together_is_recovered_on_every_node(dvtcli_serve: Callable[..., ServedBus]) -> None:
+def test_what_stood_or_fell_together_is_recovered_on_every_node(dvtcli_serve: Serve) -> None:
     served = dvtcli_serve("gen4@1", "gen4@3")
     killed = f"""
 import dvtcli, os, signal
@@ -408,7 +408,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_node_that_restarts_while_another_is_recovered_is_put_back_again(
-    dvtcli_serve: Callable[..., ServedBus],
+    dvtcli_serve: Serve,
 ) -> None:
     served = dvtcli_serve("gen4@1", "gen4@3", faults=["3:late@2=2"])
     killed = f"""

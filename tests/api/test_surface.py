@@ -1,4 +1,4 @@
-"""The public names are frozen: whoever changes one changes this file, the version and the CHANGELOG with it."""
+"""The public surface is frozen: whoever changes it changes `surface.txt`, the version and the CHANGELOG with it."""
 
 from __future__ import annotations
 
@@ -14,59 +14,28 @@ import pytest
 import dvtcli
 from dvtcli import errors, results, testing
 from dvtcli.cli.catalogue import command_names
+from tests.api.surface import FROZEN, REWRITE, surface
 from tests.house.pages import text
 from tests.process import ROOT, environment
 
-PUBLIC = {
-    "dvtcli": [
-        "Bus", "Lss", "Node", "__version__", "add_eds", "check_eds", "connect", "convert", "eds_library", "errors",
-        "profile", "profiles", "report", "results", "simulate",
-    ],
-    "Bus": [
-        "apply", "check", "check_sync", "close", "dry_run", "export", "finish_stores", "import_network",
-        "is_dry_run", "link", "load", "lss", "name", "node", "plan", "recover", "replay", "report", "scan", "script",
-        "send", "sync",
-        "unlink",
-    ],
-    "Lss": ["assign", "bit_rate", "identify", "node_id", "scan", "select", "store"],
-    "Node": [
-        "apply", "backup", "canopen", "clear", "clear_faults", "clone", "compare", "disable", "download", "enable",
-        "export", "faults", "identity", "learn", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos", "read",
-        "record", "recover", "require", "restore", "script", "set", "store", "tie", "undo", "verify", "vpdo", "write",
-    ],
-    "results": [
-        "AddedFile", "Changed", "CobId", "Commanded", "Compared", "Difference", "EntryUnread", "FaultRow", "Faults",
-        "FileFinding",
-        "FileReport", "FileReports", "FileRule", "Finding", "Frame", "FramesSent", "LearnForecast", "LearntDevice",
-        "LibraryAdded", "LibraryListing", "LibraryRow", "LoggedIn",
-        "LssAddress", "LssBitRate", "LssChanged", "LssFound", "LssGiven", "LssNode", "MappedName", "Message",
-        "NetworkApplied", "NetworkLoad",
-        "NetworkPlanned", "NodeListing", "NodeRow", "ObjectDifference", "ObjectListing", "ObjectRow",
-        "Pdo", "PdoCommunicationParameter",
-        "PdoConfig", "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "ProfileListing", "ProfileRow",
-        "ProfileShown", "ProgramLoaded", "Progress", "Proof", "RecordRead", "Replayed", "Step", "Stored", "SyncCheck",
-        "SyncSource", "Synced", "ValueRead", "VpdoListing", "VpdoRow", "WholeCompared",
-    ],
-    "testing": [
-        "ServedBus", "dvtcli_bus", "dvtcli_node", "dvtcli_nodes", "dvtcli_serve", "dvtcli_simulate", "dvtcli_state",
-        "serve",
-    ],
-}  # fmt: skip
+
+def test_the_surface_is_what_was_promised() -> None:
+    assert surface() == FROZEN.read_text("utf-8"), f"the public surface is another: {REWRITE} shows what of it"
 
 
-def members(kind: type) -> list[str]:
-    return sorted(name for name in dir(kind) if not name.startswith("_"))
+def test_every_answer_of_a_call_is_public() -> None:
+    public = {*results.__all__, *dvtcli.__all__}
+    answers = set(re.findall(r"-> (.+)$", FROZEN.read_text("utf-8").partition("\nerrors.")[0], re.M))
+    named = {name for answer in answers for name in re.findall(r"\b[A-Z]\w+", answer)}
+    assert named - public == {"Iterator", "None", "RemoteNode"}
 
 
-def test_the_names_are_those_that_were_promised() -> None:
-    assert {
-        "dvtcli": sorted(dvtcli.__all__),
-        "Bus": members(dvtcli.Bus),
-        "Lss": members(dvtcli.Lss),
-        "Node": members(dvtcli.Node),
-        "results": sorted(results.__all__),
-        "testing": sorted(testing.__all__),
-    } == PUBLIC
+def test_the_fixtures_are_called_as_what_they_call() -> None:
+    for protocol, function in ((testing.Simulate, dvtcli.simulate), (testing.Serve, testing.serve)):
+        theirs = inspect.signature(inspect.unwrap(function)).parameters
+        ours = dict(inspect.signature(protocol.__call__).parameters)
+        del ours["self"]
+        assert ours == theirs
 
 
 def test_every_name_is_there_and_says_what_it_is() -> None:
@@ -113,17 +82,28 @@ def test_programs_are_checked_with_the_types(tmp_path: Path) -> None:
     program = tmp_path / "program.py"
     program.write_text(
         "import dvtcli\n"
-        "from dvtcli.results import Changed, Stored\n"
+        "from dvtcli.results import Changed, NetworksChecked, Stored\n"
+        "from dvtcli.testing import Serve, Simulate\n"
         "with dvtcli.simulate('generic') as bus:\n"
         "    changed: Changed = bus.node().map('tpdo1', '6041', (0x606C, 0, 32), cob_id=0x201, sync=1)\n"
         "    stored: Stored = bus.node().store(prove='power', within_s=10)\n"
-        "    bus.node().set('tpdo1', timr_ms=1)\n"
-        "    bus.nodes()\n",
+        "    checked: NetworksChecked = bus.check()\n"
+        "    bus.node().set('tpdo1', timr_ms=1)  # wrong\n"
+        "    bus.nodes()  # wrong\n"
+        "dvtcli.conect(interface='x')  # wrong\n"
+        "dvtcli.results.Chnged  # wrong\n"
+        "def test_it(dvtcli_simulate: Simulate, dvtcli_serve: Serve) -> None:\n"
+        "    dvtcli_simulate('gen4', faults=['drop@1']).node().pdos()\n"
+        "    dvtcli_simulate('gen4', fault='drop@1')  # wrong\n"
+        "    dvtcli_serve('gen4').connect(timeout_s=1).scan()\n"
+        "    dvtcli_serve('gen4', stat='x')  # wrong\n"
+        "    dvtcli_serve('gen4').connect(timeout=1)  # wrong\n",
         encoding="utf-8",
     )
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "--no-incremental", "--follow-imports=silent", str(program)],
         cwd=ROOT, capture_output=True, encoding="utf-8", check=False,
     )  # fmt: skip
-    wrong = [line.split(":", 2)[1] for line in done.stdout.splitlines() if ": error:" in line]
-    assert wrong == ["6", "7"], done.stdout + done.stderr
+    wrong = {int(line.split(":", 2)[1]) for line in done.stdout.splitlines() if ": error:" in line}
+    lines = program.read_text("utf-8").splitlines()
+    assert wrong == {at for at, line in enumerate(lines, 1) if "# wrong" in line}, done.stdout + done.stderr

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
 
 import can
 import canopen
@@ -13,7 +12,7 @@ import pytest
 import dvtcli
 from dvtcli import errors
 from dvtcli.results import Message
-from dvtcli.testing import ServedBus
+from dvtcli.testing import Serve, ServedBus
 from tests.process import PATIENCE_S, environment
 
 pytestmark = pytest.mark.drawn(2, "undo")
@@ -46,7 +45,7 @@ def timer(served: ServedBus, node_id: int = 5, number: int = 1) -> int:
 
 
 @pytest.fixture
-def served(dvtcli_serve: Callable[..., ServedBus]) -> ServedBus:
+def served(dvtcli_serve: Serve) -> ServedBus:
     return dvtcli_serve("generic@5", "generic@7")
 
 

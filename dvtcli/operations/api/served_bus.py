@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from dvtcli.operations.api.checks import words
 from dvtcli.operations.api.open_bus import connect
 from dvtcli.operations.api.python_bus import Bus
-from dvtcli.operations.api.told import LOG
+from dvtcli.operations.api.told import LOG, Message
 from dvtcli.operations.opening.serve import LOOPBACK, Wanted, serving
 from dvtcli.operations.user.options import Options
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.progress import Progress
+
+
+class JoinOptions(TypedDict, total=False):
+    """What `ServedBus.connect` hands on to `dvtcli.connect`."""
+
+    timeout_s: float
+    journal: str | Path | None
+    ask: Callable[[str], bool] | None
+    on_message: Callable[[Message], None] | None
+    on_progress: Callable[[Progress], None] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +45,12 @@ class ServedBus:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What the program `dvtcli` takes to join."""
+        """The options with which the program `dvtcli` joins: `["dvtcli", *bus.words, "-n", "5", "pdo"]`."""
         return (
             "-i", "socketcand", "-c", "can0", "--bus-kwargs", f"host={self.host}", "--bus-kwargs", f"port={self.port}",
         )  # fmt: skip
 
-    def connect(self, **options: Any) -> Bus:
+    def connect(self, **options: Unpack[JoinOptions]) -> Bus:
         """Join it, as `dvtcli.connect` does, with *options* of that."""
         return connect(**self.settings, **options)
 

@@ -48,13 +48,15 @@ if TYPE_CHECKING:
 _ROOM = os.path.dirname(__file__)  # noqa: PTH120
 
 
-def __getattr__(name: str) -> Any:
-    defines = re.compile(rf"^(?:class|def) {re.escape(name)}\b|^{re.escape(name)} = ".encode(), re.M)
-    for file in sorted(os.listdir(_ROOM)):  # noqa: PTH208 - these lines are run by every command
-        if file.endswith(".py") and not file.startswith("_"):
-            with open(os.path.join(_ROOM, file), "rb") as text:  # noqa: PTH118, PTH123
-                is_here = defines.search(text.read())
-            if is_here:
-                found = globals()[name] = getattr(import_module(f"{__name__}.{file.removesuffix('.py')}"), name)
-                return found
-    raise AttributeError(f"dvtcli.operations.results has no {name}")
+if not TYPE_CHECKING:  # for a type checker a name that is not there is a mistake
+
+    def __getattr__(name: str) -> Any:
+        defines = re.compile(rf"^(?:class|def) {re.escape(name)}\b|^{re.escape(name)} = ".encode(), re.M)
+        for file in sorted(os.listdir(_ROOM)):  # noqa: PTH208 - these lines are run by every command
+            if file.endswith(".py") and not file.startswith("_"):
+                with open(os.path.join(_ROOM, file), "rb") as text:  # noqa: PTH118, PTH123
+                    is_here = defines.search(text.read())
+                if is_here:
+                    found = globals()[name] = getattr(import_module(f"{__name__}.{file.removesuffix('.py')}"), name)
+                    return found
+        raise AttributeError(f"dvtcli.operations.results has no {name}")

@@ -64,11 +64,25 @@ def fixtures() -> Iterator[str]:
         value = getattr(testing, name)
         if inspect.isclass(value):
             yield from ("", f"### testing.{name}", "", *_prose(value))
-            yield from ("", "".join(f"`{one}` " for one in vars(value) if not one.startswith("_")).strip())
+            yield from _members(value)
         elif name.startswith("dvtcli_"):
             yield from ("", f"### {name}", "", *_prose(value))
         else:
             yield from _function(name, value, "testing.")
+
+
+def _members(kind: type) -> Iterator[str]:
+    """The fields of a class, then its properties and methods, each with its sentence; or how it is called."""
+    if dataclasses.is_dataclass(kind):
+        rows = ((code(field.name), code(str(field.type))) for field in dataclasses.fields(kind))
+        yield from ("", *table(("field", "type"), rows))
+    for name, value in vars(kind).items():
+        if name == "__call__":
+            yield from ("", *fenced("text", _signature("", value)))
+        elif isinstance(value, property):
+            yield from ("", f"#### {kind.__name__}.{name}", "", *_prose(value))
+        elif inspect.isfunction(value) and not name.startswith("_"):
+            yield from _function(name, value, f"{kind.__name__}.", level=4)
 
 
 def _function(name: str, function: Any, prefix: str, level: int = 3) -> Iterator[str]:
