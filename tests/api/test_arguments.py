@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,9 +12,13 @@ import pytest
 
 import dvtcli
 from dvtcli import errors
+from dvtcli.cli.catalogue import command_names
 from dvtcli.operations.api.hints import in_python
 from dvtcli.testing import Serve, serve
 from tests.process import PATIENCE_S
+
+#: commands that no hint sends a program to
+FOR_PEOPLE = {"completion", "exit", "help", "report", "replay", "require", "send", "sync", "tcl", "nmt", "lss"}
 
 #: a call -> the argument that its error names
 WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
@@ -97,7 +103,7 @@ def test_a_bus_takes_numbers_and_paths(tmp_path: Path) -> None:
             bus.node(1, profile=1)  # type: ignore[arg-type]
         with pytest.raises(errors.UsageError) as raised:
             bus.node(1, eds=tmp_path / "nosuch.eds")
-    assert raised.value.hint == "eds takes the path of an EDS, DCF, XDD or XDC, or a family of `sim`"
+    assert raised.value.hint == "eds takes the path of an EDS, DCF, XDD or XDC, or a family of `dvtcli sim`"
 
 
 def test_what_is_none_stays_as_it_is() -> None:
@@ -146,16 +152,72 @@ def test_what_a_dry_run_did_not_prove_is_not_true() -> None:
 
 def test_hints_are_python() -> None:
     hints = {
-        "`undo --force` puts back": "`undo(force=True)` puts back",
-        "undo --force leaves it so": "undo(force=True) leaves it so",
+        "`undo --force` puts back": "`node.undo(force=True)` puts back",
+        "undo --force leaves it so": "`node.undo(force=True)` leaves it so",
+        "`undo --all` takes all": "`node.undo(everything=True)` takes all",
+        "`undo --backup` puts a backup back": "`dvtcli undo --backup` puts a backup back",
         "--force sends it anyway": "force=True sends it anyway",
         "--eds FILE gives one": "eds=FILE gives one",
+        "`eds add FILE` keeps it": "`dvtcli.add_eds(FILE)` keeps it",
         "take another CAN-ID, or --cob-id auto": "take another CAN-ID, or cob_id='auto'",
         "a longer --timeout, or look": "a longer timeout_s, or look",
         "give -i/--interface and -c/--channel, or --sim generic for a simulated node":
             "give interface and channel, or dvtcli.simulate('generic') for a simulated node",
+        "objects --mappable tpdo": "`node.objects(mappable='tpdo')`",
+        "`scan` shows who does": "`bus.scan()` shows who does",
+        "look at it with `pdo --all`, `pdo tpdo1`": "look at it with `node.pdos()`, `node.pdo('tpdo1')`",
+        "`nmt reset-node 5` brings it back": "`node.nmt('reset-node')` brings it back",
+        "`node ID` names it": "`bus.node(ID)` names it",
+        "`read 1001` and `monitor`": "`node.read('1001')` and `dvtcli monitor`",
+        "--trust-stamp and --prove exclude each other": "trust_stamp and prove=True exclude each other",
+        "link 1:tpdo1 5:rpdo2": "`bus.link('1:tpdo1', '5:rpdo2')`",
+        "`statusword` is an object": "`statusword` is an object",
     }  # fmt: skip
     assert {hint: in_python(hint) for hint in hints} == hints
+
+
+@pytest.mark.parametrize("name", sorted(set(command_names()) - FOR_PEOPLE))
+def test_a_command_in_a_hint_is_its_call_or_how_it_is_typed(name: str) -> None:
+    assert re.fullmatch(rf"`((node|bus|dvtcli)\.[\w.]+\(\)|dvtcli {name})`", in_python(f"`{name}`"))
+
+
+#: a call -> its error's text, and what a traceback says besides
+TOLD: dict[str, tuple[Callable[[], object], str, list[str]]] = {
+    "no bus": (
+        lambda: dvtcli.connect("pcan", "PCAN_USBBUS1"), "cannot open pcan:PCAN_USBBUS1", ["why: ", "hint: ", "state: "]
+    ),
+    "no family": (lambda: dvtcli.simulate("nix"), "nodes: nix: no such family and no such file", ["hint: "]),
+    "nothing set": (
+        lambda: dvtcli.simulate("gen4").node().verify(),
+        "nothing to compare: this program did not set anything", [],
+    ),
+    "a rule": (
+        lambda: dvtcli.simulate("gen4").node().map("tpdo1", "606C", "606C", "6041"),
+        "TPDO1 ", ["rule: pdo-length at ", "state: unchanged"],
+    ),
+    "the wrong way": (
+        lambda: dvtcli.simulate("gen4").node().map("rpdo1", "6041"),
+        "", ["`node.objects(mappable='rpdo')`", "state: unchanged"],
+    ),
+    "refused": (
+        lambda: dvtcli.simulate("gen4", faults=["refuse@3=0x06040041"]).node().map("tpdo1", "606C", "6041"),
+        "node 1 refused step 3 of 6 of TPDO1", ["state: rolled_back"],
+    ),
+    "silent": (
+        lambda: dvtcli.simulate("gen4").node(5).pdos(), "node 5", ["`bus.scan()` shows who does", "state: unchanged"]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "text", "notes"), TOLD.values(), ids=list(TOLD))
+def test_a_traceback_says_what_and_why_and_what_next(call: Callable[[], object], text: str, notes: list[str]) -> None:
+    with pytest.raises(errors.DvtcliError) as raised:
+        call()
+    shown = "".join(traceback.format_exception_only(raised.value)).splitlines()
+    assert shown[0].partition(": ")[2].startswith(text)
+    for note in notes:
+        assert any(note in line for line in shown[1:]), shown
+    assert "--" not in "".join(shown)
 
 
 def test_another_bus_of_this_program_is_no_other_process(dvtcli_serve: Serve) -> None:

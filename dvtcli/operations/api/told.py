@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
+
+from dvtcli.operations.api.hints import in_python
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
@@ -49,6 +51,7 @@ class Told:
         self._say(Message("warning", text), logging.WARNING)
 
     def _say(self, message: Message, level: int) -> None:
+        message = replace(message, text=in_python(message.text))
         LOG.log(level, "%s", message.text)
         if self._on_message is not None:
             self._on_message(message)

@@ -159,8 +159,9 @@ def compare_node(
     wish = session_wish(node) if file is None else _device_wish(session, node, told_of(file, session.tell))
     missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
     if missing or not wish:
-        what = missing[0] if missing else "anything"
-        raise UsageError(f"nothing to compare: {file or SESSION} does not set {what}", node=node.node_id)
+        what = f"set {missing[0]}" if missing else "set anything"
+        said = f"{file} does not {what}" if file else f"this session did not {what}"
+        raise UsageError(f"nothing to compare: {said}", node=node.node_id)
     return compare(session, node, wish.only(pdos) if pdos else wish, file, frame=frame)
 
 
