@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli import errors
+import dvtcli
+from dvtcli import errors, results, testing
 from dvtcli.simulator.network.family_file import family_names, load_family
 from tests.console import commands, compare, rewritten, workplace
 from tests.house.pages import CONSOLE, DOCS, PAGES, SCREEN, anchors, first_column, links, screen, section, text
@@ -81,7 +82,7 @@ def test_every_page_is_in_the_menu() -> None:
 def test_exit_codes_are_those_of_the_errors() -> None:
     used = {kind.exit_code for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, Exception)}
     rows = re.findall(r"^\| ([\d, ]+) \|", section("docs/reference/exit-codes.md", "By number"), re.M)
-    assert used <= {int(code) for row in rows for code in row.split(",")}
+    assert {int(code) for row in rows for code in row.split(",")} == {0, 3, *used, 129, 130, 143}
 
 
 def test_every_reason_for_a_refusal_is_told() -> None:
@@ -107,3 +108,26 @@ def test_every_simulated_family_says_what_it_is_like(name: str) -> None:
 def test_every_room_is_described() -> None:
     rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"} | {"errors.py"}
     assert {cell.strip("`/") for cell in first_column(text("docs/explanation/architecture.md"))} == rooms
+
+
+#: what a name before a point stands for in the documentation's prose
+HOLDERS = {
+    "dvtcli": dvtcli, "bus": dvtcli.Bus, "node": dvtcli.Node, "bus.lss": dvtcli.Lss, "Bus": dvtcli.Bus,
+    "Node": dvtcli.Node, "Lss": dvtcli.Lss, "errors": errors, "results": results, "testing": testing,
+    "dvtcli.errors": errors, "dvtcli.results": results, "dvtcli.testing": testing, "ServedBus": testing.ServedBus,
+}  # fmt: skip
+
+
+@every_page
+def test_names_of_the_python_api_in_prose_are_there(page: str) -> None:
+    prose = re.sub(r"^```.*?^```$", "", text(page), flags=re.M | re.S)
+    named = re.findall(r"`(?:with |await )?((?:\w+\.)*\w+)\.(\w+)(?![\w.]*[/:])[^`]*`", prose)
+    assert [f"{holder}.{name}" for holder, name in named if holder in HOLDERS and not _has(HOLDERS[holder], name)] == []
+
+
+def _has(holder: object, name: str) -> bool:
+    return hasattr(holder, name) or name in getattr(holder, "__annotations__", {}) or name in OTHERS
+
+
+#: endings of files, the group of transports, and the collection of Ansible
+OTHERS = {"canopen", "yaml", "dcf", "eds", "toml", "log", "html", "json", "jsonl", "dvt", "py", "md", "bus"}

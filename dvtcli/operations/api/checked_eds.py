@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
-from dvtcli.operations.api.checks import flags, path, word
+from dvtcli.operations.api.checks import flags, path, word, words
 from dvtcli.operations.api.hints import python_words
 
 if TYPE_CHECKING:
@@ -38,5 +38,7 @@ def check_eds(
     if not chosen:
         raise UsageError("which files? 'drive.eds', …")
     with python_words():
-        found = eds_files.check_eds(chosen, rules, without, strict=strict, family=profile)
+        found = eds_files.check_eds(
+            chosen, words("rules", rules), words("without", without), strict=strict, family=profile
+        )
     return found if isinstance(found, FileReports) else FileReports((found,))

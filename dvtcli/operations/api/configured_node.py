@@ -19,7 +19,7 @@ from dvtcli.operations.api.arguments import (
     request,
 )
 from dvtcli.operations.api.arguments import type_of as type_named
-from dvtcli.operations.api.checks import flags, path, whole, word
+from dvtcli.operations.api.checks import flags, path, whole, word, words
 from dvtcli.operations.api.read_node import ReadNode
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ class ConfiguredNode(ReadNode):
         from dvtcli.operations.whole_device.apply_device import apply_device
         from dvtcli.operations.whole_device.plan_device import DeviceOptions
 
-        options, chosen = DeviceOptions(tuple(include), is_clone, (self.node_id,)), str(path("file", file))
+        options, chosen = DeviceOptions(words("include", include), is_clone, (self.node_id,)), str(path("file", file))
         return self._change(lambda _node: apply_device(self._calls.session, chosen, options), yes=yes, force=force)
 
     def _change(self, work: Callable[[DeviceNode], T], *, yes: bool, force: bool) -> T:

@@ -46,6 +46,8 @@ class FrameCalls(NetworkCalls):
             whole("count", count, "a count", 1_000_000, low=1)
         if every_s is not None and for_s is None and count is None:
             raise UsageError("every_s alone has no end", hint="give count or for_s")
+        if not isinstance(nodes, list | tuple):
+            raise wrong("nodes", nodes, "a list or tuple of node-IDs")
         asked = [whole("nodes", one, "a node-ID", 127, low=1) for one in nodes]
         known = None if file is None else str(path("file", file))
         return self._calls.run(

@@ -22,6 +22,8 @@ def load_wishes(
         whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
     if sync_ms is not None:
         number("sync_ms", sync_ms, "a number of milliseconds, 0…100000", high=100_000)
+    if not isinstance(inhibit_ms, Mapping | None):
+        raise wrong("inhibit_ms", inhibit_ms, _END)
     inhibit = dict(_inhibit(end, time) for end, time in (inhibit_ms or {}).items())
     return LoadWishes(for_s, bit_rate, sync_ms or None, None, inhibit)
 

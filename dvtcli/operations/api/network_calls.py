@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.operations.api.checks import flags, path, whole
+from dvtcli.operations.api.checks import flags, path, whole, words
 from dvtcli.operations.api.link_ends import endpoints, heartbeat_of
 
 if TYPE_CHECKING:
@@ -44,9 +44,9 @@ class NetworkCalls:
 
         chosen = str(path("file", file))
         flags(trust_stamp=trust_stamp)
-        words, manager = tuple(include), _manager("to_manager", to_manager)
+        included, manager = words("include", include), _manager("to_manager", to_manager)
         return self._calls.run(
-            lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=words, manager=manager)
+            lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=included, manager=manager)
         )
 
     def import_network(
@@ -190,11 +190,11 @@ class NetworkCalls:
 
         chosen = str(path("file", file))
         flags(prove=prove, trust_stamp=trust_stamp)
-        prove_by, words = "reset" if prove else None, tuple(include)
+        prove_by, included = "reset" if prove else None, words("include", include)
         manager = _manager("to_manager", to_manager)
         return self._calls.run(
             lambda: applied(
-                self._session, chosen, prove=prove_by, trust_stamp=trust_stamp, include=words, manager=manager
+                self._session, chosen, prove=prove_by, trust_stamp=trust_stamp, include=included, manager=manager
             ),
             changes=True,
             yes=yes,

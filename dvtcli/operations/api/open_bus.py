@@ -69,15 +69,24 @@ def simulate(
 
     *faults* and *signals* are words as `--fault` and `--signal` take them. UsageError for a wrong word.
     """
-    if not nodes:
-        raise UsageError("which node? a family, such as 'generic', or the path of an EDS")
-    for node in nodes:
-        if not isinstance(node, str | Path):
-            raise UsageError(f"nodes: {node!r}: a family, such as 'generic' or 'generic@5', or the path of an EDS")
-    given: dict[str, Any] = {"sim": nodes, "fault": words("faults", faults), "signal": words("signals", signals)}
+    given: dict[str, Any] = {
+        "sim": simulated_words(nodes),
+        "fault": words("faults", faults),
+        "signal": words("signals", signals),
+    }
     given["timeout"] = seconds("timeout_s", timeout_s)
     call_back(ask=ask, on_message=on_message, on_progress=on_progress)
     return _opened(given, Told(on_message, ask), on_progress)
+
+
+def simulated_words(nodes: tuple[object, ...]) -> tuple[str, ...]:
+    """The words for simulated *nodes*; UsageError where there are none, or one is no text."""
+    if not nodes:
+        raise UsageError("which node? a family, such as 'generic', or the path of an EDS")
+    for node in nodes:
+        if not isinstance(node, str | Path) or "\0" in str(node):
+            raise UsageError(f"nodes: {node!r}: a family, such as 'generic' or 'generic@5', or the path of an EDS")
+    return tuple(map(str, nodes))
 
 
 def _opened(given: dict[str, Any], told: Told, on_progress: Callable[[Progress], None] | None) -> Bus:

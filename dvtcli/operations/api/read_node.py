@@ -57,7 +57,7 @@ class ReadNode:
         return self._read(lambda node: identify(self._calls.session, node.node_id)).rows[0]
 
     def pdos(self) -> PdoListing:
-        """Every PDO as the node holds it now."""
+        """Every PDO as the node holds it now: a list of rows, of which `["tpdo1"]` is one, too."""
         from dvtcli.operations.pdos.list_pdos import list_pdos
 
         return self._read(lambda node: list_pdos(self._calls.session, node.node_id, show_all=True))

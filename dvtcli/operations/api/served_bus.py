@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from dvtcli.operations.api.checks import words
-from dvtcli.operations.api.open_bus import connect
+from dvtcli.operations.api.checks import path, words
+from dvtcli.operations.api.open_bus import connect, simulated_words
 from dvtcli.operations.api.python_bus import Bus
 from dvtcli.operations.api.told import LOG, Message
 from dvtcli.operations.opening.serve import LOOPBACK, Wanted, serving
@@ -65,7 +65,7 @@ def serve(
     store. UsageError for wrong words, BusUnavailable where no port is to be had.
     """
     options = Options(fault=words("faults", faults), signal=words("signals", signals))
-    wanted = Wanted(nodes, (LOOPBACK, 0), state=None if state is None else Path(state))
+    wanted = Wanted(simulated_words(nodes), (LOOPBACK, 0), state=None if state is None else path("state", state))
     with serving(options, wanted, LOG.warning) as served:
         thread = threading.Thread(target=served.server.run, name="dvtcli serve", daemon=True)
         thread.start()

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +30,7 @@ class ProfileRow:
 
 
 @dataclass(frozen=True, slots=True)
-class ProfileListing(Answer):
+class ProfileListing(Answer, Rows[ProfileRow]):
     """The profiles there are, and the *folder* that the user's own belong into."""
 
     renderer: ClassVar = "profile_lines:profile_list_lines"
@@ -39,12 +38,6 @@ class ProfileListing(Answer):
     rows: tuple[ProfileRow, ...]
     folder: str
     exit_code: int = 0
-
-    def __iter__(self) -> Iterator[ProfileRow]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
     def document(self) -> Document:
         """`dvtcli.profiles/1`."""

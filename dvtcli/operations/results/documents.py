@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, overload
 
 from dvtcli.domain.datatypes import CanopenTime, Value
 
@@ -35,6 +35,29 @@ class Answer:
     def remark(self) -> str:
         """What is said beside it besides its findings; empty for nothing."""
         return ""
+
+
+R = TypeVar("R")
+
+
+class Rows(Generic[R]):
+    """An answer that is a list of *rows*, which a program goes through, counts, and takes by their place."""
+
+    __slots__ = ()
+    rows: tuple[R, ...]
+
+    def __iter__(self) -> Iterator[R]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, place: int) -> R: ...
+    @overload
+    def __getitem__(self, place: slice) -> tuple[R, ...]: ...
+    def __getitem__(self, place: int | slice) -> R | tuple[R, ...]:
+        return self.rows[place]
 
 
 class Result(Protocol):

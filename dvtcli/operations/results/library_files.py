@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Rows
 
 ADDED, THERE, REPLACED, REFUSED = "added", "already there", "replaced", "refused"
 
@@ -47,7 +46,7 @@ class AddedFile:
 
 
 @dataclass(frozen=True, slots=True)
-class LibraryAdded(Answer):
+class LibraryAdded(Answer, Rows[AddedFile]):
     """What became of the files that were to be added to the library in *folder*; *others* are no device files.
 
     *are_all_taken*: no other file goes before one of them.
@@ -60,12 +59,6 @@ class LibraryAdded(Answer):
     others: int = 0
     dry_run: bool = False
     are_all_taken: bool = True
-
-    def __iter__(self) -> Iterator[AddedFile]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
     def __bool__(self) -> bool:
         """Whether none was refused."""
@@ -143,7 +136,7 @@ class LibraryRow:
 
 
 @dataclass(frozen=True, slots=True)
-class LibraryListing(Answer):
+class LibraryListing(Answer, Rows[LibraryRow]):
     """The files of the library in *folder*, after those in *removed* went and *preferred* was put first."""
 
     renderer: ClassVar = "library_lines:listing_lines"
@@ -159,12 +152,6 @@ class LibraryListing(Answer):
     exit_code: int = 0
     #: whether *preferred* is the only file of its vendor, product and revision
     is_alone: bool = False
-
-    def __iter__(self) -> Iterator[LibraryRow]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
     def document(self) -> Document:
         """`dvtcli.eds-library/1`."""

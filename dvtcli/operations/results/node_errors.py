@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.wall_clock import utc
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +47,7 @@ class FaultRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Faults(Answer):
+class Faults(Answer, Rows[FaultRow]):
     """The errors of a node, a list of rows: its own list first, then its history, newest first, then what was heard.
 
     *register* is 0x1001, None where the node has none; *has_history* whether it has 0x1003. Where they were *cleared*
@@ -66,12 +65,6 @@ class Faults(Answer):
     cleared: bool = False
     dry_run: bool = False
     exit_code: int = 0
-
-    def __iter__(self) -> Iterator[FaultRow]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
     @property
     def register_words(self) -> tuple[str, ...]:

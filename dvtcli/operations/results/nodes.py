@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
@@ -52,7 +51,7 @@ class NodeRow:
 
 
 @dataclass(frozen=True, slots=True)
-class NodeListing(Answer):
+class NodeListing(Answer, Rows[NodeRow]):
     """Nodes that answered, or the one that was asked for (*detail*)."""
 
     renderer: ClassVar = "node_lines:node_lines"
@@ -63,12 +62,6 @@ class NodeListing(Answer):
     seconds: float = 0.0
     detail: bool = False
     exit_code: int = 0
-
-    def __iter__(self) -> Iterator[NodeRow]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
     def __bool__(self) -> bool:
         return bool(self.rows)

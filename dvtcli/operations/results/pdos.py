@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, overload
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.heard import Period
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.physical import Physical
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value, physical_document
+from dvtcli.errors import UsageError
+from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class PdoRow:
 
 
 @dataclass(frozen=True, slots=True)
-class PdoListing(Answer):
+class PdoListing(Answer, Rows[PdoRow]):
     """A node's PDOs; *hidden* are left out of the text, *detail* asks for the frame picture of the one row."""
 
     renderer: ClassVar = "pdo_lines:listing_lines"
@@ -121,14 +121,18 @@ class PdoListing(Answer):
     sync_period_us: int | None = None
     exit_code: int = 0
 
-    def __iter__(self) -> Iterator[PdoRow]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, pdo: str | Pdo) -> PdoRow:
-        wanted = pdo if isinstance(pdo, Pdo) else Pdo.parse(pdo)
+    @overload
+    def __getitem__(self, pdo: str | Pdo | int) -> PdoRow: ...
+    @overload
+    def __getitem__(self, pdo: slice) -> tuple[PdoRow, ...]: ...
+    def __getitem__(self, pdo: str | Pdo | int | slice) -> PdoRow | tuple[PdoRow, ...]:
+        """The row of a PDO (`tpdo1`), or that at a place; UsageError for what is neither, KeyError for no such PDO."""
+        if isinstance(pdo, int | slice):
+            return self.rows[pdo]
+        try:
+            wanted = pdo if isinstance(pdo, Pdo) else Pdo.parse(pdo)
+        except (AttributeError, ValueError) as failed:
+            raise UsageError(f"{pdo!r}: a PDO is 'tpdo1', 'rpdo3', …, or its place among the rows: 0") from failed
         for row in self.rows:
             if row.pdo == wanted:
                 return row

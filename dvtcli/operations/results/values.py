@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.physical import Physical
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value, physical_document
+from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +70,7 @@ class ObjectRow:
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectListing(Answer):
+class ObjectListing(Answer, Rows[ObjectRow]):
     """Entries of the object dictionary, a list of rows; *total* is how many the file has."""
 
     renderer: ClassVar = "value_lines:object_lines"
@@ -82,12 +81,6 @@ class ObjectListing(Answer):
     rows: tuple[ObjectRow, ...]
     total: int
     exit_code: int = 0
-
-    def __iter__(self) -> Iterator[ObjectRow]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
     def document(self) -> Document:
         """`dvtcli.objects/1`."""

@@ -30,6 +30,7 @@ PARTS = {
     "options": "options:table",
     "settings": "options:settings",
     "errors": "errors:table",
+    "exit-codes": "errors:numbers",
     "documents": "documents:every_document",
     "rules": "rules:table",
     "eds-rules": "eds_rules:table",

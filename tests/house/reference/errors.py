@@ -1,10 +1,13 @@
-"""The kinds of failure, from the tree of errors."""
+"""The kinds of failure and their exit codes, from the tree of errors."""
 
 from __future__ import annotations
 
+import signal
+import tomllib
 from collections.abc import Iterator
+from pathlib import Path
 
-from tests.house.reference.markdown import code, plain
+from tests.house.reference.markdown import cell, code, plain
 from tests.house.reference.markdown import table as markdown_table
 from tests.house.reference.product import DvtcliError
 
@@ -12,6 +15,18 @@ from tests.house.reference.product import DvtcliError
 def kinds() -> list[type[DvtcliError]]:
     """Every failure that the product has, by exit code and name."""
     return sorted(DvtcliError.__subclasses__(), key=lambda kind: (kind.exit_code, kind.slug))
+
+
+def numbers() -> Iterator[str]:
+    """Every exit code: those of the errors, of answers (0, 3) and of signals; a code without a meaning is a KeyError."""
+    senses = tomllib.loads(Path(__file__).with_name("exit_codes.toml").read_text("utf-8"))
+    signals = sorted(128 + number for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM))
+    codes = sorted({0, 3} | {kind.exit_code for kind in kinds()} - set(signals))
+    shown = [(str(code), senses.pop(str(code))) for code in codes]
+    shown.append((", ".join(map(str, signals)), senses.pop("signals")))
+    assert not senses, f"exit_codes.toml has {', '.join(senses)}, which no failure has"
+    rows = ((code, cell(sense["meaning"]), cell(sense.get("again", ""))) for code, sense in shown)
+    return markdown_table(("code", "meaning", "try again?"), rows)
 
 
 def table() -> Iterator[str]:
