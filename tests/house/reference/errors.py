@@ -18,7 +18,7 @@ def kinds() -> list[type[DvtcliError]]:
 
 
 def numbers() -> Iterator[str]:
-    """Every exit code: those of the errors, of answers (0, 3) and of signals; a code without a meaning is a KeyError."""
+    """Every exit code: those of the errors, of answers (0, 3) and of signals; one without a meaning is a KeyError."""
     senses = tomllib.loads(Path(__file__).with_name("exit_codes.toml").read_text("utf-8"))
     signals = sorted(128 + number for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM))
     codes = sorted({0, 3} | {kind.exit_code for kind in kinds()} - set(signals))
