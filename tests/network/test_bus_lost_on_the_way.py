@@ -32,6 +32,32 @@ class Cut(Heard):
             self.cut = not self.left
 
 
+@pytest.mark.parametrize("writes", [17, 18])
+def test_after_each_store_it_is_said_who_has_stored_and_who_may_have(home: Path, writes: int) -> None:
+    folder, path = home.parent / "files", home.parent / "net.yaml"
+    folder.mkdir()
+    path.write_text("".join(f"n{node_id}:\n  node_id: {node_id}\n  store: true\n{PART}" for node_id in (5, 9)))
+    chain = Chain(folder, families={5: "generic", 9: "generic"}, bus=Cut, operational=False)
+    before, stored = chain.held(), chain.stored()
+    assert isinstance(chain.bus, Cut)
+    chain.bus.left = writes
+    with pytest.raises(LeftChanged) as raised:
+        chain.apply(path)
+    who = {label: text for label, text in raised.value.details if "stored" in label or label == "unknown"}
+    if writes == 17:  # node 5 has stored, and its answer was lost
+        assert who == {"not stored": "node 9", "unknown": "node 5"}
+    else:
+        assert who == {"stored": "node 5", "unknown": "node 9"}
+    assert (chain.stored()[5] != stored[5], chain.stored()[9] != stored[9]) == (True, writes == 18)
+    assert "not every node is known to hold" in str(raised.value.state_text)
+    assert len(chain.journals()) == 2
+    chain.bus.cut = False
+    with chain.session(node=None) as session:
+        recover(session)
+    assert chain.held() == before
+    assert chain.journals() == []
+
+
 @pytest.mark.parametrize("writes", range(1, 17))
 def test_after_each_number_of_writes_the_nodes_are_said_to_be_changed_and_come_back(home: Path, writes: int) -> None:
     folder, path = home.parent / "files", home.parent / "net.yaml"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.put_back import first_difference
-from dvtcli.errors import DeviceRefused, Restarted, SafetyRefusal
+from dvtcli.errors import BusUnavailable, DeviceRefused, Restarted, SafetyRefusal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,7 +64,10 @@ class Verified:
     def faults(self, proved: Sequence[int]) -> list[BaseException]:
         """Once the stores have ended: what any of the nodes lost; those that were *proved* were read after that."""
         changes = {node_id: some for node_id, some in self.changes.items() if node_id not in proved}
-        now = {one: node.bus.boot_ups(one) for one, node in self.nodes.items() if one in changes}
+        try:
+            now = {one: node.bus.boot_ups(one) for one, node in self.nodes.items() if one in changes}
+        except BusUnavailable as failed:
+            return [failed]
         return last_look(self.session, self.nodes, changes, {**now, **self.boot_ups})
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.whole import Storing
 from dvtcli.errors import (
+    BusUnavailable,
     DvtcliError,
     JournalKept,
     LeftChanged,
@@ -241,4 +242,4 @@ def _is_unsure(fault: BaseException) -> bool:
     """Whether nobody knows if the node stored."""
     if not isinstance(fault, DvtcliError):
         return True
-    return isinstance(fault, NoAnswer | SdoProtocolError) or fault.state == "unknown"
+    return isinstance(fault, BusUnavailable | NoAnswer | SdoProtocolError) or fault.state == "unknown"
