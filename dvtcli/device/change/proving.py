@@ -12,7 +12,7 @@ from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import Signed, word_of
 from dvtcli.domain.proof import POWER
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, Interrupted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -43,16 +43,23 @@ def acknowledged(node: Node, signed: Signed) -> Iterator[None]:
     try:
         yield
     except DvtcliError as failed:
-        word = word_of(signed.index)
-        failed.details.insert(0, (word, f"0x{signed.place} acknowledged it before; it is not proved"))
-        said = (
-            f"0x{signed.place} acknowledged the {word}, which is not proved; read back what node {node.node_id} holds"
-        )
-        if failed.state == "left_changed":
-            failed.state_text = f"LEFT CHANGED: see above; {said}"
-        else:
-            failed.state, failed.state_text = "unknown", f"unknown: {said}"
+        _say_acknowledged(node, signed, failed)
         raise
+    except KeyboardInterrupt as torn:
+        stopped = Interrupted("stopped at once", node=node.node_id, state="unknown")
+        stopped.exit_code = node.cancellation.exit_code
+        _say_acknowledged(node, signed, stopped)
+        raise stopped from torn
+
+
+def _say_acknowledged(node: Node, signed: Signed, failed: DvtcliError) -> None:
+    word = word_of(signed.index)
+    failed.details.insert(0, (word, f"0x{signed.place} acknowledged it before; it is not proved"))
+    said = f"0x{signed.place} acknowledged the {word}, which is not proved; read back what node {node.node_id} holds"
+    if failed.state == "left_changed":
+        failed.state_text = f"LEFT CHANGED: see above; {said}"
+    else:
+        failed.state, failed.state_text = "unknown", f"unknown: {said}"
 
 
 def uncovered_group(sub_index: int) -> str:
