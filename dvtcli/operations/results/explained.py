@@ -50,6 +50,8 @@ class FrameExplained(Answer):
     @property
     def what(self) -> str:
         """What it is, and of which node."""
+        if self.frame.remote and self.kind == "heartbeat":
+            return f"node guarding request, node {self.node}"
         kind = "remote request of " if self.frame.remote else ""
         return f"{kind}{self.label}{f', node {self.node}' if self.node else ''}"
 

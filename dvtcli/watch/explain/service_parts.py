@@ -9,16 +9,20 @@ from dvtcli.domain.emergency_codes import emergency_text, register_words
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.watch.explain.parts import Bytes, FramePart
 
+_DAY_MS = 24 * 60 * 60 * 1000
 #: the day from which TIME counts (CiA 301, 7.2.6)
 _EPOCH = datetime(1984, 1, 1, tzinfo=UTC)
+#: the values of SYNC's counter (CiA 301, 7.2.5.3.2)
+_COUNTERS = range(1, 241)
 
 
 def nmt_parts(data: bytes) -> Iterator[FramePart]:
     """An NMT command, and whom it is for."""
     cut = Bytes(data)
     if data:
-        known = data[0] in set(NmtCommand)
-        yield cut.part(0, 8, "command specifier", NmtCommand(data[0]).word if known else "reserved")
+        word = NmtCommand(data[0]).word if data[0] in set(NmtCommand) else "reserved"
+        whole = "" if len(data) > 1 else "; too short: an NMT command has 2 bytes"
+        yield cut.part(0, 8, "command specifier", word + whole)
     if len(data) > 1:
         node = data[1]
         yield cut.part(8, 8, "node-ID", "all nodes" if not node else f"node {node}" if node <= 127 else "reserved")
@@ -29,7 +33,8 @@ def sync_parts(data: bytes) -> Iterator[FramePart]:
     """SYNC: nothing, or its counter."""
     cut = Bytes(data)
     if data:
-        yield cut.part(0, 8, "counter", str(data[0]))
+        said = str(data[0]) if data[0] in _COUNTERS else "reserved: SYNC counts from 1 to 240 at most"
+        yield cut.part(0, 8, "counter", said)
     yield from cut.rest(1, "one too many: SYNC has a counter at most")
 
 
@@ -40,8 +45,9 @@ def time_parts(data: bytes) -> Iterator[FramePart]:
         yield from cut.rest(0, "too short: TIME has 6 bytes")
         return
     milliseconds, days = cut.raw(0, 28), cut.number(4, 2)
-    at = _EPOCH + timedelta(days=days, milliseconds=milliseconds)
-    yield cut.part(0, 28, "ms since midnight", at.strftime("%H:%M:%S.") + f"{at.microsecond // 1000:03d}")
+    at = _EPOCH + timedelta(days=days, milliseconds=milliseconds % _DAY_MS)
+    clock = at.strftime("%H:%M:%S.") + f"{at.microsecond // 1000:03d}"
+    yield cut.part(0, 28, "ms since midnight", clock if milliseconds < _DAY_MS else "more than a day has")
     yield cut.part(28, 4, "reserved")
     yield cut.part(32, 16, "days since 1984-01-01", at.strftime("%Y-%m-%d"))
     yield from cut.rest(6, "one too many: TIME has 6 bytes")

@@ -100,3 +100,23 @@ def test_eds_takes_a_family_and_says_what_is_no_file(line: str, tmp_path: Path) 
     assert (missing.code, "nothere.eds: No such file" in missing.stderr) == (2, True)
     family = Bench((), {"eds": "generic"}).run(line.format(log=log))
     assert (family.code, "a bug" in family.stderr) == (2 if line.startswith("plot") else 0, False)
+
+
+@pytest.mark.parametrize(
+    ("frame", "name", "words"),
+    [
+        ("000#01", "command specifier", "start; too short: an NMT command has 2 bytes"),
+        ("080#F0", "counter", "240"),
+        ("080#F1", "counter", "reserved: SYNC counts from 1 to 240 at most"),
+        ("080#00", "counter", "reserved: SYNC counts from 1 to 240 at most"),
+        ("100#FF5B26050100", "ms since midnight", "23:59:59.999"),
+        ("100#005C26050100", "ms since midnight", "more than a day has"),
+        ("100#005C26050100", "days since 1984-01-01", "1984-01-02"),
+    ],
+)
+def test_a_value_that_the_standard_does_not_have_is_none(frame: str, name: str, words: str) -> None:
+    assert said(frame)[name] == words
+
+
+def test_a_remote_frame_to_a_heartbeat_is_node_guarding() -> None:
+    assert "node guarding request, node 5" in Bench(()).run("explain 705#R").stdout

@@ -140,7 +140,7 @@ def _sync_note(result: PdoListing, row: PdoRow) -> str:
     if kind is None or not 1 <= kind <= 240 or not row.pdo.is_tpdo or not period:
         return ""
     rate = 1_000_000 / (period * kind)
-    return f" (SYNC every {period / 1000:g} ms: {rate:g} frames/s)"
+    return f" (0x1006: SYNC every {period / 1000:g} ms, so {rate:g} frames/s)"
 
 
 def _entries(row: PdoRow, width: int) -> Iterator[Line]:
