@@ -354,6 +354,41 @@ def test_limits_that_exclude_everything_are_ignored() -> None:
         assert (entry(file).low, entry(file).high, lines(file, rule)) == (None, None, [7])
 
 
+@pytest.mark.parametrize(
+    ("code", "low", "high", "bounds", "ignored"),
+    [
+        (3, "-32768", "32768", (-32768, None), [7]),
+        (3, "", "65535", (None, None), [7]),
+        (3, "-5", "65534", (-5, None), [7]),
+        (3, "0x8000", "32768", (-32768, None), [7]),
+        (3, "32768", "32767", (None, 32767), [6]),
+        (3, "0x8000", "0x8000", (-32768, None), [7]),
+        (3, "0x8000", "0xFFFF", (-32768, -1), []),
+        (3, "0xFF9C", "100", (-100, 100), []),
+        (3, "", "0xFFFF", (None, None), [7]),
+        (3, "-32768", "0", (-32768, 0), []),
+        (4, "-2147483648", "4294967295", (-2147483648, None), [7]),
+        (2, "0x00", "0x7F", (0, 127), []),
+        (5, "0", "256", (0, None), [7]),
+        (5, "-1", "255", (None, 255), [6]),
+    ],
+)
+def test_a_limit_that_its_type_cannot_hold_bounds_nothing(
+    code: int, low: str, high: str, bounds: tuple[int | None, int | None], ignored: list[int]
+) -> None:
+    file = one(code, f"LowLimit={low}", f"HighLimit={high}")
+    assert ((entry(file).low, entry(file).high), lines(file, "limit-type")) == (bounds, ignored)
+
+
+@pytest.mark.parametrize("key", ["DefaultValue", "ParameterValue"])
+def test_a_value_beyond_its_type_is_told(key: str) -> None:
+    file = one(3, f"{key}=32768")
+    assert (entry(file).initial(1), lines(file, "odd-value")) == (b"\x00\x80", [6])
+    assert any("32768 is beyond INTEGER16 (-32768..32767); taken as -32768" in one.text for one in file.findings)
+    assert lines(one(3, f"{key}=0x8000"), "odd-value") == []
+    assert lines(one(3, f"{key}=70000"), "bad-value") == [6]
+
+
 def test_a_semicolon_belongs_to_a_text() -> None:
     file = one(9, "DefaultValue=a;b", "LowLimit=1")
     assert (entry(file).default, lines(file, "limit-without-sense")) == (b"a;b", [7])

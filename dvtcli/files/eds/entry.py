@@ -15,7 +15,9 @@ from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
 from dvtcli.files.eds.numbers import (
     EncodedValue,
+    above_type,
     encode_value,
+    is_hexadecimal,
     leading_zero_in,
     octal_in,
     read_limit,
@@ -222,7 +224,26 @@ def _limits(values: Values, data_type: DataType | None, findings: Findings) -> _
         rule = LIMITS_CROSSED if _crossed_as_written(values["lowlimit"], values["highlimit"]) else LIMITS_WRAPPED
         findings.add(rule, values["highlimit"].line, text)
         return _Limits()
+    if high is not None and _bounds_nothing(values["highlimit"], data_type, high, low, findings):
+        high, high_relative = None, False
+    if low is not None and _bounds_nothing(values["lowlimit"], data_type, low, low, findings):
+        low, low_relative = None, False
     return _Limits(low, low_relative, high, high_relative)
+
+
+def _bounds_nothing(
+    given: IniValue, data_type: DataType | None, limit: float, low: float | None, findings: Findings
+) -> bool:
+    """Whether *given* is above all that a signed *data_type* holds, and stands for no negative *limit*, which is said.
+
+    32768 bounds no INTEGER16. 0x8000 as LowLimit is -32768, and as HighLimit above such a *low* one a negative number.
+    """
+    if data_type is None or data_type.kind is not Kind.INTEGER or not (why := above_type(data_type, given.value)):
+        return False
+    if is_hexadecimal(given.value) and low is not None and (limit > low or given.key.lower() == "lowlimit"):
+        return False
+    findings.add(LIMIT_TYPE, given.line, f"{quoted(given)} {why}: it bounds nothing; ignored")
+    return True
 
 
 def _crossed_as_written(low: IniValue, high: IniValue) -> bool:

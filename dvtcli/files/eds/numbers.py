@@ -145,7 +145,29 @@ def _encode_integer(data_type: DataType, text: str) -> EncodedValue:
         if not 0 <= number < 1 << 48:
             raise ValueError(f"more than the 48 bits of a {data_type.name}")
         return EncodedValue(number.to_bytes(6, "little"), relative, remark)
-    return EncodedValue(data_type.encode(_in_range(data_type, number)), relative, remark)
+    meant = _in_range(data_type, number)
+    if meant != number and not is_hexadecimal(text):
+        remark = f"{number} is beyond {data_type.name} ({_range(data_type)}); taken as {meant}, the same bits"
+    return EncodedValue(data_type.encode(meant), relative, remark)
+
+
+def is_hexadecimal(text: str) -> bool:
+    """Whether *text* writes bits (`0xFFFE`), as which a negative number may be written."""
+    return "0x" in text.lower()
+
+
+def above_type(data_type: DataType, text: str) -> str:
+    """What to say of a limit *text* that is above all that *data_type*, a signed one, holds; empty where it is not."""
+    low, high = data_type.limits or (0, 0)
+    number, relative, _ = _sum_of_terms(without_comment(text)) if isinstance(high, int) and low < 0 else (0, False, "")
+    if relative or number <= high:
+        return ""
+    return f"does not fit {data_type.name} ({_range(data_type)})"
+
+
+def _range(data_type: DataType) -> str:
+    low, high = data_type.limits or (0, 0)
+    return f"{low}..{high}"
 
 
 def _in_range(data_type: DataType, number: int) -> int:
@@ -159,7 +181,7 @@ def _in_range(data_type: DataType, number: int) -> int:
             if low <= number - (1 << bits) < 0:
                 return number - (1 << bits)
     if not low <= number <= high:
-        raise ValueError(f"does not fit {data_type.name} ({low}..{high})")
+        raise ValueError(f"does not fit {data_type.name} ({_range(data_type)})")
     return number
 
 
