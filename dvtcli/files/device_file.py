@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import InputFileError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from datetime import datetime
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -76,15 +77,20 @@ def must_not_be_cut(read: EdsFile | XddFile) -> None:
         raise InputFileError(f"{source} is cut short: {lacks}", place=source, hint=hint)
 
 
-def device_file_bytes(dictionary: ObjectDictionary, name: str, description: str, made: datetime) -> bytes:
-    """*dictionary* as a file called *name*, in the format that the name ends in; *description* is one line about it."""
+def device_file_bytes(
+    dictionary: ObjectDictionary, name: str, description: str, made: datetime, said: Mapping[str, str] | None = None
+) -> bytes:
+    """*dictionary* as a file called *name*, in the format that the name ends in; *description* is one line about it.
+
+    *said* is what the file that it is made of says about itself, by the keys of FileInfo, and what stays so.
+    """
     if name.lower().endswith(XDD_SUFFIXES):
         from dvtcli.files.xdd.xdd_writer import xdd_bytes
 
-        return xdd_bytes(dictionary, name, made)
+        return xdd_bytes(dictionary, name, made, said)
     from dvtcli.files.eds.writer import eds_bytes, eds_text
 
-    return eds_bytes(eds_text(dictionary, name, description, made))
+    return eds_bytes(eds_text(dictionary, name, description, made, said))
 
 
 def is_xml(data: bytes, name: str) -> bool:

@@ -213,3 +213,87 @@ def test_what_cannot_be_converted(
     assert (ran.code, said in ran.stderr) == (code, True), ran
     assert Path("there.eds").read_text() == "mine"
     assert not Path("b.eds").exists()
+
+
+# --- what a file says about itself
+
+
+def keys_of(path: Path) -> dict[tuple[str, str], str]:
+    """Every key of every section of an EDS or DCF, read here: the first value of each, in small letters."""
+    said: dict[tuple[str, str], str] = {}
+    section = ""
+    for line in path.read_bytes().decode("latin-1").splitlines():
+        text = line.strip()
+        if text.startswith("["):
+            section = text[1:].partition("]")[0].strip().lower()
+        elif "=" in text and text[0] not in ";#":
+            key, _, value = text.partition("=")
+            said.setdefault((section, key.strip().lower()), value.strip())
+    return said
+
+
+def is_count(section: str, key: str) -> bool:
+    """What is written anew, and says no more than the objects: counts, short forms, and the rows of those."""
+    short = section[4:] in ("name", "value") or section.endswith("objects")
+    return short or key in ("lines", "compactpdo", "compactsubobj", "subnumber", "nrofentries")
+
+
+#: what is true of the copy alone, as its name
+NEW = {"filename", "modificationtime", "modificationdate", "modifiedby"}
+
+
+def file_info_of(path: Path) -> dict[str, str]:
+    return {key: value for (section, key), value in keys_of(path).items() if section == "fileinfo" and value}
+
+
+def copies(path: Path, folder: Path) -> tuple[Path, str, Path, str]:
+    """*path* as an EDS or DCF, and as one through an XDD or XDC, each with what was said of it."""
+    xml = folder / f"b.xd{'c' if path.suffix == '.dcf' else 'd'}"
+    direct, back = (folder / f"{name}{path.suffix}" for name in "ac")
+    with Bench(()) as bench:
+        ran = [bench.run(f"eds convert {one} {other}") for one, other in ((path, direct), (path, xml), (xml, back))]
+    assert [one.code for one in ran] == [0, 0, 0], ran
+    return direct, ran[0].stdout, back, ran[1].stdout + ran[2].stdout
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "described" in metafunc.fixturenames:
+        paths = [one for one in (*FAMILIES, *real_files(metafunc.config)) if one.suffix in (".eds", ".dcf")]
+        metafunc.parametrize("described", paths, ids=[one.name for one in paths])
+
+
+def test_what_a_file_says_about_itself_stays_or_is_named(described: Path, tmp_path: Path) -> None:
+    before = file_info_of(described)
+    direct, of_direct, back, of_way = copies(described, tmp_path)
+    for copy, told in ((direct, of_direct), (back, of_way)):
+        after = file_info_of(copy)
+        gone = [key for key, value in before.items() if key not in NEW and after.get(key) != value]
+        named = " ".join(line.lower() for line in told.splitlines() if "FileInfo" in line)
+        assert [key for key in gone if key not in named] == [], told
+        assert after["modifiedby"] == "dvtcli"
+    assert not {"createdby", "creationdate", "filerevision", "fileversion", "description"} & {
+        key for key, value in before.items() if file_info_of(direct)[key] != value
+    }, of_direct
+
+
+def test_where_nothing_is_said_to_be_lost_every_key_is_there(described: Path, tmp_path: Path) -> None:
+    before = keys_of(described)
+    direct, of_direct, back, of_way = copies(described, tmp_path)
+    for copy, told in ((direct, of_direct), (back, of_way)):
+        if "not carried over" in told:
+            continue
+        after = keys_of(copy)
+        gone = [
+            place
+            for place, value in before.items()
+            if value not in ("", "0", "0x0") and place[1] not in NEW and place not in after
+            if not is_count(*place) and not before.keys() & {(place[0], "compactsubobj"), (place[0], "subnumber")}
+        ]
+        assert gone == [], told
+
+
+def test_a_concise_dcf_is_told_to_be_one(tmp_path: Path) -> None:
+    (tmp_path / "a.cdcf").write_bytes(bytes.fromhex("01000000171000020000002c01"))
+    with Bench(()) as bench:
+        ran = bench.run(f"eds convert {tmp_path}/a.cdcf {tmp_path}/a.dcf")
+    assert (ran.code, "is a concise DCF" in ran.stderr, "eds show" in ran.stderr) == (2, True, True), ran

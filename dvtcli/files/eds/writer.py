@@ -8,6 +8,7 @@ from datetime import datetime
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.files.eds.ini import decode
 from dvtcli.files.eds.written_values import written_limit, written_value
+from dvtcli.files.file_info import as_keys
 
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER = range(0x2000, 0x6000)
@@ -16,13 +17,19 @@ _DUMMIES = range(1, 8)
 _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
 
 
-def eds_text(dictionary: ObjectDictionary, file_name: str, description: str, made: datetime) -> str:
+def eds_text(
+    dictionary: ObjectDictionary,
+    file_name: str,
+    description: str,
+    made: datetime,
+    said: Mapping[str, str] | None = None,
+) -> str:
     """*dictionary* as the text of an EDS called *file_name*; *made* is when, *description* one line about it.
 
-    It is a DCF where *dictionary* has a node-ID or values of its own.
+    *said* are keys of FileInfo that stay. It is a DCF where *dictionary* has a node-ID or values of its own.
     """
     sections = [
-        _section("FileInfo", _file_info(file_name, description, made)),
+        _section("FileInfo", {**_file_info(file_name, description, made), **as_keys(said or {})}),
         _section("DeviceInfo", _device_info(dictionary)),
         *_dummy_usage(dictionary),
         *_commissioning(dictionary),

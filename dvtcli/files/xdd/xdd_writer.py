@@ -15,6 +15,7 @@ from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType
 from dvtcli.domain.unit import parse_offset
 from dvtcli.files.dbc_text import decimal
 from dvtcli.files.eds.written_values import written_limit, written_value
+from dvtcli.files.file_info import as_attributes
 from dvtcli.files.xdd.recognise import NAMESPACES
 from dvtcli.files.xdd.xdd_parameters import TYPES
 
@@ -33,10 +34,15 @@ _REFUSED = "\ufffe\uffff"
 Element = ElementTree.Element
 
 
-def xdd_bytes(dictionary: ObjectDictionary, file_name: str, made: datetime) -> bytes:
-    """*dictionary* as an XDD called *file_name*, made at *made*; an XDC where it has a node-ID or values of its own."""
+def xdd_bytes(
+    dictionary: ObjectDictionary, file_name: str, made: datetime, said: Mapping[str, str] | None = None
+) -> bytes:
+    """*dictionary* as an XDD called *file_name*, made at *made*; an XDC where it has a node-ID or values of its own.
+
+    *said* is what stays of what the file it is made of says about itself, by the keys of an EDS.
+    """
     root = Element("co:ISO15745ProfileContainer", {"xmlns:co": NAMESPACES[-1], "xmlns:xsi": _XSI})
-    file = _file(file_name, made)
+    file = _file(file_name, made, as_attributes(said or {}))
     parameters = Element("co:parameterList")
     network = _network_body(dictionary, file, parameters)
     root.append(_profile("Device", _device_body(dictionary, file, parameters)))
@@ -46,11 +52,13 @@ def xdd_bytes(dictionary: ObjectDictionary, file_name: str, made: datetime) -> b
     return text + b"\n"
 
 
-def _file(file_name: str, made: datetime) -> dict[str, str]:
+def _file(file_name: str, made: datetime, said: Mapping[str, str]) -> dict[str, str]:
+    day, clock = made.strftime("%Y-%m-%d"), made.strftime("%H:%M:%S")
+    changed = {"fileModificationDate": day, "fileModificationTime": clock, "fileModifiedBy": "dvtcli"}
     return {
         "formatName": "CANopen", "formatVersion": "1.0", "fileName": file_name, "fileCreator": "dvtcli",
-        "fileCreationDate": made.strftime("%Y-%m-%d"), "fileCreationTime": made.strftime("%H:%M:%S"),
-        "fileVersion": "1", "supportedLanguages": "en",
+        "fileCreationDate": day, "fileCreationTime": clock, "fileVersion": "1", "supportedLanguages": "en",
+        **{name: _allowed(text) for name, text in said.items()}, **(changed if said else {}),
     }  # fmt: skip
 
 

@@ -24,11 +24,14 @@ from dvtcli.files.device_file import (
     parse_device_file,
     read_device_file,
 )
+from dvtcli.files.file_info import file_info
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.operations.exchange.dbc_wishes import DbcWishes
     from dvtcli.operations.session.session import Session
@@ -43,6 +46,8 @@ CONCISE_SUFFIX = ".cdcf"
 DBC_OPTIONS = "--with, --split-bits and --all"
 #: What belongs to one node, and not to every device of its kind.
 _OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
+#: What every file says about itself that is written anew.
+_OF_EVERY_FILE = (("FileRevision", "0"), ("FileRevision", "0x0"), ("EDSVersion", "4.0"))
 #: Said with what they belong to.
 _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
 
@@ -77,17 +82,29 @@ def convert_file(
     suffix = path.suffix.lower()
     if suffix not in DEVICE_SUFFIXES:
         raise UsageError(f"{target}: what format is that?", hint=f"a name that ends in {', '.join(DEVICE_SUFFIXES)}")
+    if file.lower().endswith(CONCISE_SUFFIX):
+        raise UsageError(
+            f"{file} is a concise DCF: what a manager (0x1F22) writes to one node, and no description of a device",
+            place=file, hint=f"`eds show {file}` shows it; `write 1F22:5 @{file}` gives node 5's to the manager",
+        )  # fmt: skip
     try:
         read = read_device_file(Path(file))
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
-    data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", datetime.now().astimezone())
-    again = parse_device_file(data, path.name).dictionary
-    losses = [*lost(read.dictionary, again, suffix), *not_held(read)]
+    said, now = file_info(read), datetime.now().astimezone()
+    data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", now, said)
+    again = parse_device_file(data, path.name)
+    losses = [*lost(read.dictionary, again.dictionary, suffix), *_unsaid(said, file_info(again)), *not_held(read)]
     ask_before_overwriting(session, path)
     make_file(session, path, data)
-    return _answer(file, target, len(again), losses)
+    return _answer(file, target, len(again.dictionary), losses)
+
+
+def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    """What the file said about itself *before*, and does not say *after*."""
+    gone = [one for one in before.items() if after.get(one[0]) != one[1] and one not in _OF_EVERY_FILE]
+    return [f"FileInfo: {', '.join(f'{key} ({value})' for key, value in gone)}"] if gone else []
 
 
 def _is_recording(file: str) -> bool:
