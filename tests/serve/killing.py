@@ -37,7 +37,13 @@ class Killable(Served):
 
         The nodes have heard that frame, and none that may have come behind it; nobody has heard an answer.
         """
-        victim = Victim(at, which)
+        return self._ended(words, Victim(at, which))
+
+    def cut_off(self, words: Sequence[str], at: int, which: Callable[[can.Message], bool]) -> int:
+        """The same, and its connection ends there, as that of a server which is gone; dvtcli goes on to its end."""
+        return self._ended(words, CutOff(at, which))
+
+    def _ended(self, words: Sequence[str], victim: Victim) -> int:
         self.door.victim = victim
         victim.process = start([*bus_words(self.port), *words], env=own_environment(self.folder))
         victim.is_there.set()
@@ -70,6 +76,13 @@ class Victim:
         assert self.process is not None
         self.process.send_signal(SIGKILL)
         self.process.wait(PATIENCE_S)
+
+
+class CutOff(Victim):
+    """Who loses the bus at that frame."""
+
+    def kill(self) -> None:
+        """It lives on; the door ends its connection."""
 
 
 @contextmanager

@@ -189,6 +189,8 @@ class ScriptChanges:
 
         made = self._made(node)
         tried = NodeTakenBack(node, made)
+        if not made and (node.keeper is None or node.keeper.open_journal() is None):
+            return tried  # nothing was written to it, and it need not be there any more
         try:
             tried.boot_ups = node.bus.boot_ups(node.node_id)
             while self._made(node):

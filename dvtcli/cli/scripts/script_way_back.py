@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -85,14 +85,17 @@ def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) ->
     left = _left_changed(node, plans, cause, str(failed) or "interrupted")
     path = node.keeper.open_journal() if node.keeper is not None else None
     if path is not None:
-        left.place, left.hint = str(path), f"recover finishes it, from {path}"
+        from dvtcli.device.change.failed_change import BUS_BACK
+
+        first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""
+        left.place, left.hint = str(path), f"{first}recover finishes it, from {path}"
     return left
 
 
 def _left_changed(node: Node, plans: list[Plan], cause: str, why: str) -> LeftChanged:
     labels = several(dict.fromkeys(change.label for plan in plans for change in plan.changes))
     return LeftChanged(
-        f"{labels} of node {node.node_id} could not be taken back",
+        f"{labels or 'what this line changed'} of node {node.node_id} could not be taken back",
         node=node.node_id,
         why=f"{cause}; then, while taking it back: {why}",
         hint=f"look at it with `pdo`; `nmt reset-node {node.node_id}` brings the stored settings back",

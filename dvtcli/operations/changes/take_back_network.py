@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combined
+from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, Interrupted, LeftChanged
 from dvtcli.operations.changes.node_before import NodeBefore, difference_from_before, is_otherwise, put_back
 
 if TYPE_CHECKING:
@@ -220,5 +221,6 @@ class Course:
         )
         path = node.keeper.open_journal() if node.keeper is not None else None
         if path is not None:
-            left.place, left.hint = str(path), f"recover finishes it, from {path}"
+            first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""
+            left.place, left.hint = str(path), f"{first}recover finishes it, from {path}"
         return left

@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
+from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.device.change.whole import Storing
 from dvtcli.errors import (
     BusUnavailable,
@@ -223,6 +224,9 @@ def _lost(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
         hint="recover puts every node back as it was before; then `apply` again",
         state="left_changed",
     )
+    if isinstance(first, BusUnavailable):
+        left.text = f"the bus was gone while the nodes stored: {first}"
+        left.hint = f"{BUS_BACK}; then `recover --finish` goes on with the stores, `recover` puts every node back"
     left.details += [("also", str(one)) for one in others]
     left.details += _who(course)
     left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"

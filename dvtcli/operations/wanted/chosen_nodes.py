@@ -35,9 +35,8 @@ def of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...
     chosen, alone = _without_torn_links(wish, _without_stamps(wish, wish.of(ids)))
     if left_out := len(wish.links) - len(chosen.links):
         stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
-        session.tell.note(
-            f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n; left as they are: {stay}"
-        )
+        kept = f"; left as they are: {stay}" if stay else ""
+        session.tell.note(f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n{kept}")
     return chosen
 
 
