@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import TextIOWrapper
+from os import fstat
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -14,37 +13,26 @@ import can
 from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.cob_id import fits
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.recording_formats import BROKEN, CAPTURES, TEXT, checked_suffix
+from dvtcli.files.recorded_lines import (
+    AscLines,
+    CandumpLines,
+    CountedLines,
+    LeftLines,
+    LostLineError,
+    TrcLines,
+    no_frame,
+)
+from dvtcli.files.recording_formats import BROKEN, CAPTURES, checked_suffix
 
 #: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
 _MOST_BYTES = 8
-#: candump's CAN-IDs with the error flag (linux/can.h)
-_ERROR_FRAME = re.compile(r" [2367][0-9A-F]{7}#", re.I)
 
 
-class _CountedLines(TextIOWrapper):
-    """A text file that knows which line was read last."""
-
-    line = 0
-
-    def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
-        self.line += 1
-        return super().readline(size)
-
-    def __next__(self) -> str:  # type: ignore[override]
-        text = self.readline()
-        if not text:
-            raise StopIteration
-        return text
-
-
-class _CandumpLines(_CountedLines):
-    """candump's lines: python-can knows one kind of error frame, and takes the others for data; they become that."""
-
-    def __next__(self) -> str:  # type: ignore[override]
-        return _ERROR_FRAME.sub(r" 20000080#", super().__next__())
+#: what takes the lines of formats that are text
+_LINES: dict[str, type[CountedLines]] = {".log": CandumpLines, ".asc": AscLines, ".trc": TrcLines}
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +62,12 @@ def read_recorded(path: Path) -> Iterator[Recorded]:
         count = 0
         try:
             for message in _reader(suffix, source):
+                if isinstance(source, LeftLines):
+                    source.took()
                 if not message.is_error_frame:
                     _refuse_no_date(message.timestamp)
                     _refuse_no_id(message)
+                    _refuse_other_length(message)
                     count += 1
                 channel = "" if message.channel is None else str(message.channel)
                 fd = message.is_fd or len(message.data) > _MOST_BYTES
@@ -87,17 +78,27 @@ def read_recorded(path: Path) -> Iterator[Recorded]:
         raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {suffix} file?", place=str(path))
 
 
+class _NoFrameError(ValueError):
+    """What was read is no frame that there can be."""
+
+
 def _refuse_no_date(time_s: float) -> None:
-    """ValueError for a time that no calendar has: neither from a recording's own start nor since 1970."""
+    """_NoFrameError for a time that no calendar has: neither from a recording's own start nor since 1970."""
     if not _FIRST_S <= time_s <= _LAST_S:
-        raise ValueError(f"{time_s:g} s is no time of a frame")
+        raise _NoFrameError(f"{time_s:g} s is no time of a frame")
 
 
 def _refuse_no_id(message: can.Message) -> None:
-    """ValueError for a CAN-ID that no frame can have: an interface that is given it cuts it to another one."""
+    """_NoFrameError for a CAN-ID that no frame can have: an interface that is given it cuts it to another one."""
     if not fits(message.arbitration_id, extended=message.is_extended_id):
         bits = 29 if message.is_extended_id else 11
-        raise ValueError(f"CAN-ID 0x{message.arbitration_id:X} has more than {bits} bits")
+        raise _NoFrameError(f"CAN-ID 0x{message.arbitration_id:X} has more than {bits} bits")
+
+
+def _refuse_other_length(message: can.Message) -> None:
+    """_NoFrameError where it has other data than its length says: a part of it is missing."""
+    if not message.is_remote_frame and message.dlc != len(message.data):
+        raise _NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {len(message.data)}")
 
 
 def check_readable(path: Path) -> None:
@@ -115,9 +116,8 @@ def _opened(path: Path) -> BinaryIO:
 
 def _source(suffix: str, raw: Any, path: Path) -> Any:
     """What the format's reader takes: lines that are counted, the open file, or its path."""
-    if suffix in TEXT:
-        kind = _CandumpLines if suffix == ".log" else _CountedLines
-        return kind(raw, encoding="utf-8", errors="replace")
+    if suffix in _LINES:
+        return _LINES[suffix](raw, encoding="utf-8", errors="replace")
     return raw if suffix in (".blf", *CAPTURES) else str(path)
 
 
@@ -128,12 +128,33 @@ def _reader(suffix: str, source: Any) -> Iterator[can.Message]:
         from dvtcli.files.pcap import read_capture
 
         return read_capture(source)
-    readers: dict[str, Any] = {".log": can.CanutilsLogReader, ".trc": can.TRCReader, ".blf": can.BLFReader}
+    if suffix == ".blf":
+        return _blocks(can.BLFReader(source), source)
+    readers: dict[str, Any] = {".log": can.CanutilsLogReader, ".trc": can.TRCReader}
     return iter(readers[suffix](source) if suffix in readers else can.LogReader(source))
 
 
+def _blocks(reader: can.BLFReader, raw: BinaryIO) -> Iterator[can.Message]:
+    """The frames of a .blf; _NoFrameError behind the last one where the file is shorter than it says itself."""
+    size = fstat(raw.fileno()).st_size
+    yield from reader
+    if size < reader.file_size:
+        raise _NoFrameError(f"it was cut short: of {reader.file_size} bytes it has {size}")
+
+
 def _damaged(path: Path, source: Any, count: int, wrong: Exception) -> InputFileError:
-    line = getattr(source, "line", 0)
-    why = str(wrong).partition("\n")[0] or type(wrong).__name__
+    line = wrong.line if isinstance(wrong, LostLineError) else getattr(source, "line", 0)
     place = f"{path}:{line}" if line else str(path)
-    return InputFileError(f"{place}: damaged after {count} frames, or no {path.suffix} file", why=why, place=place)
+    return InputFileError(
+        f"{place}: damaged after {plural(count, 'frame')}, or no {path.suffix} file", why=_why(path, source, wrong),
+        place=place, hint=f"without line {line} the rest of it can be read" if line and count else "",
+    )  # fmt: skip
+
+
+def _why(path: Path, source: Any, wrong: Exception) -> str:
+    """What is wrong, not how its reader says it."""
+    if isinstance(wrong, (_NoFrameError, LostLineError)) or path.suffix.lower() in CAPTURES:
+        return str(wrong).partition("\n")[0] or type(wrong).__name__
+    if isinstance(source, CountedLines):
+        return no_frame(source.text)
+    return "a part of it cannot be unpacked"

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError
 from dvtcli.files.recorder import Recorder
 from dvtcli.files.recording import read_recorded, read_recording
@@ -109,7 +110,7 @@ def test_a_cut_off_capture_is_said_to_be_one(path: Path, suffix: str, length: in
     found, error = as_far_as_it_goes(path)
     assert [told(one) for one in found] == [told(one) for one in SAMPLE[: len(found)]]
     assert (
-        error.endswith(f"damaged after {len(found)} frames, or no {suffix} file")
+        error.endswith(f"damaged after {plural(len(found), 'frame')}, or no {suffix} file")
         or "holds no frame" in error
         or (found and not error)
     )

@@ -113,7 +113,7 @@ def test_other_files_are_said_to_be_no_recording(tmp_path: Path, suffix: str, co
 def test_a_time_that_no_calendar_has_is_damage(tmp_path: Path, time_s: str) -> None:
     path = tmp_path / "run.log"
     path.write_text(f"(1.5) can0 705#05\n({time_s}) can0 185#3712\n", encoding="utf-8")
-    with pytest.raises(InputFileError, match="damaged after 1 frames") as wrong:
+    with pytest.raises(InputFileError, match="damaged after 1 frame,") as wrong:
         list(read_recording(path))
     assert wrong.value.place == f"{path}:2"
 

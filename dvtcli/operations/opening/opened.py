@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, UsageError
+from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, InputFileError, UsageError
 from dvtcli.operations.user.said import Said
 
 if TYPE_CHECKING:
@@ -75,7 +75,8 @@ class Opened(Said):
         except DvtcliError as error:
             if self.dry_run:
                 error.state = "unchanged"
-                error.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
+                if self._twin is not None and not isinstance(error, (InputFileError, UsageError)):
+                    error.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
             raise
         finally:
             if fresh_twin:

@@ -1,0 +1,145 @@
+"""A recording that is damaged is refused with its line, in words of its own; no frame is left out without a word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from dvtcli.errors import InputFileError
+from dvtcli.files.recording import read_recorded
+from tests.commands.bench import Bench
+
+TEXT = (".asc", ".log", ".trc")
+#: what stands in the place of a frame, and is none
+NO_FRAMES = (
+    "oops",
+    "9.9",
+    "0.5 1",
+    "0.5 1 18",
+    "0.5 1 1 x 181 Rx d 1 00",
+    "(1.5) can0",
+    "(1.5 can0 181#00",
+    "181#00",
+    "37 370.0 DT 1",
+)
+#: events of other kinds, as tools write them among the frames
+EVENTS = {
+    ".asc": (
+        "// a comment", "0.500 1 Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.0%", "0.500 Log Trigger Event",
+        "0.500 CAN 1 Status:chip status error active", "0.500 1 J1939TP FEE3p 6 0 0 - Rx d 23 A0",
+        "0.5 SV: 2 0 1 ::x = 1", "End TriggerBlock", "0.500 Li 3C Tx 8 00 01", "",
+    ),
+    ".trc": ("; a comment", "7 70.000 ST 1 - Rx - 4 00 00 00 00", "8 80.0 ER 1 - Rx - 5 04 00 02 00 00", ""),
+    ".log": ("",),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """A recording of 20 frames in each form."""
+    found = {}
+    for suffix in (*TEXT, ".blf"):
+        path = tmp_path_factory.mktemp("good") / f"run{suffix}"
+        with can.Logger(str(path)) as writer:
+            for number in range(20):
+                data = bytes([number]) * (number % 9)
+                writer(
+                    can.Message(timestamp=1.7e9 + number / 50, arbitration_id=0x181, is_extended_id=False, data=data)
+                )
+        found[suffix] = path.read_bytes()
+    return found
+
+
+def read(path: Path, data: bytes) -> tuple[int, InputFileError | None]:
+    """How many frames *data* has, and what ended that."""
+    path.write_bytes(data)
+    count = 0
+    try:
+        for _ in read_recorded(path):
+            count += 1
+    except InputFileError as error:
+        found = error
+    else:
+        return count, None
+    assert not any(word in str(found.why) for word in ("invalid literal", "unpack (", "could not convert", "range("))
+    return count, found
+
+
+def lines_of(data: bytes) -> tuple[list[bytes], list[int]]:
+    """The lines of a recording, and which of them are frames."""
+    lines = data.splitlines(keepends=True)
+    return lines, [number for number, text in enumerate(lines) if b"181" in text]
+
+
+@pytest.mark.parametrize("suffix", TEXT)
+@pytest.mark.parametrize("text", NO_FRAMES)
+def test_a_line_that_is_no_frame_is_named(suffix: str, text: str, good: dict[str, bytes], tmp_path: Path) -> None:
+    lines, at = lines_of(good[suffix])
+    for number in (at[0], at[7], at[-1]):
+        bent = [*lines[:number], text.encode() + b"\n", *lines[number + 1 :]]
+        count, error = read(tmp_path / f"bad{suffix}", b"".join(bent))
+        assert error is not None, number
+        assert (count, error.place) == (at.index(number), f"{tmp_path / f'bad{suffix}'}:{number + 1}")
+        assert error.why == f"this line is no frame: {text}"
+
+
+@pytest.mark.parametrize("suffix", TEXT)
+def test_events_of_other_kinds_are_no_damage(suffix: str, good: dict[str, bytes], tmp_path: Path) -> None:
+    lines, at = lines_of(good[suffix])
+    for text in EVENTS[suffix]:
+        bent = [*lines[: at[3]], text.encode() + b"\n", *lines[at[3] :]]
+        assert read(tmp_path / f"good{suffix}", b"".join(bent)) == (20, None), text
+
+
+@given(
+    number=st.integers(0, 19), at=st.integers(0, 99), new=st.binary(max_size=4), gone=st.integers(0, 4), data=st.data()
+)
+def test_no_frame_is_lost_without_a_word(
+    number: int,
+    at: int,
+    new: bytes,
+    gone: int,
+    data: st.DataObject,
+    good: dict[str, bytes],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    suffix = data.draw(st.sampled_from(TEXT))
+    lines, where = lines_of(good[suffix])
+    line = lines[where[number]].rstrip()
+    bent = (line[:at] + new + line[at + gone :]).replace(b"\r", b"").replace(b"\n", b"")
+    assume(bent.split() and not bent.strip().startswith((b";", b"//")))
+    lines[where[number]] = bent + b"\n"
+    count, error = read(tmp_path_factory.getbasetemp() / f"bent{suffix}", b"".join(lines))
+    assert (count, error) == (20, None) or error is not None
+
+
+def test_a_recording_of_blocks_that_was_cut_short_is_said_to_be(good: dict[str, bytes], tmp_path: Path) -> None:
+    whole = good[".blf"]
+    for size in range(0, len(whole), 7):
+        _, error = read(tmp_path / "cut.blf", whole[:size])
+        assert error is not None, size
+    assert read(tmp_path / "whole.blf", whole) == (20, None)
+
+
+def test_the_first_frame_behind_a_header_without_a_trigger_is_read(tmp_path: Path) -> None:
+    head, frame = (
+        b"date Mon Nov 23 14:18:45.891 2026\nbase hex  timestamps absolute\n",
+        b" 0.010000 1  182             Rx   d 1 01\n",
+    )
+    assert read(tmp_path / "short.asc", head + 2 * frame) == (2, None)
+
+
+def test_a_damaged_recording_is_no_twins(good: dict[str, bytes], tmp_path: Path) -> None:
+    file = tmp_path / "bad.log"
+    file.write_bytes(good[".log"] + b"(1.5) can0 181#ZZ\n")
+    with Bench(("generic@5",)) as bench:
+        for line in ("replay {} --dry-run --yes", "decode {}"):
+            ran = bench.run(line.format(file))
+            assert (ran.code, "this line is no frame: (1.5) can0 181#ZZ" in ran.stderr) == (4, True), ran
+            assert "twin" not in ran.stderr
+        ran = bench.run("send 181#0102030405060708ZZ --dry-run")
+        assert (ran.code, "twin" in ran.stderr) == (2, False)
