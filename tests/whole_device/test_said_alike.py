@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.commands.bench import Bench
-from tests.small_eds import U16, U32, plain, var
+from tests.small_eds import U16, U32, Section, plain, var
 from tests.whole_device.test_apply_file import made
 from tests.whole_device.test_export_dcf import FAMILIES
 
@@ -150,3 +150,21 @@ def test_what_is_not_to_be_read_on_a_scan_means_the_same_to_all(tmp_path: Path) 
         assert bench.run(f"backup {tmp_path / 'a.jsonl'} --json").document["left_out"] == [
             {"object": "1017:00", "why": "not to be read on a scan (ObjFlags, bit 1)"}
         ]
+
+
+def test_a_list_of_the_entries_of_a_mapping_in_short_form_says_how_many(tmp_path: Path) -> None:
+    eds, device, file = plain(), tmp_path / "short.eds", tmp_path / "said.dcf"
+    eds.info |= {"VendorNumber": 0x301, "ProductNumber": 0x302}
+    eds.record(0x1018, "Identity", {n: var(f"Part {n}", U32, 0x300 + n, "ro") for n in (1, 2)})
+    del eds.objects[0x1A00]
+    keys = {"ParameterName": "Map", "ObjectType": 9, "DataType": U32, "AccessType": "rw", "CompactSubObj": 4}
+    eds.more.append(Section("1A00", {**keys, "DefaultValue": 0}))
+    device.write_text(eds.text(), "utf-8")
+    eds.more.append(Section("1A00Value", {"NrOfEntries": 2, "1": "0x60000108", "2": "0x60000208"}))
+    file.write_text(eds.text(), "utf-8")
+    with Bench((f"{device}@5",)) as bench:
+        assert {bench.run(line.format(file)).code for line in LINES} == {3}
+        assert bench.run(f"apply {file} --yes").code == 0
+        mapped = bench.run("pdo tpdo1 --json").document["pdos"][0]["mapping"]
+        assert [one["object"] for one in mapped] == ["6000:01", "6000:02"]
+        assert {bench.run(line.format(file)).code for line in LINES} == {0}

@@ -63,12 +63,15 @@ def mapping_count(entries: dict[int, OdEntry]) -> OdEntry:
     """Sub-index 0 of a compact PDO mapping: how many of its *entries*, from the first, map something.
 
     CiA 306 gives sub-index 0 the number of sub-indices, but in a mapping it is the number of mapped objects
-    (CiA 301, 7.5.2.36). Not known (None) where the file has no mapping entry at all.
+    (CiA 301, 7.5.2.36). Not known (None) where the file has no mapping entry at all. A list of values that says the
+    entries from the first on, and no count, wants as many.
     """
     held = [entry.initial(0) for sub_index, entry in sorted(entries.items()) if sub_index]
     mapped = next((n for n, data in enumerate(held) if data is None or not any(data)), len(held))
     unknown = all(data is None for data in held)
-    return replace(entries[0], default=None if unknown else bytes([mapped]))
+    count, said = entries[0], [sub for sub, entry in entries.items() if sub and entry.value is not None]
+    wanted = bytes([mapped]) if count.value is None and said and max(said) <= mapped else count.value
+    return replace(count, default=None if unknown else bytes([mapped]), value=wanted)
 
 
 def compact_pdo_indices(present: set[int], rpdo_count: int, tpdo_count: int) -> list[int]:
