@@ -91,6 +91,8 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:
         return _ERRNO_HINTS[number]
+    if interface in others and interface not in can.VALID_INTERFACES:
+        return f"{interface} comes with a package of its own, whose documentation says what -c/--channel is"
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
         if package:

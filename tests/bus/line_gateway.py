@@ -22,7 +22,7 @@ from dvtcli.bus.receiver import Wake, bus_closed
 from dvtcli.bus.sdo.silence import no_answer
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 
 #: how much longer than a node the gateway may take itself (s)
 GATEWAY_S = 1.0
@@ -41,8 +41,10 @@ _WORDS = {
 def open_bus(
     channel: str | None, _bitrate: int | None, _extra: Mapping[str, object], *, timeout_s: float, retries: int
 ) -> GatewayBus:
-    """Connect to the gateway at *channel*, `HOST:PORT`; ValueError and OSError are said by whoever opens."""
+    """Connect to the gateway at *channel*, `HOST:PORT`; whoever opens says what an OSError is."""
     host, _, port = (channel or "").rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 0xFFFF:
+        raise UsageError(f"channel {channel}: a gateway is HOST:PORT", hint="for example -c 192.168.1.20:60000")
     link = socket.create_connection((host, int(port)), timeout=GATEWAY_S)
     return GatewayBus(link, f"line-gateway:{channel}", timeout_s=timeout_s, retries=retries)
 

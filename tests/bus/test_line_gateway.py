@@ -217,6 +217,13 @@ def test_scan_finds_nodes_over_it(gateway: Gateway) -> None:
         assert [row.node for row in find_nodes(session, 5).rows] == [1, 2, 5]
 
 
+@pytest.mark.parametrize("channel", [None, "nohost", "host:", ":1", "host:x", "host:99999"])
+def test_a_channel_that_is_none_is_said_with_what_is_one(channel: str | None) -> None:
+    with pytest.raises(UsageError, match="a gateway is HOST:PORT") as raised:
+        line_gateway.open_bus(channel, None, {}, timeout_s=0.1, retries=0)
+    assert "-c" in str(raised.value.hint)
+
+
 def test_the_program_finds_it_by_its_entry_point(gateway: Gateway, tmp_path: Path) -> None:
     info = tmp_path / "line_gateway-1.dist-info"
     info.mkdir()
