@@ -507,3 +507,17 @@ def test_the_can_id_of_sync_is_what_its_node_says() -> None:
 def test_a_wrong_sync_is_told(wrong: dict[str, Any]) -> None:
     with dvtcli.simulate("generic") as bus, pytest.raises(errors.UsageError, match=next(iter(wrong))):
         bus.sync(**wrong)
+
+
+def test_an_answer_has_a_short_text() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node()
+        changed = node.set("tpdo1", timer_ms=100)
+        lines = str(changed).splitlines()
+        assert lines[0].startswith("Changed(node=1, ")
+        assert lines[1:] == ["  1800:05 event timer 100 ms"]
+        lines = str(node.pdos()).splitlines()
+        assert len(lines) == 1 + len(node.pdos())
+        assert lines[1] == "  TPDO1 0x181 enabled, type 255: 6041:00/16"
+        for answer in (node.read(0x1000), bus.scan(), node.verify(), node.store(), node.faults(), node.record("1018")):
+            assert len(str(answer).splitlines()[0]) < 250

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -69,6 +69,9 @@ class Changed(Answer):
     def unknown_before(self) -> bool:
         """Whether nobody knows what was there: write-only objects alone were written."""
         return all(isinstance(change, ValueChange) and change.step.before is None for change in self.plan.changes)
+
+    def _shown(self) -> Iterable[object]:
+        return [f"{step.object} {step.reason}" for step in self.plan.steps]
 
     def document(self) -> Document:
         """`dvtcli.change/1`."""

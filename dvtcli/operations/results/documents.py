@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, overload
 
 from dvtcli.domain.datatypes import CanopenTime, Value
@@ -35,6 +36,35 @@ class Answer:
     def remark(self) -> str:
         """What is said beside it besides its findings; empty for nothing."""
         return ""
+
+    def __str__(self) -> str:
+        """In short: what is said of it, and its rows a line each; `repr` has every field."""
+        return "\n  ".join([brief(self), *(str(brief(row)) for row in self._shown())])
+
+    def _shown(self) -> Iterable[object]:
+        """What stands below the first line of its short text."""
+        return getattr(self, "rows", ())
+
+    def _repr_pretty_(self, page: Any, _cycle: bool) -> None:
+        """A notebook shows the short text."""
+        page.text(str(self))
+
+
+def brief(value: object) -> str:
+    """A dataclass in one line: what is not as it always is, of collections how many; its own text where it has one."""
+    is_short = type(value).__str__ not in (object.__str__, Answer.__str__)
+    if is_short or not is_dataclass(value):
+        return str(value)
+    told = ((field, getattr(value, field.name)) for field in fields(value))
+    said = [f"{field.name}={_in_short(one)}" for field, one in told if one != field.default and one not in ((), [], {})]
+    return f"{type(value).__name__}({', '.join(said)})"
+
+
+def _in_short(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    is_text = isinstance(value, str | bytes)
+    return f"{len(value)} in all" if isinstance(value, Sized) and not is_text else brief(value)
 
 
 R = TypeVar("R")

@@ -62,6 +62,13 @@ class PdoRow:
     #: None where no frame of it was heard in this session
     last: LastFrame | None = None
 
+    def __str__(self) -> str:
+        parameter, state = self.config.communication, "enabled" if self.config.enabled else "off"
+        if not self.config.has_cob_id:
+            state = "?"
+        mapped = " ".join(f"{entry.object}/{entry.bits}" for entry in self.config.mapping) or "nothing"
+        return f"{self.pdo.label} 0x{parameter.cob_id.can_id:03X} {state}, type {parameter.transmission_type}: {mapped}"
+
     def document(self) -> Document:
         """One element of `pdos` in `dvtcli.pdo/1`."""
         parameter = self.config.communication
