@@ -94,6 +94,7 @@ def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: 
         assert everything(bench) == held
 
 
+@pytest.mark.long
 @given(st.sampled_from(FAMILIES), wishes())
 def test_what_a_session_saves_as_lines_makes_the_device_that_it_made(family: str, wish: str) -> None:
     path = network_file(Path(), wish)

@@ -255,6 +255,7 @@ def any_pdo(draw: st.DrawFn, end: Endpoint) -> PicturePdo:
     return PicturePdo(end, PdoConfig(PdoCommunicationParameter(cob_id, 255), tuple(entries)), tuple(fields))
 
 
+@pytest.mark.long
 @given(picture=pictures())
 def test_every_text_stays_text_and_every_pdo_is_there(picture: NetworkPicture) -> None:
     data = page(picture)

@@ -39,6 +39,7 @@ def thinned(text: str, keep: float, draw: random.Random) -> str:
     return some[0] + sign + head + some[1]
 
 
+@pytest.mark.long
 @settings(max_examples=6)
 @given(
     family=st.sampled_from(FAMILIES), of_file=st.lists(st.sampled_from(CHANGES), max_size=3),
