@@ -20,8 +20,10 @@ _TIME, _ID = re.compile(r"\d+\.\d+", re.ASCII), re.compile(r"[0-9A-F]+x?", re.I 
 _DATA_FRAME = re.compile(r"\b[RT]x\s+[dr]\b", re.I)
 #: what begins an event of an .asc that is no frame: `Statistic:`, `J1939TP`, `SV:`
 _WORD = re.compile(r"[A-Za-z][\w:/]*", re.ASCII)
-#: kinds of events of a .trc that are no frames
-_TRC_EVENTS = frozenset({"ST", "ER", "EC", "EV", "Warng", "Error"})
+#: kinds of events of a .trc that are no frames; in its first version a CAN-ID that no frame has
+_TRC_EVENTS = frozenset({"ST", "ER", "EC", "EV", "Warng", "Error", "FFFFFFFF"})
+#: where a line says its kind: behind number and time, or behind the bus that follows them
+_TRC_KIND = slice(2, 4)
 
 
 class LostLineError(ValueError):
@@ -128,4 +130,4 @@ class TrcLines(LeftLines):
     def is_lost(self, text: str) -> bool:
         """Whether it is neither comment nor an event of another kind."""
         words = text.split()
-        return bool(words) and not words[0].startswith(";") and _TRC_EVENTS.isdisjoint(words)
+        return bool(words) and not words[0].startswith(";") and _TRC_EVENTS.isdisjoint(words[_TRC_KIND])

@@ -28,7 +28,7 @@ from dvtcli.files.recording_formats import BROKEN, CAPTURES, checked_suffix
 
 #: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
-_MOST_BYTES = 8
+_MOST_BYTES, _MOST_CODE = 8, 15
 
 
 #: what takes the lines of formats that are text
@@ -97,8 +97,14 @@ def _refuse_no_id(message: can.Message) -> None:
 
 def _refuse_other_length(message: can.Message) -> None:
     """_NoFrameError where it has other data than its length says: a part of it is missing."""
-    if not message.is_remote_frame and message.dlc != len(message.data):
+    if not message.is_remote_frame and len(message.data) not in _lengths(message):
         raise _NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {len(message.data)}")
+
+
+def _lengths(message: can.Message) -> set[int]:
+    """The bytes that it may have: some formats keep a length's code, which for 9 to 15 means 8, or more of CAN FD."""
+    is_code = _MOST_BYTES < message.dlc <= _MOST_CODE
+    return {message.dlc} | ({_MOST_BYTES, can.util.dlc2len(message.dlc)} if is_code else set())
 
 
 def check_readable(path: Path) -> None:

@@ -115,7 +115,9 @@ def test_all_nodes_go_to_one_file_and_files_to_other_formats(tmp_path: Path, mon
             bus.export("now.dbc")
         assert bus.export("now.dbc", yes=True) == ()
         assert bus.import_network("line.yaml", "nodelist.cpj") == ()
-    assert dvtcli.convert("node5.dcf", "node5.xdc") == ("2 lines of comment, the first in line 1",)
+    about, comments = dvtcli.convert("node5.dcf", "node5.xdc")
+    assert about.startswith("FileInfo: Description (")
+    assert comments == "2 lines of comment, the first in line 1"
     assert any("of one node" in one for one in dvtcli.convert("node5.dcf", "node5.xdd"))
     assert dvtcli.convert("line.yaml", "node5.cdcf", node=5) == ()
     assert dvtcli.convert("line.yaml", "line.dbc", split_bits=True) == ()

@@ -143,3 +143,33 @@ def test_a_damaged_recording_is_no_twins(good: dict[str, bytes], tmp_path: Path)
             assert "twin" not in ran.stderr
         ran = bench.run("send 181#0102030405060708ZZ --dry-run")
         assert (ran.code, "twin" in ran.stderr) == (2, False)
+
+
+#: what PEAK's tools write; the middle line of each
+TRACES = {
+    "1.0 bus information": (
+        ";   Start time: 01.01.2020",
+        "     2)         2  FFFFFFFF  4  00 00 00 04 -- -- -- --  BUSLIGHT",
+    ),
+    "2.1 code of a length": (
+        ";$FILEVERSION=2.1\n;$STARTTIME=43008.5\n;$COLUMNS=N,O,T,B,I,d,R,L,D",
+        "      2      2.000 FD  1     0182 Rx -  9    00 01 02 03 04 05 06 07 08 09 0A 0B",
+    ),
+    "1.1 cut": (";$FILEVERSION=1.1\n;$STARTTIME=43008.5", "     2)         2.0  Rx         0181  8  EC 00 11"),
+}
+SOUND = {
+    "1.0": "  {n})  {n}  0181  2  11 22",
+    "2.1": " {n}  {n}.000 DT 1 0181 Rx - 2 11 22",
+    "1.1": " {n}) {n}.0 Rx 0181 2 11 22",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "frames"), [("1.0 bus information", 2), ("2.1 code of a length", 3), ("1.1 cut", None)]
+)
+def test_what_is_no_frame_of_a_trc_is_told_by_its_kind(tmp_path: Path, name: str, frames: int | None) -> None:
+    head, middle = TRACES[name]
+    sound = SOUND[name.split(maxsplit=1)[0]]
+    text = "\n".join((head, sound.format(n=1), middle, sound.format(n=3), ""))
+    count, error = read(tmp_path / "run.trc", text.encode())
+    assert (count, error) == (frames, None) if frames else error is not None

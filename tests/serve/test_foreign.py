@@ -150,7 +150,7 @@ def test_the_stock_viewer_shows_the_mapped_values(server: Served, tmp_path: Path
         viewer.wait("Count")
         assert server.dvtcli("-n", "2", "nmt", "start").returncode == 0
         assert server.dvtcli("sync", "--count", "3", "--period", "20").returncode == 0
-        for can_id, data in (("0x182", "24 FA FF FF 78 00 37 12"), ("0x282", "00 03 88 FF FE 02 1F")):
+        for can_id, data in (("0x182", "24 FA FF FF 78 00 50 02"), ("0x282", "00 03 88 FF FE 02 1F")):
             viewer.until(lambda: shown(viewer, can_id, "3", data), f"3 times {can_id} with {data}")  # noqa: B023
         viewer.type("q")
         assert viewer.ended() == 0

@@ -114,3 +114,14 @@ def test_a_node_id_of_an_xdc_that_is_none_is_refused(tmp_path: Path) -> None:
             file.write_text(text.replace('nodeID="5"', f'nodeID="{said}"'), "utf-8")
             ran = bench.run(f"compare {file}")
             assert (ran.code, f"nodeID={said} is no node-ID" in ran.stderr) == (code, code == 4), ran.stderr
+
+
+def test_misspelt_keys_alone_are_told_beside_the_defaults_that_count(tmp_path: Path) -> None:
+    text = made(tmp_path, "generic", "dcf").read_text("utf-8")
+    file = tmp_path / "bad.dcf"
+    file.write_text(text.replace("ParameterValue=", "ParamValue="), "utf-8")
+    with Bench(("generic@5",)) as bench:
+        for command in ("verify", "compare"):
+            ran = bench.run(f"{command} {file}")
+            assert "ParamValue=" in ran.stderr, command
+            assert "has no value of any object" in ran.stderr, command

@@ -131,9 +131,8 @@ def _described(file: str, node_id: int | None) -> HeldDevice:
             if not has_values:
                 assumed.add((entry.index, entry.sub_index))
     identity = {**info.identity, "serial": None}
-    return HeldDevice(
-        file, own_id, identity, objects, dictionary, frozenset(assumed), () if assumed else unread_values(read, file)
-    )
+    unread = unread_values(read, file) if holds_values(file) else ()
+    return HeldDevice(file, own_id, identity, objects, dictionary, frozenset(assumed), unread)
 
 
 def _said(entry: OdEntry, node_id: int | None) -> bytes | None:
