@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import branches
 from tests.surroundings import ROOT
 
 
@@ -23,7 +24,10 @@ def compile_share() -> None:
     if count == 1 or not worker.startswith("gw"):
         return
     number = int(worker.removeprefix("gw"))
-    for path in list(_files("dvtcli", "*.py"))[number::count]:
+    share = list(_files("dvtcli", "*.py"))[number::count]
+    if branches.is_counting():
+        branches.compile_ahead(share)
+    for path in share:
         compileall.compile_file(path, quiet=2)
     for path in list(_files("tests", "test_*.py"))[number::count]:
         with suppress(Exception, pytest.skip.Exception):  # whoever collects it says it

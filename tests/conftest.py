@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import process, sample
+from tests import branches, process, sample
 from tests.compiled import compile_share
 from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
 
@@ -34,7 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--fresh-python", action="store_true", help="a new Python for each dvtcli, instead of a fork of one"
     )
-    parser.addoption("--branches", metavar="FOLDER", help="count the branches that are taken into a folder")
+    parser.addoption("--branches", metavar="FOLDER", help="count the ways through the code into a folder")
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=3, metavar="N", help="rounds of four dvtcli at once [3]")
@@ -131,10 +131,8 @@ def _count_branches(config: pytest.Config) -> None:
     """Count in this process; the one that only hands tests to others empties the folder first."""
     folder = config.rootpath / config.option.branches
     if hasattr(config, "workerinput") or not getattr(config.option, "numprocesses", None):
-        from tests import branches
-
-        counter = branches.count()
-        config.add_cleanup(lambda: branches.write(counter, folder))
+        branches.count()
+        config.add_cleanup(lambda: branches.write(folder))
     else:
         shutil.rmtree(folder, ignore_errors=True)
 
