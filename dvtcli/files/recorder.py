@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -10,7 +11,8 @@ import can
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.recording_formats import APPENDABLE, BROKEN, FLUSHED, NO_REMOTE, ROTATING, checked_suffix
+from dvtcli.files.recording_formats import format_of, written
+from dvtcli.files.recordings.recording_format import RecordingFormat
 
 
 class Recorder:
@@ -21,59 +23,55 @@ class Recorder:
 
     def __init__(self, path: Path, *, append: bool = False, most_bytes: int = 0) -> None:
         self.path = path
-        self._suffix = checked_suffix(path)
-        _refuse(append and self._suffix not in APPENDABLE, path, "nothing can be appended", APPENDABLE)
-        _refuse(bool(most_bytes) and self._suffix not in ROTATING, path, "files cannot be rotated", ROTATING)
+        self._format = format_of(path)
+        if append and not self._format.appends:
+            raise _cannot(path, "nothing can be appended", lambda one: one.appends)
+        if most_bytes and not self._format.rotates:
+            raise _cannot(path, "files cannot be rotated", lambda one: one.rotates)
         self.frames = 0
         #: frames that the format cannot hold
         self.left_out = 0
         try:
-            self._writer: Any = _writer(path, self._suffix, append=append, most_bytes=most_bytes)
+            self._writer: Any = self._format.writer(path, append=append, most_bytes=most_bytes)
         except OSError as failed:
             raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
-        except BROKEN as wrong:
+        except self._format.broken as wrong:
             raise InputFileError(f"{path}: nothing can be appended to it", why=str(wrong), place=str(path)) from wrong
 
     def write(self, frame: Frame) -> None:
         """Write one frame; DvtcliError where the disk takes no more."""
-        if frame.remote and self._suffix in NO_REMOTE:
+        if frame.remote and not self._format.keeps_remote:
             self.left_out += 1
             return
         message = _message(frame)
         try:
-            _write(self._file_for(message), message)
+            self._format.write(self._file_for(message), message)
         except OSError as failed:
             raise self._failed(failed) from failed
         self.frames += 1
 
     def _file_for(self, message: can.Message) -> Any:
-        """The writer of the file that *message* goes to; a full file is put aside.
-
-        An .asc file's times count from the beginning in its head, whose milliseconds python-can writes without leading
-        zeros (.001 becomes .1): it begins at a whole second.
-        """
+        """The writer of the file that *message* goes to; a full file is put aside."""
         writer = self._writer
-        if isinstance(writer, can.SizedRotatingLogger):
-            if writer.should_rollover(message):
-                writer.do_rollover()
-                writer.rollover_count += 1
-            writer = writer.writer
-        if isinstance(writer, can.ASCWriter) and not writer.header_written:
-            writer.log_event("Start of measurement", float(int(message.timestamp)))
-        return writer
+        if isinstance(writer, can.SizedRotatingLogger) and writer.should_rollover(message):
+            writer.do_rollover()
+            writer.rollover_count += 1
+        return self._open_file
+
+    @property
+    def _open_file(self) -> Any:
+        """The writer of the file that is written now."""
+        return self._writer.writer if isinstance(self._writer, can.SizedRotatingLogger) else self._writer
 
     def note(self, text: str, time_s: float) -> None:
         """Say *text* between the frames, at *time_s* (s since 1970), where the format can (.asc)."""
-        writer: Any = self._writer.writer if isinstance(self._writer, can.SizedRotatingLogger) else self._writer
-        if isinstance(writer, can.ASCWriter) and writer.header_written:
-            writer.log_event(text, time_s)
+        self._format.note(self._open_file, text, time_s)
 
     def flush(self) -> None:
         """Hand what was written to the system, so that a kill loses nothing of it (.blf and .mf4 keep a block back)."""
-        writer: Any = self._writer.writer if isinstance(self._writer, can.SizedRotatingLogger) else self._writer
-        if self._suffix in FLUSHED:
+        if self._format.flushes:
             try:
-                writer.file.flush()
+                self._open_file.file.flush()
             except OSError as failed:
                 raise self._failed(failed) from failed
 
@@ -109,18 +107,9 @@ class Recorder:
                 raise
 
 
-def _writer(path: Path, suffix: str, *, append: bool, most_bytes: int) -> Any:
-    if suffix == ".pcapng":
-        from dvtcli.files.pcap import PcapngWriter
-
-        return PcapngWriter(path)
-    extra: dict[str, Any] = {"append": True} if append else {}
-    return can.SizedRotatingLogger(path, most_bytes, **extra) if most_bytes else can.Logger(path, **extra)
-
-
-def _refuse(condition: bool, path: Path, what: str, formats: tuple[str, ...]) -> None:
-    if condition:
-        raise UsageError(f"{path.name}: {what} in a {path.suffix} file", hint=f"take one of {' '.join(formats)}")
+def _cannot(path: Path, what: str, can_do: Callable[[RecordingFormat], bool]) -> UsageError:
+    others = " ".join(suffix for suffix, one in written().items() if can_do(one))
+    return UsageError(f"{path.name}: {what} in a {path.suffix} file", hint=f"take one of {others}")
 
 
 def _message(frame: Frame) -> can.Message:
@@ -133,15 +122,6 @@ def _message(frame: Frame) -> can.Message:
         data=None if frame.remote else frame.data,
         channel="can0",
     )
-
-
-def _write(writer: Any, message: can.Message) -> None:
-    """Write *message*; python-can's candump leaves out how many bytes a remote frame asks for."""
-    if isinstance(writer, can.CanutilsLogWriter) and message.is_remote_frame and message.dlc:
-        can_id = f"{message.arbitration_id:0{8 if message.is_extended_id else 3}X}"
-        writer.file.write(f"({message.timestamp:f}) {message.channel} {can_id}#R{message.dlc} R\n")
-    else:
-        writer.on_message_received(message)
 
 
 def size_of(path: Path) -> int:

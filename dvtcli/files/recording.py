@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from os import fstat
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,24 +14,13 @@ from dvtcli.domain.cob_id import fits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.recorded_lines import (
-    AscLines,
-    CandumpLines,
-    CountedLines,
-    LeftLines,
-    LostLineError,
-    TrcLines,
-    no_frame,
-)
-from dvtcli.files.recording_formats import BROKEN, CAPTURES, checked_suffix
+from dvtcli.files.recorded_lines import CountedLines, LeftLines, LostLineError, NoFrameError, no_frame
+from dvtcli.files.recording_formats import format_of
+from dvtcli.files.recordings.recording_format import RecordingFormat
 
 #: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
 _MOST_BYTES, _MOST_CODE = 8, 15
-
-
-#: what takes the lines of formats that are text
-_LINES: dict[str, type[CountedLines]] = {".log": CandumpLines, ".asc": AscLines, ".trc": TrcLines}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +44,12 @@ def read_recorded(path: Path) -> Iterator[Recorded]:
     UsageError where the file is missing or its format unknown; InputFileError, with the line where it is known, where
     it is damaged or holds no frame.
     """
-    suffix = checked_suffix(path, reading=True)
+    kind = format_of(path, reading=True)
     with _opened(path) as raw:
-        source = _source(suffix, raw, path)
+        source = kind.source(raw, path)
         count = 0
         try:
-            for message in _reader(suffix, source):
+            for message in kind.reader(source):
                 if isinstance(source, LeftLines):
                     source.took()
                 if not message.is_error_frame:
@@ -72,33 +60,29 @@ def read_recorded(path: Path) -> Iterator[Recorded]:
                 channel = "" if message.channel is None else str(message.channel)
                 fd = message.is_fd or len(message.data) > _MOST_BYTES
                 yield Recorded(frame_of(message), channel, message.is_error_frame, fd)
-        except (*BROKEN, can.CanError) as wrong:
-            raise _damaged(path, source, count, wrong) from wrong
+        except kind.broken as wrong:
+            raise _damaged(path, kind, source, count, wrong) from wrong
     if not count:
-        raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {suffix} file?", place=str(path))
-
-
-class _NoFrameError(ValueError):
-    """What was read is no frame that there can be."""
+        raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {kind.suffix} file?", place=str(path))
 
 
 def _refuse_no_date(time_s: float) -> None:
-    """_NoFrameError for a time that no calendar has: neither from a recording's own start nor since 1970."""
+    """NoFrameError for a time that no calendar has: neither from a recording's own start nor since 1970."""
     if not _FIRST_S <= time_s <= _LAST_S:
-        raise _NoFrameError(f"{time_s:g} s is no time of a frame")
+        raise NoFrameError(f"{time_s:g} s is no time of a frame")
 
 
 def _refuse_no_id(message: can.Message) -> None:
-    """_NoFrameError for a CAN-ID that no frame can have: an interface that is given it cuts it to another one."""
+    """NoFrameError for a CAN-ID that no frame can have: an interface that is given it cuts it to another one."""
     if not fits(message.arbitration_id, extended=message.is_extended_id):
         bits = 29 if message.is_extended_id else 11
-        raise _NoFrameError(f"CAN-ID 0x{message.arbitration_id:X} has more than {bits} bits")
+        raise NoFrameError(f"CAN-ID 0x{message.arbitration_id:X} has more than {bits} bits")
 
 
 def _refuse_other_length(message: can.Message) -> None:
-    """_NoFrameError where it has other data than its length says: a part of it is missing."""
+    """NoFrameError where it has other data than its length says: a part of it is missing."""
     if not message.is_remote_frame and len(message.data) not in _lengths(message):
-        raise _NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {len(message.data)}")
+        raise NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {len(message.data)}")
 
 
 def _lengths(message: can.Message) -> set[int]:
@@ -109,7 +93,7 @@ def _lengths(message: can.Message) -> set[int]:
 
 def check_readable(path: Path) -> None:
     """UsageError where *path* is missing or its format unknown: said before anything else is asked for."""
-    checked_suffix(path, reading=True)
+    format_of(path, reading=True)
     _opened(path).close()
 
 
@@ -120,46 +104,18 @@ def _opened(path: Path) -> BinaryIO:
         raise UsageError(f"{path}: {failed.strerror or failed}", hint="`log FILE` records one") from failed
 
 
-def _source(suffix: str, raw: Any, path: Path) -> Any:
-    """What the format's reader takes: lines that are counted, the open file, or its path."""
-    if suffix in _LINES:
-        return _LINES[suffix](raw, encoding="utf-8", errors="replace")
-    return raw if suffix in (".blf", *CAPTURES) else str(path)
-
-
-def _reader(suffix: str, source: Any) -> Iterator[can.Message]:
-    if suffix == ".asc":
-        return iter(can.ASCReader(source, relative_timestamp=False))
-    if suffix in CAPTURES:
-        from dvtcli.files.pcap import read_capture
-
-        return read_capture(source)
-    if suffix == ".blf":
-        return _blocks(can.BLFReader(source), source)
-    readers: dict[str, Any] = {".log": can.CanutilsLogReader, ".trc": can.TRCReader}
-    return iter(readers[suffix](source) if suffix in readers else can.LogReader(source))
-
-
-def _blocks(reader: can.BLFReader, raw: BinaryIO) -> Iterator[can.Message]:
-    """The frames of a .blf; _NoFrameError behind the last one where the file is shorter than it says itself."""
-    size = fstat(raw.fileno()).st_size
-    yield from reader
-    if size < reader.file_size:
-        raise _NoFrameError(f"it was cut short: of {reader.file_size} bytes it has {size}")
-
-
-def _damaged(path: Path, source: Any, count: int, wrong: Exception) -> InputFileError:
+def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: Exception) -> InputFileError:
     line = wrong.line if isinstance(wrong, LostLineError) else getattr(source, "line", 0)
     place = f"{path}:{line}" if line else str(path)
     return InputFileError(
-        f"{place}: damaged after {plural(count, 'frame')}, or no {path.suffix} file", why=_why(path, source, wrong),
+        f"{place}: damaged after {plural(count, 'frame')}, or no {path.suffix} file", why=_why(kind, source, wrong),
         place=place, hint=f"without line {line} the rest of it can be read" if line and count else "",
     )  # fmt: skip
 
 
-def _why(path: Path, source: Any, wrong: Exception) -> str:
+def _why(kind: RecordingFormat, source: Any, wrong: Exception) -> str:
     """What is wrong, not how its reader says it."""
-    if isinstance(wrong, (_NoFrameError, LostLineError)) or path.suffix.lower() in CAPTURES:
+    if isinstance(wrong, NoFrameError) or kind.tells:
         return str(wrong).partition("\n")[0] or type(wrong).__name__
     if isinstance(source, CountedLines):
         return no_frame(source.text)

@@ -1,63 +1,53 @@
-"""Which formats recordings of frames have, by suffix, and what each can do. Reads and writes nothing."""
+"""Which formats recordings of frames have: every one that a file in `recordings/` has in its `FORMATS`."""
 
 from __future__ import annotations
 
-import struct
-import zlib
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 
-from can.io.blf import BLFParseError
-
 from dvtcli.errors import UsageError
+from dvtcli.files import recordings
+from dvtcli.files.recordings.recording_format import RecordingFormat
 
-#: Formats by suffix.
-FORMATS = {
-    ".asc": "Vector ASCII",
-    ".blf": "Vector binary",
-    ".log": "candump",
-    ".mf4": "ASAM MDF, needs asammdf",
-    ".pcapng": "Wireshark",
-    ".trc": "PEAK",
-}
-#: Formats that are only read, by suffix.
-ONLY_READ = {".pcap": "tcpdump"}
-APPENDABLE = (".blf", ".log")
-ROTATING = (".asc", ".blf", ".log")
-TEXT = (".asc", ".log", ".trc")
-CAPTURES = (".pcap", ".pcapng")
-FLUSHED = (*TEXT, ".pcapng")
 _REFUSED = {
     ".db": "the writer of .db files loses frames that are written shortly before its end",
     ".csv": "the frames' data would be base64, and the channel is lost; for values give --decode",
 }
-#: what python-can's readers raise at a file that is damaged or of another format
-BROKEN = (
-    ValueError, LookupError, TypeError, AttributeError, NotImplementedError, struct.error, zlib.error, BLFParseError,
-)  # fmt: skip
-#: what the writers leave out, by suffix
-NO_REMOTE = (".trc",)
 
 
-def checked_suffix(path: Path, *, reading: bool = False) -> str:
-    """The suffix of *path*; UsageError where no lossless format has it, or the package for it is missing."""
+@cache
+def formats() -> Mapping[str, RecordingFormat]:
+    """Every format by its suffix, those that are only read last."""
+    names = (file.stem for file in Path(recordings.__path__[0]).glob("[!_]*.py"))
+    files = (import_module(f"{recordings.__name__}.{name}") for name in names)
+    found: list[RecordingFormat] = [one for file in files for one in getattr(file, "FORMATS", ())]
+    return {one.suffix: one for one in sorted(found, key=lambda one: (not one.is_written, one.suffix))}
+
+
+def written() -> Mapping[str, RecordingFormat]:
+    """Those that are written, too."""
+    return {suffix: one for suffix, one in formats().items() if one.is_written}
+
+
+def format_of(path: Path, *, reading: bool = False) -> RecordingFormat:
+    """The format of *path*; UsageError where no lossless format has its suffix, or the package for it is missing."""
     suffix = path.suffix.lower()
-    if suffix in _REFUSED and not reading:
-        raise UsageError(f"{path.name}: {_REFUSED[suffix]}", hint=f"take one of {' '.join(FORMATS)}")
-    if suffix in ONLY_READ and not reading:
-        raise UsageError(f"{path.name}: {suffix} files are only read", hint=f"take one of {' '.join(FORMATS)}")
-    known = FORMATS | ONLY_READ if reading else FORMATS
+    known = formats() if reading else written()
     if suffix not in known:
-        raise UsageError(
-            f"{path.name}: no format is known by {suffix or 'a name without a suffix'}",
-            hint=", ".join(f"{one} ({what})" for one, what in known.items()),
-        )
-    if suffix == ".mf4":
-        _need_asammdf()
-    return suffix
+        raise _refused(path, suffix, known, reading=reading)
+    known[suffix].require()
+    return known[suffix]
 
 
-def _need_asammdf() -> None:
-    from importlib.util import find_spec
-
-    if find_spec("asammdf") is None:
-        raise UsageError(".mf4 files need asammdf", hint="pip install 'dvtcli[mdf]'")
+def _refused(path: Path, suffix: str, known: Mapping[str, RecordingFormat], *, reading: bool) -> UsageError:
+    others = f"take one of {' '.join(known)}"
+    if suffix in _REFUSED and not reading:
+        return UsageError(f"{path.name}: {_REFUSED[suffix]}", hint=others)
+    if suffix in formats():
+        return UsageError(f"{path.name}: {suffix} files are only read", hint=others)
+    return UsageError(
+        f"{path.name}: no format is known by {suffix or 'a name without a suffix'}",
+        hint=", ".join(f"{one} ({format_.title})" for one, format_ in known.items()),
+    )

@@ -1,4 +1,4 @@
-"""Frames for tests of recordings."""
+"""Frames for tests of recordings, and the formats that there are."""
 
 from __future__ import annotations
 
@@ -7,7 +7,12 @@ from dataclasses import replace
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
+from dvtcli.files.recording_formats import written
 
+#: suffixes of all formats that are written, and of those that can do more
+FORMATS = tuple(written())
+APPENDABLE = tuple(suffix for suffix, one in written().items() if one.appends)
+ROTATING = tuple(suffix for suffix, one in written().items() if one.rotates)
 #: 2023-11-14, in seconds since 1970
 BEGIN_S = 1_700_000_000.0
 

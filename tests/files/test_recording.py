@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,8 +15,10 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recorder import Recorder
 from dvtcli.files.recording import read_recording
-from dvtcli.files.recording_formats import APPENDABLE, FORMATS, ROTATING
-from tests.files.recordings import BEGIN_S, frames
+from dvtcli.files.recording_formats import formats, written
+from dvtcli.files.recordings.recording_format import RecordingFormat
+from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING, frames
+from tests.house.source import PACKAGE
 
 #: formats that can be written here: .mf4 where asammdf is installed
 WRITABLE = [suffix for suffix in FORMATS if suffix != ".mf4" or find_spec("asammdf")]
@@ -33,6 +36,19 @@ def record(path: Path, sent: list[Frame], **options: object) -> Recorder:
     return recorder
 
 
+def test_a_suffix_is_of_one_format_alone() -> None:
+    files = (PACKAGE / "files" / "recordings").glob("[!_]*.py")
+    said = [suffix for file in files for suffix in re.findall(r'^    suffix = "(.*)"$', file.read_text("utf-8"), re.M)]
+    assert sorted(said) == sorted(formats()), "each is written in lower case with its point, and no other file has it"
+
+
+def test_a_format_lacks_nothing() -> None:
+    with pytest.raises(TypeError, match=r"Nameless lacks a line such as suffix = \"\.asc\""):
+
+        class Nameless(RecordingFormat):
+            """One that nobody finds."""
+
+
 @pytest.mark.parametrize("suffix", [suffix for suffix in WRITABLE if suffix != ".mf4"])
 @settings(max_examples=40, deadline=None)
 @given(sent=frames())
@@ -40,7 +56,7 @@ def test_what_is_recorded_is_read_back(suffix: str, sent: list[Frame]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"run{suffix}"
         recorder = record(path, sent)
-        kept = [frame for frame in sent if suffix != ".trc" or not frame.remote]
+        kept = [frame for frame in sent if written()[suffix].keeps_remote or not frame.remote]
         assert recorder.left_out == len(sent) - len(kept)
         assert recorder.frames == len(kept)
         if not kept:

@@ -112,9 +112,9 @@ def _is_recording(file: str) -> bool:
     suffix = Path(file).suffix.lower()
     if suffix in NETWORK_SUFFIXES:
         return False
-    from dvtcli.files.recording_formats import FORMATS, ONLY_READ
+    from dvtcli.files.recording_formats import formats
 
-    return suffix in FORMATS or suffix in ONLY_READ
+    return suffix in formats()
 
 
 def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:

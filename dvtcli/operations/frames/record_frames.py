@@ -46,10 +46,10 @@ def record_frames(
     BusUnavailable where the bus is gone and the session does not wait for it.
     """
     from dvtcli.files.recorder import Recorder, size_of
-    from dvtcli.files.recording_formats import checked_suffix
+    from dvtcli.files.recording_formats import format_of
 
     _check_target(session, path, append=append)
-    checked_suffix(path)
+    format_of(path)
     open_wire(session)
     listening = SteadyListener(session)
     with Recorder(path, append=append, most_bytes=most_bytes) as recorder, listening as listener:

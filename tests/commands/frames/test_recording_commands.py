@@ -18,9 +18,8 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.extras import extra
 from dvtcli.files.recorder import Recorder
-from dvtcli.files.recording_formats import APPENDABLE, FORMATS, ROTATING
 from dvtcli.simulator.network.family_file import family_eds
-from tests.files.recordings import BEGIN_S
+from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
@@ -51,12 +50,13 @@ def ramp(path: Path, count: int = 50) -> Path:
 
 @pytest.mark.parametrize("name", ["log", "decode"])
 def test_help_names_every_format(name: str) -> None:
-    """A new line in `FORMATS` is told by the help of both, and by the options of `log` that it allows."""
-    told = " ".join(dvtcli("help", name).stdout.split())
-    assert [suffix for suffix in FORMATS if suffix not in told] == []
+    """A format is told by the help of both, and by the options of `log` that it allows."""
+    told, place = " ".join(dvtcli("help", name).stdout.split()), f"dvtcli/cli/commands/{name}.py, in the help"
+    silent = [suffix for suffix in FORMATS if suffix not in told]
+    assert not silent, f"name {' '.join(silent)} in {place}"
     if name == "log":
-        assert f"Behind what is there ({' '.join(APPENDABLE)})" in told
-        assert f"A new file after so many bytes ({' '.join(ROTATING)})" in told
+        for said in (f"Behind what is there ({' '.join(APPENDABLE)})", f"so many bytes ({' '.join(ROTATING)})"):
+            assert said in told, f"say “{said}” in {place} of its option"
 
 
 @pytest.mark.parametrize("suffix", sorted(set(FORMATS) - {".mf4"}))

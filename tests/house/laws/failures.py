@@ -47,7 +47,7 @@ MAY_LEAVE_UNSAID = {
 }
 #: exceptions that end within their room and reach no user
 INNER = {
-    "files/recorded_lines.py:LostLineError", "files/recording.py:_NoFrameError",
+    "files/recorded_lines.py:LostLineError", "files/recorded_lines.py:NoFrameError",
     "domain/gateway/error_numbers.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/socketcand.py:RubbishError", "simulator/device/signal_shapes.py:RowsError",
     "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",

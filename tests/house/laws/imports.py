@@ -17,8 +17,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
         "simulator/network/",
         "files/recorder.py",
         "files/recording.py",
-        "files/recording_formats.py",
-        "files/pcap.py",
+        "files/recordings/",
     ),
     "canopen": ("bus/",),
     "prompt_toolkit": (
@@ -35,7 +34,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "platformdirs": ("files/user_folders.py",),
     "ruamel": ("files/network/yaml_tree.py", "files/pdo_yaml.py"),
     "wcwidth": ("cli/view/columns.py",),
-    "asammdf": ("files/recording_formats.py",),
+    "asammdf": ("files/recordings/mdf.py",),
 }
 #: the standard library's doors out of the process, and its ways past the seams
 DOORS: dict[str, tuple[str, ...]] = {
@@ -77,6 +76,7 @@ _BY_NAME = ("import_module", "__import__", "find_spec", "run_module", "resolve_n
 #: who imports what another's string names, with what for
 _MAY_NAME = {
     "__init__.py": "its own table of names",
+    "files/recording_formats.py": "the files in recordings/",
     "files/extras.py": "an extra that a caller names, below",
     "operations/results/__init__.py": "the files beside it",
 }
