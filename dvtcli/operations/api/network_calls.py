@@ -89,7 +89,7 @@ class NetworkCalls:
         where no node answers; UsageError for another suffix, or where a file cannot be written.
         """
         from dvtcli.operations.api.converted import dbc_wishes
-        from dvtcli.operations.exchange.export_file import export_all
+        from dvtcli.operations.exports.export_file import export_all
 
         chosen = str(path("file", file))
         flags(twice=twice)

@@ -197,11 +197,11 @@ class ReadNode:
         object of a DCF two times, and leaves out what changed meanwhile. Writing over a file needs *yes*. UsageError
         for another suffix, or where the file cannot be written.
         """
-        from dvtcli.operations.exchange.export_file import NETWORK_SUFFIXES, export_file
+        from dvtcli.operations.exports.export_file import export_file, is_of_all_nodes
 
         flags(twice=twice)
         chosen = str(path("file", file))
-        if chosen.lower().endswith(NETWORK_SUFFIXES):
+        if is_of_all_nodes(chosen):
             raise UsageError(f"{chosen} is of all nodes", hint="bus.export() writes it")
         done = self._read(lambda node: export_file(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
         left_out = dict(done.rows)["left_out"]

@@ -1,0 +1,1 @@
+"""Files that `export` writes, a format each, which is found by being here."""

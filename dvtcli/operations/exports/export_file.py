@@ -1,0 +1,70 @@
+"""What nodes hold, to a file of the format that its suffix says: every one that a file beside this has as its `FORMAT`.
+
+Writes nothing to a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+from dvtcli.operations.exports.export_format import Wanted
+
+if TYPE_CHECKING:
+    from dvtcli.operations.exports.export_format import ExportFormat
+    from dvtcli.operations.results import Facts
+    from dvtcli.operations.session.session import Session
+
+
+@cache
+def export_formats() -> Mapping[str, ExportFormat]:
+    """Every format by its suffixes."""
+    names = sorted(file.stem for file in Path(__file__).parent.glob("as_*.py"))
+    found: list[ExportFormat] = [import_module(f"{__package__}.{name}").FORMAT for name in names]
+    return {suffix: one for one in found for suffix in one.suffixes}
+
+
+def is_of_all_nodes(file: str) -> bool:
+    """Whether the format of *file* has all nodes in one file."""
+    return _format_of(file).is_of_all
+
+
+def export_file(
+    session: Session, file: str, node_id: int | None = None, *, twice: bool = False, wishes: DbcWishes | None = None
+) -> Facts:
+    """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, a DCF or an XDC.
+
+    A nodelist or a DBC file is of all nodes, as of `export_all`. With *twice* each object of a DCF is read two times.
+    Raises as `export_node` and `export_dcf`; UsageError for another file with *twice*, or with *wishes* for another one
+    than a DBC file.
+    """
+    kind = _format_of(file)
+    if wishes and not kind.has_wishes:
+        raise UsageError(
+            "--with, --split-bits and --all are for a DBC file", hint="export NAME.dbc --with emcy,heartbeat"
+        )
+    if twice and not kind.reads_twice:
+        raise UsageError("--twice is for a DCF or XDC", hint="export NAME.dcf --twice")
+    return kind.write(session, file, Wanted(node_id, twice, wishes or DbcWishes()))
+
+
+def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcWishes | None = None) -> Facts:
+    """Write all nodes that answer, or those of `-n`, to *file*: a nodelist with a DCF of each beside it, or a DBC file.
+
+    *twice* and *wishes*, and what is raised for them, as of `export_file`. NoAnswer where no node answers.
+    """
+    if not is_of_all_nodes(file):
+        others = " or ".join(sorted((suffix for suffix, one in export_formats().items() if one.is_of_all)))
+        raise UsageError(f"{file}: what format is that?", hint=f"a name that ends in {others}")
+    return export_file(session, file, twice=twice, wishes=wishes)
+
+
+def _format_of(file: str) -> ExportFormat:
+    """The format of *file*; a network file's, which says what there is, where nobody knows the suffix."""
+    known, name = export_formats(), file.lower()
+    return next((one for suffix, one in known.items() if name.endswith(suffix)), known[".yaml"])

@@ -1,0 +1,37 @@
+"""Every format that `export` has is told by its help, writes a file, and says what is not in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.operations.exports.export_file import export_formats
+from dvtcli.operations.exports.export_format import ExportFormat
+from tests.process import documents, dvtcli
+
+PLACE = "dvtcli/cli/commands/export.py"
+
+
+def test_help_names_every_format() -> None:
+    told = dvtcli("help", "export").stdout
+    silent = {one.suffixes[0] for one in export_formats().values() if one.suffixes[0] not in told}
+    assert not silent, f"name {' '.join(sorted(silent))} in the help in {PLACE}"
+
+
+@pytest.mark.parametrize("suffix", export_formats())
+def test_it_writes_what_a_node_holds(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"node{suffix}"
+    ran = dvtcli("--sim", "gen4", "--json", "export", str(file))
+    assert ran.returncode == 0, ran
+    assert file.stat().st_size > 100
+    (said,) = documents(ran.stdout)
+    assert said["file"] == str(file)
+    assert {"left_out", "notes"} & said.keys(), f"the answer of {suffix} lacks the row left_out"
+
+
+def test_a_format_lacks_no_suffix() -> None:
+    with pytest.raises(TypeError, match=r"Nameless lacks a line such as suffixes = \(\"\.yaml\",\)"):
+
+        class Nameless(ExportFormat):
+            """One that nobody finds."""
