@@ -48,7 +48,8 @@ class Layout:
 
     *mapping* is the PDO's, dummies included; empty where a file says where its signals lie. With *is_consumers* it is
     what an RPDO takes from the frame, which may be less than its producer sends. *byte_length* is how long the frame
-    has to be by *source*, the words for who says so (`the mapping in gen4.eds`); None where nobody does.
+    has to be by *source*, the words for who says so (`the mapping in gen4.eds`); None where nobody does. *guess* says
+    that nobody said this mapping of this very node, and whose is taken instead; empty where somebody did.
     """
 
     service: Service
@@ -58,6 +59,7 @@ class Layout:
     is_consumers: bool = False
     byte_length: int | None = None
     source: str = ""
+    guess: str = ""
 
 
 def _nothing(_data: bytes) -> list[Value | None]:
@@ -79,10 +81,17 @@ class Decoder:
         return len(self._known)
 
     def add(self, layouts: Mapping[Address, Layout]) -> None:
-        """Know *layouts* too; what was known before stays, but what an RPDO takes of a frame yields to its TPDO."""
+        """Know *layouts* too; what was known before stays, but what an RPDO takes of a frame yields to its TPDO.
+
+        A guess yields to what anybody says.
+        """
         for address, layout in layouts.items():
             known = self._known.get(address)
-            if known is None or (known.is_consumers and not layout.is_consumers):
+            if (
+                known is None
+                or (known.is_consumers and not layout.is_consumers)
+                or (bool(known.guess) and not layout.guess)
+            ):
                 self._known[address] = layout
 
     @property

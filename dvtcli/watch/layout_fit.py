@@ -1,4 +1,4 @@
-"""Whether a frame is as long as the layout by which it is read; where it is not, that is not its sender's layout."""
+"""Whether a frame is as long as the layout by which it is read, and whether anybody said that layout of its sender."""
 
 from __future__ import annotations
 
@@ -7,6 +7,20 @@ from collections.abc import Callable, Iterable, Iterator
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
 from dvtcli.watch.decoder import Address, Layout
+
+
+def guess(frame: Frame, layout: Layout) -> str:
+    """That *frame* is read by a *layout* which nobody said of its node, in words; empty where it has no values so."""
+    return f"{_cob_id(frame)}: {layout.guess}" if layout.guess and layout.signals and not frame.remote else ""
+
+
+def _cob_id(frame: Frame) -> str:
+    return f"0x{frame.can_id:0{8 if frame.extended else 3}X}"
+
+
+def doubts(frame: Frame, layout: Layout) -> list[str]:
+    """Why the values of *frame* may be others than *layout* reads: it is a guess, it does not fit; in words."""
+    return [text for text in (guess(frame, layout), misfit(frame, layout)) if text]
 
 
 def misfit(frame: Frame, layout: Layout) -> str:
@@ -21,15 +35,15 @@ def misfit(frame: Frame, layout: Layout) -> str:
     if layout.is_consumers and length > mapped:
         return ""
     who = f"{layout.service.label} of node {layout.service.node}" if layout.service.node else layout.service.label
-    cob_id = f"0x{frame.can_id:0{8 if frame.extended else 3}X}"
-    said = f"{cob_id}: the frame has {plural(length, 'byte')}, {layout.source or 'its mapping'} has {mapped} for {who}"
+    by = layout.source or "its mapping"
+    said = f"{_cob_id(frame)}: the frame has {plural(length, 'byte')}, {by} has {mapped} for {who}"
     if layout.is_consumers:
         return f"{said}: a node takes no frame that is shorter than its RPDO, or this is not its mapping"
     return f"{said}: it is not its sender's layout, so the values shown may not be what was sent"
 
 
 class Misfits:
-    """Tells *tell* of frames that do not fit what *layout_of* them says, once for each CAN-ID."""
+    """Tells *tell* of frames that *layout_of* them only guesses, or that do not fit it, once each for each CAN-ID."""
 
     def __init__(self, layout_of: Callable[[Frame], Layout], tell: Callable[[str], None]) -> None:
         self._layout_of = layout_of
@@ -43,7 +57,10 @@ class Misfits:
         seen = self._seen.get(address, -1)
         if seen == length or seen is None or frame.remote:
             return
-        text = misfit(frame, self._layout_of(frame))
+        layout = self._layout_of(frame)
+        if seen == -1 and (guessed := guess(frame, layout)):
+            self._tell(guessed)
+        text = misfit(frame, layout)
         self._seen[address] = None if text else length
         if text:
             self._tell(text)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout
-from dvtcli.watch.layout_fit import misfit
+from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.recent_load import BusLoad
 from dvtcli.watch.service import Service, event_of, state_in
 from dvtcli.watch.statistics import Course, Rhythm
@@ -48,8 +48,9 @@ class Row:
     rhythm: Rhythm = field(default_factory=Rhythm)
     changed_s: list[float] = field(default_factory=list)
     courses: list[Course] = field(default_factory=list)
-    #: whether it was said that its length is not that of the layout
+    #: whether it was said that its length is not that of the layout, and that nobody said that layout of its node
     is_misfit: bool = False
+    is_guess: bool = False
 
     @property
     def service(self) -> Service:
@@ -86,7 +87,7 @@ class FrameStore:
         news = self._note_events(frame, row.service)
         first, row.remote = row.count == 1, frame.remote
         if first or len(frame.data) != len(row.data):
-            news |= self._note_misfit(row, frame)
+            news |= self._note_doubts(row, frame)
         if frame.remote:
             return first or news
         changed = self._note_bytes(row, frame.data, time_s)
@@ -109,13 +110,15 @@ class FrameStore:
             self.rows[address] = row
         return row
 
-    def _note_misfit(self, row: Row, frame: Frame) -> bool:
-        """Whether *frame* cannot be what the row's layout says, and that was not said before."""
-        text = "" if row.is_misfit else misfit(frame, row.layout)
-        if text:
-            row.is_misfit = True
-            self.events.append(Event(frame.timestamp_s, text, bad=True))
-        return bool(text)
+    def _note_doubts(self, row: Row, frame: Frame) -> bool:
+        """Whether *frame* cannot be what the row's layout says, or that is a guess, and it was not said before."""
+        guessed = "" if row.is_guess else guess(frame, row.layout)
+        wrong = "" if row.is_misfit else misfit(frame, row.layout)
+        row.is_guess, row.is_misfit = row.is_guess or bool(guessed), row.is_misfit or bool(wrong)
+        for text in (guessed, wrong):
+            if text:
+                self.events.append(Event(frame.timestamp_s, text, bad=True))
+        return bool(guessed or wrong)
 
     def _note_bytes(self, row: Row, data: bytes, time_s: float) -> bool:
         """Whether *data* differs from what the row held; notes when each byte changed."""
@@ -155,9 +158,10 @@ class FrameStore:
             if layout.service == row.service and layout.signals == row.layout.signals:
                 row.layout = layout
                 continue
-            row.layout, row.courses, row.is_misfit = layout, [Course() for _ in layout.signals], False
+            row.layout, row.courses = layout, [Course() for _ in layout.signals]
+            row.is_misfit = row.is_guess = False
             if not row.remote:
-                self._note_misfit(row, Frame(row.can_id, row.data, row.extended, timestamp_s=row.last_s))
+                self._note_doubts(row, Frame(row.can_id, row.data, row.extended, timestamp_s=row.last_s))
                 for course, value in zip(row.courses, layout.read(row.data), strict=True):
                     if value is not None:
                         course.take(value, row.last_s)

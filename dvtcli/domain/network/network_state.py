@@ -35,7 +35,8 @@ class NodeState:
 
     *name* is the node's in a file, *title* what the device calls itself; *mark* is where the file speaks of it. *asked*
     is the identity that somebody wants of it, by the names of `Identity`. *downloads* are what it, a manager, downloads
-    to other nodes by node-ID (0x1F22).
+    to other nodes by node-ID (0x1F22). *guessed* are the PDOs whose mapping nobody said of this very node, each with
+    whose it is instead, in words.
     """
 
     node_id: int
@@ -49,6 +50,7 @@ class NodeState:
     marks: Mapping[Pdo, Mark] = field(default_factory=dict)
     asked: Identity = field(default_factory=dict)
     downloads: Mapping[int, bytes] = field(default_factory=dict)
+    guessed: Mapping[Pdo, str] = field(default_factory=dict)
 
     def number(self, index: int, sub_index: int = 0) -> int | None:
         """What an object holds, None where the node has none or does not tell it."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from dvtcli.domain.meanings import Rules
+    from dvtcli.domain.network.network_state import NodeState
     from dvtcli.operations.exchange.dbc_wishes import DbcWishes
     from dvtcli.operations.session.session import Session
 
@@ -48,8 +49,18 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes =
     from dvtcli.operations.wanted.network_wish import read_wish
 
     place_of(file, "eds convert net.yaml {}/NAME.dbc")
-    said = rules_by_node(read_wish(source).nodes)
-    return _write(session, file, source, described_network(source, session.tell), said, wishes)
+    wish, state = read_wish(source), described_network(source, session.tell)
+    for node in state.nodes:
+        _tell_guessed(session, source, node, everything=wishes.everything)
+    return _write(session, file, source, state, rules_by_node(wish.nodes), wishes)
+
+
+def _tell_guessed(session: Session, source: str, node: NodeState, *, everything: bool) -> None:
+    """Say of which PDOs that get a message *source* does not say what they map."""
+    pdos = [pdo for pdo in node.guessed if node.pdos[pdo].enabled or everything]
+    for whose in dict.fromkeys(node.guessed[pdo] for pdo in pdos):
+        names = f"{', '.join(pdo.label for pdo in pdos)} of node {node.node_id} map{'s' if len(pdos) == 1 else ''}"
+        session.tell.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
 
 
 def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes = PLAIN) -> Facts:

@@ -176,8 +176,12 @@ def _receivers(signal: DbcSignal, heard: list[_Held], nodes: Mapping[int, str]) 
 
 
 def _comment(group: list[_Held]) -> str:
-    """Who sends and hears it."""
-    return ", ".join(f"{pdo.label} of node {node.node_id}{'' if one.enabled else ' (off)'}" for node, pdo, one in group)
+    """Who sends and hears it, and by whose mapping where nobody said that of the node itself."""
+    return ", ".join(
+        f"{pdo.label} of node {node.node_id}{'' if one.enabled else ' (off)'}"
+        f"{f' (by {node.guessed[pdo]})' if pdo in node.guessed else ''}"
+        for node, pdo, one in group
+    )
 
 
 def _cycle_ms(held: _Held, state: NetworkState) -> int:

@@ -12,7 +12,7 @@ from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.explained import FrameExplained
 from dvtcli.watch.explain.frame_parts import Described, frame_parts
-from dvtcli.watch.layout_fit import misfit
+from dvtcli.watch.layout_fit import doubts
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
@@ -41,8 +41,8 @@ def explain_frame(
     """
     frame = parsed_frame(text)
     decoder = decoder_for(session, nodes, file)
-    if wrong := misfit(frame, decoder.layout(frame)):
-        session.tell.warning(wrong)
+    for doubt in doubts(frame, decoder.layout(frame)):
+        session.tell.warning(doubt)
     return explained(frame, decoder, described_nodes(session, file))
 
 

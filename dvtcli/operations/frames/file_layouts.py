@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dvtcli.domain.meanings import Rules
+    from dvtcli.domain.network.network_state import NodeState
+    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.user.telling import Teller
     from dvtcli.watch.decoder import Address, Layout
 
@@ -26,23 +30,40 @@ def file_layouts(file: str, tell: Teller) -> Mapping[Address, Layout]:
 
 
 def _network_layouts(file: str, tell: Teller) -> Mapping[Address, Layout]:
-    """What the nodes of the network *file* send and hear once it is applied, with what it says of their values."""
+    """What the nodes of the network *file* send and hear once it is applied, with what it says of their values.
+
+    What the file itself says goes before what is only the default of a node's file.
+    """
     from dvtcli.files.network.physical_keys import rules_by_node
-    from dvtcli.operations.meanings.physical_meanings import meanings_of
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.network.unknown_names import unknown_names
     from dvtcli.operations.wanted.network_wish import read_wish
-    from dvtcli.watch.decoder import Decoder, pdo_layouts
+    from dvtcli.watch.decoder import Decoder
 
-    wish = read_wish(file)
+    wish, state = read_wish(file), described_network(file)
     for note in unknown_names(file, wish):
         place = f"{file}:{note.mark.line}:{note.mark.column}"
         tell.note(f"{place}: {note.text}; frames with such a name stay bytes")
-    said = rules_by_node(wish.nodes)
-    decoder = Decoder()
-    for node in described_network(file).nodes:
-        meanings = meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
-        decoder.add(
-            pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings, f"the mapping in {Path(file).name}")
-        )
+    rules, decoder = rules_by_node(wish.nodes), Decoder()
+    for node in state.nodes:
+        said = {pdo: config for pdo, config in node.pdos.items() if pdo not in node.guessed}
+        decoder.add(_layouts(node, said, rules.get(node.node_id, {}), f"the mapping in {Path(file).name}"))
+    for node in state.nodes:
+        for pdo, whose in node.guessed.items():
+            layouts = _layouts(node, {pdo: node.pdos[pdo]}, rules.get(node.node_id, {}), whose)
+            decoder.add({address: _as_guess(file, one) for address, one in layouts.items()})
     return decoder.layouts
+
+
+def _layouts(node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, source: str) -> Mapping[Address, Layout]:
+    from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.watch.decoder import pdo_layouts
+
+    return pdo_layouts(node.node_id, pdos, node.dictionary, meanings_of(node.profile, node.dictionary, [rules]), source)
+
+
+def _as_guess(file: str, layout: Layout) -> Layout:
+    """*layout*, which *file* does not say."""
+    who = f"{layout.service.label} of node {layout.service.node}"
+    said = f"{Path(file).name} does not say what {who} maps: read by {layout.source}, which the node need not hold"
+    return replace(layout, guess=said)

@@ -18,5 +18,6 @@ def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
     values = decoder.values(frame)
     mapped = layout.byte_length if misfit(frame, layout) else None
     return FrameSeen(
-        frame, service.kind, service.label, service.node, pdo, values, meanings, objects=objects, mapped_bytes=mapped
-    )
+        frame, service.kind, service.label, service.node, pdo, values, meanings, objects=objects, mapped_bytes=mapped,
+        layout_from=layout.source, layout_is_guess=bool(layout.guess),
+    )  # fmt: skip

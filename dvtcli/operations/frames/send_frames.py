@@ -14,6 +14,7 @@ from dvtcli.operations.frames.known_parties import KnownParties
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.results.sent import FramesSent, FrameToSend, Outcome
 from dvtcli.watch.frame_effect import effects
+from dvtcli.watch.layout_fit import Misfits
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
@@ -90,8 +91,9 @@ def _looked_at(
     if not session.options.yes and not all(effects(frame, known.parties) for frame in frames):
         known.look_around()
     described = described_nodes(session, file)
-    shown = []
+    shown, misfits = [], Misfits(known.decoder.layout, session.tell.warning)
     for frame in frames:
+        misfits.look(frame)
         is_secret = session.secrets.in_frame(frame)
         told = replace(frame, data=frame.data[:4] + bytes(4)) if is_secret else frame
         one = explained(told, known.decoder, described)

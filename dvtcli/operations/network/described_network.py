@@ -27,6 +27,7 @@ from dvtcli.domain.network.wanted_state import (
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.files.network.file_log import FileLog
+from dvtcli.operations.network.guessed_mappings import guessed_mappings
 from dvtcli.operations.network.network_states import network_after, network_state, with_wish
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.session.session import Session
@@ -62,10 +63,14 @@ def described_network(
     if known:
         state = _simulated(file, replace(wish, nodes=known, links=links), words, tell, for_rules=for_rules)
     named = {node.node_id: node for node in wish.nodes}
-    met = [with_wish(node, named[node.node_id]) for node in state.nodes]
+    met = [_met(node, named[node.node_id], words[node.node_id]) for node in state.nodes]
     untold = [node for node in wish.nodes if node.node_id not in words]
     nodes = sorted([*met, *map(told_state, untold)], key=lambda one: one.node_id)
     return replace(state, nodes=tuple(nodes), untold=tuple(node.node_id for node in untold))
+
+
+def _met(node: NodeState, wish: NodeWish, word: str) -> NodeState:
+    return replace(with_wish(node, wish), guessed=guessed_mappings(node, wish, word))
 
 
 def words_of(file: str, wish: NetworkWish, on_bus: Mapping[int, str] | None = None) -> dict[int, str]:

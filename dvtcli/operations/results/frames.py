@@ -19,6 +19,8 @@ class FrameSeen(Answer):
 
     *signals* are raw; *meanings* says what those mean of which anybody says, *objects* which object (`606C:00`) those
     are of which that is known. *mapped_bytes* is how long its mapping is, where the frame does not fit that.
+    *layout_from* says in words who says where its values lie, empty where nobody does; *layout_is_guess* that nobody
+    said it of this very node.
     """
 
     renderer: ClassVar = "frame_lines:frame_lines"
@@ -33,6 +35,8 @@ class FrameSeen(Answer):
     exit_code: int = 0
     objects: Mapping[str, str] = field(default_factory=dict)
     mapped_bytes: int | None = None
+    layout_from: str = ""
+    layout_is_guess: bool = False
 
     def document(self) -> Document:
         """`dvtcli.frame/1`."""
@@ -53,6 +57,8 @@ class FrameSeen(Answer):
                 if name in self.signals
             },
             "objects": {name: place for name, place in self.objects.items() if name in self.signals},
+            "layout_from": self.layout_from or None,
+            "layout_is_guess": self.layout_is_guess,
         }
 
     def matches(self, text: str) -> bool:

@@ -55,7 +55,7 @@ def test_the_row_has_both_lengths(tmp_path: Path) -> None:
 def test_who_says_so_is_named(tmp_path: Path) -> None:
     path = log(tmp_path, LONG)
     (tmp_path / "x.dbc").write_text(DBC)
-    (tmp_path / "line.yaml").write_text("drive: {node_id: 1, profile: gen4}\n")
+    (tmp_path / "line.yaml").write_text("drive: {node_id: 1, profile: gen4, tpdo: {1: {mapping: [6041]}}}\n")
     for options, words in (
         ({"eds": str(family_eds("gen4"))}, "the mapping in gen4.eds has 2"),
         ({}, "x.dbc has 2 for Gen4_TPDO1"),
