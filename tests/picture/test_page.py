@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
 from fractions import Fraction
 from html.parser import HTMLParser
 from pathlib import Path
+from types import FrameType
 from xml.etree import ElementTree
 
 import pytest
@@ -134,8 +136,55 @@ def test_what_cannot_be_compared_is_said_and_drawn_all_the_same(tmp_path: Path) 
         (note,) = bus.report(tmp_path / "x.html", other)
     assert note.startswith("not compared with other.yaml: ")
     read = Read((tmp_path / "x.html").read_text("utf-8"))
-    assert "They could not be found out." in read.text
-    assert "not compared with other.yaml" in read.text
+    assert "They could not be found out: see Findings ." in read.text
+    assert ", not compared with other.yaml, " in read.text
+
+
+SWAPPED = "a: {node_id: 1, dcf: gen4, identity: {vendor: 0x1E}}\nb: {node_id: 5, dcf: tmcm}\n"
+
+
+def test_swapped_devices_are_findings_and_the_exit_code_is_that_of_diff(tmp_path: Path) -> None:
+    (tmp_path / "line.yaml").write_text(SWAPPED)
+    with Bench(("gen4@5", "tmcm@1"), {"yes": True}) as bench:
+        ran = bench.run(f"report {tmp_path / 'x.html'} {tmp_path / 'line.yaml'} --json")
+        assert (ran.code, bench.run(f"diff {tmp_path / 'line.yaml'}").code) == (6, 6)
+    text = (tmp_path / "x.html").read_text("utf-8")
+    findings = text[text.index('<section id="findings"') : text.index('<section id="differences"')]
+    assert findings.count("eds-identity") == 4
+    assert "its vendor is 0x00000286, the file says 0x0000001E" in findings
+    assert ran.document["findings"] >= 5
+    assert "node 5 is vendor 0x0000001E" in ran.document["notes"][0]
+
+
+def test_a_node_that_is_not_there_is_a_finding(tmp_path: Path) -> None:
+    (tmp_path / "line.yaml").write_text("a: {node_id: 1, dcf: gen4}\nb: {node_id: 5, dcf: tmcm}\n")
+    with Bench(("gen4@1",), {"yes": True}) as bench:
+        ran = bench.run(f"report {tmp_path / 'x.html'} {tmp_path / 'line.yaml'}")
+        assert (ran.code, bench.run(f"diff {tmp_path / 'line.yaml'}").code) == (5, 5)
+    read = Read((tmp_path / "x.html").read_text("utf-8"))
+    assert "error: not compared with line.yaml: node 5 " in ran.stdout
+    assert "node 5" in read.text[read.text.index("Findings") :]
+
+
+def test_a_file_is_read_and_simulated_once(tmp_path: Path) -> None:
+    """A page of 100 nodes takes as long as that."""
+    from dvtcli.files.network.read_network import read_network_file
+    from dvtcli.operations.network.described_network import described_network
+
+    seen: list[str] = []
+    looked_for = {one.__code__: one.__name__ for one in (read_network_file, described_network)}
+
+    def look(frame: FrameType, event: str, _argument: object) -> None:
+        if event == "call" and frame.f_code in looked_for:
+            seen.append(looked_for[frame.f_code])
+
+    before = sys.getprofile()
+    sys.setprofile(look)
+    try:
+        dvtcli.report(tmp_path / "x.html", LINE)
+    finally:
+        sys.setprofile(before)
+    assert seen == ["read_network_file", "described_network"]
 
 
 def test_the_contents_lead_to_every_section_and_each_of_them_back(tmp_path: Path) -> None:

@@ -169,7 +169,7 @@ class NetworkPicture:
     """A network to be drawn; *source* says where it comes from.
 
     *compared* is the file that nodes were compared with, empty for none; *differences* are what differs then, None
-    where that could not be found out; *notes* is what else there is to say.
+    where that could not be found out, with the *exit_code* that tells why; *notes* is what else there is to say.
     """
 
     title: str
@@ -182,6 +182,7 @@ class NetworkPicture:
     compared: str = ""
     differences: tuple[PictureDifference, ...] | None = ()
     notes: tuple[str, ...] = ()
+    exit_code: int = 0
 
     def node(self, node_id: int) -> PictureNode | None:
         """The node with *node_id*, None where there is none."""

@@ -29,7 +29,7 @@ from dvtcli.operations.network.check_networks import (
 )
 from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
 from dvtcli.operations.network.words_on_bus import words_on_bus
-from dvtcli.operations.results.checked_networks import NetworkReport, NetworksChecked
+from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
@@ -144,6 +144,13 @@ def _described(file: str, on_bus: Mapping[int, str]) -> NetworkState | None:
         return described_network(file, for_rules=True, with_links=False, on_bus=on_bus)
     except DvtcliError:
         return None
+
+
+def against_file(session: Session, file: str, wish: NetworkWish, live: NetworkState) -> tuple[NetworkFinding, ...]:
+    """Where *live*, what is on the bus, contradicts *wish*, from *file*: nodes that are not there, or other devices."""
+    wishes = CheckWishes()
+    state = _described(file, words_on_bus(session, file, wish))
+    return () if state is None else _against(file, state, live, wishes, _bit_rate(session, wishes)).findings
 
 
 def _against(file: str, state: NetworkState, live: NetworkState, wishes: CheckWishes, bit_rate: int) -> NetworkReport:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_state import NetworkState
     from dvtcli.domain.network.wanted_state import FileNote, Mark, NetworkWish
+    from dvtcli.operations.user.telling import Teller
 
 #: Rules that no state is asked for.
 FILE_RULES = (
@@ -88,7 +89,7 @@ def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
 def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]) -> NetworkReport:
     """What there is to say of *file*; InputFileError or UsageError where it cannot be read."""
     wish = read_wish(file)
-    findings = tuple(_judged(file, wish, wishes, rules, on_bus))
+    _, findings = judged_file(file, wish, wishes, on_bus)
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
     notes = tuple(
         (one.mark.line, one.mark.column, one.times, one.text)
@@ -133,25 +134,31 @@ def _at(one: FileComplaint, rule: str) -> NetworkFinding:
     return NetworkFinding(one.line, "error", rule, "", one.text, one.column, one.column + max(one.width, 1) - 1)
 
 
-def _judged(
-    file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]
-) -> Iterator[NetworkFinding]:
-    """What the rules say of the network that *file* makes; where that cannot be made, why, and of it without links."""
+def judged_file(
+    file: str,
+    wish: NetworkWish,
+    wishes: CheckWishes,
+    on_bus: Mapping[int, str] | None = None,
+    tell: Teller | None = None,
+) -> tuple[NetworkState | None, tuple[NetworkFinding, ...]]:
+    """The network that *wish*, from *file*, makes, and what the rules say of it.
+
+    Where it cannot be made a finding says why, and it is that without its links; None where that cannot be made, too.
+    """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork
     from dvtcli.operations.network.described_network import described_network
 
-    bit_rate = wishes.bit_rate or USUAL_BIT_RATE
-    names = {rule.name for rule in rules}
+    rules, refused = chosen_rules(wishes), list[NetworkFinding]()
     try:
-        yield from findings_of(CheckedNetwork(described_network(file, for_rules=True, on_bus=on_bus), bit_rate), rules)
-    except (RuleError, UsageError) as refused:
-        if FILE_RULES[1].name in names:
-            yield from _refused(wish, refused)
+        state = described_network(file, tell, for_rules=True, on_bus=on_bus, wish=wish)
+    except (RuleError, UsageError) as failed:
+        if FILE_RULES[1] in rules:
+            refused += _refused(wish, failed)
         try:
-            state = described_network(file, for_rules=True, with_links=False, on_bus=on_bus)
+            state = described_network(file, tell, for_rules=True, with_links=False, on_bus=on_bus, wish=wish)
         except (RuleError, UsageError):
-            return
-        yield from findings_of(CheckedNetwork(state, bit_rate), rules)
+            return None, tuple(refused)
+    return state, (*refused, *findings_of(CheckedNetwork(state, wishes.bit_rate or USUAL_BIT_RATE), rules))
 
 
 def _refused(wish: NetworkWish, refused: DvtcliError) -> Iterator[NetworkFinding]:

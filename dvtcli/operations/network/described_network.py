@@ -46,15 +46,19 @@ def described_network(
     for_rules: bool = False,
     with_links: bool = True,
     on_bus: Mapping[int, str] | None = None,
+    wish: NetworkWish | None = None,
 ) -> NetworkState:
     """What the nodes of the network *file* hold once it is applied to devices that are as new.
+
+    *wish* is what the file says, where that was read already.
 
     A node is what its `dcf` describes, else its `profile`'s family, else the family or the file of `eds add` that its
     identity is of, else what *on_bus* has for its node-ID. Of one that is none of these only what the file says is
     known. InputFileError with all that the file cannot mean, RuleError where what it wants cannot be made. Without
     *with_links* its links are left out.
     """
-    read = read_wish(file) if with_links else replace(read_wish(file), links=())
+    read = wish or read_wish(file)
+    read = read if with_links else replace(read, links=())
     words = words_of(file, read, on_bus)
     wish = _with_untold_links(read, words.keys())
     known = tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes if node.node_id in words)

@@ -60,11 +60,12 @@ def _answer(target: str, picture: NetworkPicture, size: int) -> Facts:
         if picture.compared and differing is not None
         else []
     )
-    text = [f"{target}: {picture.title}, {', '.join(counts)}", *(f"note: {note}" for note in picture.notes)]
+    label = "error" if picture.exit_code else "note"
+    text = [f"{target}: {picture.title}, {', '.join(counts)}", *(f"{label}: {note}" for note in picture.notes)]
     rows = (
         ("file", target), ("from", picture.source), ("compared_with", picture.compared or None),
         ("nodes", len(picture.nodes)), ("pdos", on), ("links", len(picture.links)),
         ("findings", len(picture.findings)), ("differences", differing if picture.compared else None),
         ("bytes", size), ("notes", list(picture.notes)),
     )  # fmt: skip
-    return Facts("report", rows, tuple(text))
+    return Facts("report", rows, tuple(text), picture.exit_code)

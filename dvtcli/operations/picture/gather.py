@@ -15,10 +15,11 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.picture import NetworkPicture, PictureFinding
-from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError
+from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal
 from dvtcli.files.network.physical_keys import rules_by_node
-from dvtcli.operations.network.check_live import LISTEN_S
-from dvtcli.operations.network.check_networks import CheckWishes, check_networks, chosen_rules, findings_of
+from dvtcli.operations.network.check_live import LISTEN_S, against_file
+from dvtcli.operations.network.check_networks import CheckWishes, chosen_rules, findings_of, judged_file
+from dvtcli.operations.network.described_network import described_network
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
 from dvtcli.operations.network.network_load import USUAL_BIT_RATE
 from dvtcli.operations.picture.differing_rows import differences
@@ -31,7 +32,7 @@ from dvtcli.watch.frame_count import FrameCount
 if TYPE_CHECKING:
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_state import NetworkState
-    from dvtcli.domain.network.picture import PictureDifference
+    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.checked_networks import NetworkFinding
     from dvtcli.operations.session.session import Session
@@ -62,25 +63,18 @@ def network_picture(session: Session, file: str | None = None, wishes: PictureWi
 
 
 def _of_file(session: Session, file: str, wishes: PictureWishes) -> NetworkPicture:
-    told = wishes.bit_rate or session.options.bitrate
-    state = _described(session, file)
-    found = check_networks([file], CheckWishes(bit_rate=told)).reports[0].findings
-    said = rules_by_node(read_wish(file).nodes)
-    return _picture(state, wishes.title or Path(file).stem, Path(file).name, told, found, said=said)
-
-
-def _described(session: Session, file: str) -> NetworkState:
-    """What *file* makes; without its links where those cannot be made, which is a finding."""
-    from dvtcli.operations.network.described_network import described_network
-
-    try:
-        return described_network(file, session.tell, for_rules=True)
-    except (RuleError, UsageError):
-        return described_network(file, session.tell, for_rules=True, with_links=False)
+    told, wish = wishes.bit_rate or session.options.bitrate, read_wish(file)
+    state, found = judged_file(file, wish, CheckWishes(bit_rate=told), tell=session.tell)
+    if state is None:
+        state = described_network(file, session.tell, with_links=False, wish=wish)  # which raises why
+    return _picture(
+        state, wishes.title or Path(file).stem, Path(file).name, told, found, said=rules_by_node(wish.nodes)
+    )
 
 
 def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> NetworkPicture:
-    wished = () if file is None else read_wish(file).nodes
+    wish = None if file is None else read_wish(file)
+    wished = () if wish is None else wish.nodes
     names = {node.node_id: node.name for node in wished}
     measured, traffic = _heard(session, wishes)
     state = live_state(session, traffic, names)
@@ -93,11 +87,9 @@ def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> Networ
     told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate
     network = CheckedNetwork(state, told or USUAL_BIT_RATE, traffic)
     found = list(findings_of(network, chosen_rules(CheckWishes())))
-    compared, notes = ((), ()) if file is None else _compared(session, file)
     title = wishes.title or (session.wire.name if file is None else Path(file).stem)
     picture = _picture(state, title, session.wire.name, told, found, measured, said=rules_by_node(wished))
-    name = "" if file is None else Path(file).name
-    return replace(picture, compared=name, differences=compared, notes=notes)
+    return picture if file is None or wish is None else _compared(session, picture, state, file, wish)
 
 
 def _heard(session: Session, wishes: PictureWishes) -> tuple[Measured | None, HeardTraffic | None]:
@@ -118,12 +110,23 @@ def _heard(session: Session, wishes: PictureWishes) -> tuple[Measured | None, He
     return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames), traffic
 
 
-def _compared(session: Session, file: str) -> tuple[tuple[PictureDifference, ...] | None, tuple[str, ...]]:
-    """What `diff` finds; None and why where it cannot say."""
+def _compared(
+    session: Session, picture: NetworkPicture, live: NetworkState, file: str, wish: NetworkWish
+) -> NetworkPicture:
+    """*picture*, of the nodes *live*, with what `diff` finds; where that is refused, with why and its exit code."""
+    name = Path(file).name
     try:
-        return tuple(differences(session, file)), ()
+        return replace(picture, compared=name, differences=tuple(differences(session, file)))
     except (RuleError, NoAnswer, SafetyRefusal) as refused:
-        return None, (f"not compared with {Path(file).name}: {refused.text}",)
+        also = [text for label, text in refused.details if label == "also"]
+        against = [_finding(one) for one in against_file(session, file, wish, live)]
+        if not any(one.severity == "error" for one in against):
+            against.append(PictureFinding("error", "cannot-be-made", refused.text, refused.node, None))
+        return replace(
+            picture, compared=name, differences=None, exit_code=refused.exit_code,
+            findings=(*against, *(one for one in picture.findings if one not in against)),
+            notes=(f"not compared with {name}: {'; '.join((refused.text, *also))}",),
+        )  # fmt: skip
 
 
 def _picture(
