@@ -65,7 +65,7 @@ class OnScreen:
         """Show how far long work has come."""
         self._output.progress(text, done, total)
 
-    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+    def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
         """Show a frame."""
         self._output.traffic(frame, sent=sent, secret=secret)
 

@@ -1,19 +1,132 @@
-"""Which object an SDO frame carries the value of (CiA 301, 7.2.4.3). Knows expedited transfers' frames only."""
+"""Which bytes of SDO frames are values of certain objects, followed frame by frame (CiA 301, 7.2.4.3).
+
+Expedited, in segments and by blocks, whoever is the client. Where a frame can be read in two ways, as the segments of a
+block that nobody ended, the one that carries a value counts. Does not know why somebody asks.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Set
+from dataclasses import replace
+
 from dvtcli.domain.ports import Frame
 
-_REQUESTS, _ANSWERS = range(0x601, 0x680), range(0x581, 0x600)
-_DOWNLOAD, _UPLOADED, _EXPEDITED = 1, 2, 2
+_REQUESTS, _ANSWERS, _BETWEEN = range(0x601, 0x680), range(0x581, 0x600), 0x80
+#: command specifiers (bits 7..5) that begin a transfer towards the server, or from it; both directions have the others
+_DOWNLOAD, _UPLOADED, _SEGMENT, _OF_BLOCKS, _BLOCK = 1, 2, 0, 5, 6
+_EXPEDITED, _ENDS_BLOCK, _LAST, _ABORT, _BLOCK_TAKEN = 0x02, 0x01, 0x80, 0x80, 0xA1
+#: commands that carry no value: upload, next segment, abort, and those of block transfers; and a server's
+_WITHOUT = {
+    _DOWNLOAD: frozenset((0x40, 0x60, 0x70, 0x80, 0xA0, 0xA1, 0xA2, 0xA3, 0xA4)),
+    _UPLOADED: frozenset((0x20, 0x30, 0x60, 0x80, 0xA0, 0xA1, 0xA2, 0xA4)),
+}
+#: where a value is: behind the multiplexer, behind the command, or where an abort should have the multiplexer
+_OF_NAMED, _OF_PART, _REPEATED = slice(4, 8), slice(1, 8), slice(1, 4)
+
+Objects = Set[tuple[int, int]]
 
 
-def sdo_value_of(frame: Frame) -> tuple[int, int] | None:
-    """Index and sub-index of the object whose value *frame* carries; None where it carries none."""
-    if frame.extended or frame.remote or len(frame.data) < 8 or not frame.data[0] & _EXPEDITED:
-        return None
-    command = frame.data[0] >> 5
-    carries = (frame.can_id in _REQUESTS and command == _DOWNLOAD) or (
-        frame.can_id in _ANSWERS and command == _UPLOADED
-    )
-    return (int.from_bytes(frame.data[1:3], "little"), frame.data[3]) if carries else None
+class SdoValues:
+    """Follows the SDO transfers of a bus: where a frame carries a value of *objects*.
+
+    Of a segment whose transfer began before anybody looked, *unknown* says whether it counts as one of them.
+    """
+
+    def __init__(self, objects: Objects, *, unknown: bool = False) -> None:
+        self._objects = objects
+        self._unknown = unknown
+        self._ways: dict[int, _Way] = {}
+
+    def value_in(self, frame: Frame) -> slice | None:
+        """Which bytes of *frame*, the next one on the bus, are such a value, or the checksum of one; None for none."""
+        requests, answers = frame.can_id in _REQUESTS, frame.can_id in _ANSWERS
+        if not (requests or answers) or frame.extended or frame.remote or not frame.data:
+            return None
+        found = self._way(frame.can_id, _DOWNLOAD if requests else _UPLOADED).value_in(frame.data)
+        other = self._ways.get(frame.can_id + (-_BETWEEN if requests else _BETWEEN))
+        if other is not None and other.answered(frame.data):
+            found = _REPEATED
+        return found if found is not None and frame.data[found] else None
+
+    def without(self, frame: Frame) -> tuple[Frame, bool]:
+        """*frame*, the next one on the bus, with zeros in place of such a value; and whether it carries one."""
+        found = self.value_in(frame)
+        if found is None:
+            return frame, False
+        data = bytearray(frame.data)
+        data[found] = bytes(len(data[found]))
+        return replace(frame, data=bytes(data)), True
+
+    def _way(self, can_id: int, begins: int) -> _Way:
+        if can_id not in self._ways:
+            self._ways[can_id] = _Way(self._objects, begins, unknown=self._unknown)
+        return self._ways[can_id]
+
+
+class _Way:
+    """What goes one way between client and server; *begins* is the specifier that names an object and brings data."""
+
+    def __init__(self, objects: Objects, begins: int, *, unknown: bool) -> None:
+        self._objects = objects
+        self._begins = begins
+        #: whether the transfer that was begun last is of one of the objects; also behind its end: it may be repeated
+        self._counts = unknown
+        #: in a block transfer the number of the segment that comes next, and whether the last one was there; 0: in none
+        self._next, self._is_last = 0, False
+        #: whether something said that the block transfer is over
+        self._over = False
+        #: the first bytes of parts that went by: who takes one for a request aborts that, and repeats them
+        self._parts: set[bytes] = set()
+
+    def value_in(self, data: bytes) -> slice | None:
+        """Which bytes of *data* are a value of the objects; None: there is none."""
+        found = self._found(data)
+        if found is _OF_PART:
+            self._parts.add(data[_REPEATED])
+        return found
+
+    def answered(self, data: bytes) -> bool:
+        """The other side sent *data*; whether it aborts a part as if that named an object.
+
+        What is no part of a block transfer says that there is none.
+        """
+        if data[0] >> 5 != _OF_BLOCKS or data[0] == _BLOCK_TAKEN:
+            self._over = True
+        return data[0] == _ABORT and data[_REPEATED] in self._parts
+
+    def _found(self, data: bytes) -> slice | None:
+        command = data[0]
+        if self._in_block(command):
+            self._next, self._is_last = (command & 0x7F) + 1, bool(command & _LAST)
+            return _OF_PART if self._counts else self._of_named(data)
+        if command == _ABORT:
+            self._over = True
+            return None
+        kind = command >> 5
+        if kind == self._begins or (kind == _BLOCK and not command & _ENDS_BLOCK):
+            return self._begun(data, kind)
+        if kind == _BLOCK:
+            self._next = 0
+        if command in _WITHOUT[self._begins]:  # as a device that repeats what it took may not do
+            return self._of_named(data) if kind != _OF_BLOCKS and any(data[_OF_NAMED]) else None
+        return _OF_PART if self._counts else self._of_named(data)
+
+    def _begun(self, data: bytes, kind: int) -> slice | None:
+        found = self._of_named(data)
+        if kind == _BLOCK or not data[0] & _EXPEDITED:
+            self._counts, self._over, self._is_last = found is not None, False, False
+            self._next = 1 if kind == _BLOCK else 0
+        return found
+
+    def _in_block(self, command: int) -> bool:
+        """Whether a frame is a segment of a block; while one of the objects is under way anything but its end is."""
+        number = command & 0x7F
+        if not self._next or not number:
+            return False
+        if self._counts and not self._over:
+            return not (self._is_last and command >> 5 == _BLOCK and command & _ENDS_BLOCK)
+        return number in (1, self._next)
+
+    def _of_named(self, data: bytes) -> slice | None:
+        named = (int.from_bytes(data[1:3], "little"), data[3]) if len(data) >= _OF_NAMED.start else None
+        return _OF_NAMED if named in self._objects else None

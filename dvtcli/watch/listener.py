@@ -13,6 +13,7 @@ from time import sleep, time
 from typing import Protocol
 
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.errors import BusUnavailable
 
 #: frames that wait to be taken; one more is dropped and counted
@@ -45,13 +46,13 @@ class Listened(Protocol):
 class Listener:
     """Everything that passes on *bus*, also what is sent from here; at most *waiting* frames are kept.
 
-    Of a frame that *is_secret* the value is kept as zeros: whoever logs in is not to find the passcode in a recording.
+    What carries a *secret* is kept with zeros for it: whoever logs in is not to find the passcode in a recording.
     Use it in a `with`: it listens inside of it. Times of its frames are seconds since 1970.
     """
 
-    def __init__(self, bus: Listened, is_secret: Callable[[Frame], bool], waiting: int = WAITING) -> None:
+    def __init__(self, bus: Listened, secret: SdoValues, waiting: int = WAITING) -> None:
         self._bus = bus
-        self._is_secret = is_secret
+        self._secret = secret
         self._frames: deque[Frame] = deque()
         self._most = waiting
         self._arrived = threading.Event()
@@ -106,8 +107,7 @@ class Listener:
         if len(self._frames) >= self._most:
             self._overflowed += 1
             return
-        if self._is_secret(frame):
-            frame = replace(frame, data=frame.data[:4] + bytes(4))
+        frame, _ = self._secret.without(frame)
         self._frames.append(self._dated(frame))
         if not self._arrived.is_set():  # to set it again costs as much as all the rest of this
             self._arrived.set()

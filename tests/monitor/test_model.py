@@ -25,6 +25,7 @@ from dvtcli.domain.meanings import Meanings, ObjectRange
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.domain.wall_clock import utc
 from dvtcli.files.profile.standards import standards
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
@@ -222,7 +223,7 @@ def test_what_is_too_much_is_dropped_and_counted() -> None:
     bus = CanBus(ours, channel)
     with (
         can.Bus(channel, interface="virtual", preserve_timestamps=True, ignore_config=True) as sender,
-        Listener(bus, lambda _frame: False, waiting=20) as listener,
+        Listener(bus, SdoValues(set()), waiting=20) as listener,
     ):
         for n in range(30):
             sender.send(can.Message(arbitration_id=0x181, data=[n], timestamp=5.0 + n, is_extended_id=False))
@@ -246,7 +247,7 @@ class Full(Carrier):
 def test_what_was_lost_before_it_could_be_read_is_dropped_too() -> None:
     carrier = Full()
     bus = CanBus(can.Bus("lost", interface="virtual", ignore_config=True), "lost", carrier=carrier)
-    with Listener(bus, lambda _frame: False) as listener:
+    with Listener(bus, SdoValues(set())) as listener:
         assert listener.dropped == 0, "that was before"
         carrier.lost = 12
         assert (listener.dropped, listener.overflowed) == (5, 0)
@@ -260,7 +261,7 @@ def test_who_stops_listening_can_still_take_what_came() -> None:
     bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
     with (
         can.Bus(channel, interface="virtual", ignore_config=True) as sender,
-        Listener(bus, lambda _frame: False) as listener,
+        Listener(bus, SdoValues(set())) as listener,
     ):
         sender.send(can.Message(arbitration_id=0x181, data=[1], is_extended_id=False))
         wait_for(lambda: listener._frames, "the frame")
@@ -276,7 +277,7 @@ def test_what_is_sent_from_here_has_the_time_at_which_it_was_sent() -> None:
     bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
     with (
         can.Bus(channel, interface="virtual", ignore_config=True) as other,
-        Listener(bus, lambda _frame: False) as listener,
+        Listener(bus, SdoValues(set())) as listener,
     ):
         bus.send(Frame(0x605, bytes(8)))
         other.send(can.Message(arbitration_id=0x585, data=bytes(8), is_extended_id=False))
@@ -307,7 +308,7 @@ class Gateway:
 
 @pytest.mark.parametrize("first_s", [1e300, -1e18, float("nan"), float("inf"), 5.0])
 def test_a_gateways_clock_may_be_nonsense(first_s: float) -> None:
-    with Listener(Gateway(first_s, time.time(), 1e18, float("nan"), -5.0, 0.0), lambda _frame: False) as listener:
+    with Listener(Gateway(first_s, time.time(), 1e18, float("nan"), -5.0, 0.0), SdoValues(set())) as listener:
         taken = listener.take(1.0)
     assert len(taken) == 6
     for frame in taken:

@@ -53,7 +53,7 @@ class Heard:
     def progress(self, text: str, done: int, total: int) -> None:
         self.progressed.append((text, done, total))
 
-    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+    def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
         if frame.can_id != 0x701:  # its boot-up comes when it comes
             self.frames.append((frame.can_id, sent))
 

@@ -185,8 +185,8 @@ class Output:
                 self._write(self.stdout, line)
             self.stdout.flush()
 
-    def traffic(self, frame: Frame, *, sent: bool, secret: bool = False) -> None:
-        """Show a frame as -v and -vv ask, nothing without them; of a *secret* one not what it carries."""
+    def traffic(self, frame: Frame, *, sent: bool, secret: slice | None = None) -> None:
+        """Show a frame as -v and -vv ask, nothing without them; no byte of *secret*."""
         from dvtcli.cli.view.traffic_lines import traffic_line
 
         line = traffic_line(frame, self.verbose, sent=sent, secret=secret) if self.verbose else None

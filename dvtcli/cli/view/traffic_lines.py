@@ -6,24 +6,27 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.ports import Frame
 
 _REQUEST, _ANSWER = 0x600, 0x580
+#: where an expedited value begins (bytes); a part of a longer one begins before
+_VALUE = 4
 
 
-def traffic_line(frame: Frame, verbose: int, *, sent: bool, secret: bool = False) -> str | None:
+def traffic_line(frame: Frame, verbose: int, *, sent: bool, secret: slice | None = None) -> str | None:
     """The line for *frame*: with *verbose* 1 only what begins or ends an SDO, from 2 on every frame.
 
-    Of a *secret* SDO frame the value is not shown.
+    The bytes *secret* are not shown.
     """
     if verbose > 1:
         way = "->" if sent else "<-"
         kind = " remote" if frame.remote else ""
-        shown = frame.data[:4].hex(" ").upper() + " ** ** ** **" if secret else frame.data.hex(" ").upper()
         length = frame.dlc if frame.remote else len(frame.data)
+        hidden = range(8)[secret] if secret is not None else ()
+        shown = " ".join("**" if at in hidden else f"{byte:02X}" for at, byte in enumerate(frame.data))
         return f"{way} 0x{frame.can_id:03X} [{length}]{kind} {shown}"
     base, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
     if frame.extended or len(frame.data) < 8 or base not in (_REQUEST, _ANSWER):
         return None
-    if secret:
-        return f"sdo {node_id}  {_object(frame.data)} <- (not shown)"
+    if secret is not None:
+        return f"sdo {node_id}  {_object(frame.data)} <- (not shown)" if secret.start == _VALUE else None
     words = _request(frame.data) if base == _REQUEST else _answer(frame.data)
     return None if words is None else f"sdo {node_id}  {words}"
 

@@ -63,5 +63,5 @@ class Told:
     def progress(self, text: str, done: int, total: int) -> None:
         """Nothing: a program that wants it has *on_progress*."""
 
-    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+    def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
         """Nothing: no call asks for traffic."""

@@ -37,8 +37,8 @@ def keep_exchange(lines: Sequence[str]) -> bool:
             with os.fdopen(descriptor, "w", encoding="ascii") as file:
                 file.writelines(f"{line}\n" for line in lines)
             Path(path).replace(_file())
-        except OSError:
-            Path(path).unlink()
+        except BaseException:
+            Path(path).unlink(missing_ok=True)
             raise
     except (OSError, SafetyRefusal):
         return False

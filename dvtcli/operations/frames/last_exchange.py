@@ -5,7 +5,6 @@ Of a run without an exchange of its own it is that of the last one that failed (
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
@@ -62,8 +61,9 @@ def _exchanged(session: Session) -> list[tuple[Frame, bool, bool]]:
     """Each frame without a passcode in it, whether it is ours, and whether something was left out."""
     if not session.is_open:
         return []
-    is_secret = session.secrets.in_frame
-    return [
-        (replace(frame, data=frame.data[:4] + bytes(4)), sent, True) if is_secret(frame) else (frame, sent, False)
-        for frame, sent in session.open_network().bus.exchanged()
-    ]
+    secret = session.secrets.in_frames(unknown=True)
+    found = []
+    for frame, sent in session.open_network().bus.exchanged():
+        told, is_secret = secret.without(frame)
+        found.append((told, sent, is_secret))
+    return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.several import plural
@@ -18,6 +17,7 @@ from dvtcli.watch.layout_fit import Misfits
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
+    from dvtcli.domain.sdo_frame import SdoValues
     from dvtcli.operations.session.session import Session
 
 #: the time between two rounds where only their number, or the time for all of them, was said (s)
@@ -91,14 +91,21 @@ def _looked_at(
     if not session.options.yes and not all(effects(frame, known.parties) for frame in frames):
         known.look_around()
     described = described_nodes(session, file)
-    shown, misfits = [], Misfits(known.decoder.layout, session.tell.warning)
+    shown, misfits, secret = [], Misfits(known.decoder.layout, session.tell.warning), _followed(session)
     for frame in frames:
         misfits.look(frame)
-        is_secret = session.secrets.in_frame(frame)
-        told = replace(frame, data=frame.data[:4] + bytes(4)) if is_secret else frame
+        told, is_secret = secret.without(frame)
         one = explained(told, known.decoder, described)
         shown.append(FrameToSend(one, effects(frame, known.parties), is_secret))
     return tuple(shown)
+
+
+def _followed(session: Session) -> SdoValues:
+    """Where what is sent next carries a passcode: it may be a part of a transfer that was begun here before."""
+    secret = session.secrets.in_frames(unknown=True)
+    for frame, _ in session.wire.exchanged():
+        secret.value_in(frame)
+    return secret
 
 
 def _ask(session: Session, shown: Sequence[FrameToSend], rounds: int) -> None:

@@ -32,6 +32,6 @@ class Unattended:
     def progress(self, text: str, done: int, total: int) -> None:
         """Show nothing."""
 
-    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+    def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
         """Hand it on."""
         self._tell.traffic(frame, sent=sent, secret=secret)

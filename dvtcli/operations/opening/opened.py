@@ -101,8 +101,10 @@ class Opened(Said):
             self._untap()
             self._untap = None
         else:
-            secret, traffic = self.secrets.in_frame, self.tell.traffic
-            self._untap = self._network.bus.tap(lambda frame, sent: traffic(frame, sent=sent, secret=secret(frame)))
+            followed, traffic = self.secrets.in_frames(unknown=True), self.tell.traffic
+            self._untap = self._network.bus.tap(
+                lambda frame, sent: traffic(frame, sent=sent, secret=followed.value_in(frame))
+            )
 
     @property
     def network(self) -> Network:

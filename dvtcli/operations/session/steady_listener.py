@@ -36,7 +36,7 @@ class SteadyListener:
         self._bus, self._listener = self._on_wire()
 
     def _on_wire(self) -> tuple[CanopenBus, Listener]:
-        return self._session.wire, Listener(self._session.wire, self._session.secrets.in_frame)
+        return self._session.wire, Listener(self._session.wire, self._session.secrets.in_frames())
 
     def __enter__(self) -> SteadyListener:
         self._listener.__enter__()

@@ -33,8 +33,8 @@ class Teller(Protocol):
     def progress(self, text: str, done: int, total: int) -> None:
         """How far work has come, in words, as parts *done* of *total* (0: nobody knows): it may take long, or not."""
 
-    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
-        """A frame that passed, where the options ask for traffic; a *secret* one carries a passcode."""
+    def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
+        """A frame that passed, where the options ask for traffic; its bytes *secret* are a passcode, or tell one."""
 
 
 class Silent:
@@ -59,5 +59,5 @@ class Silent:
     def progress(self, text: str, done: int, total: int) -> None:
         """Show nothing."""
 
-    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+    def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
         """Show nothing."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -11,9 +12,11 @@ from pathlib import Path
 import can
 import pytest
 
+from dvtcli.cli.run_line import boundary
 from dvtcli.domain.datatypes import U16
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.ports import Frame
+from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.secret_objects import Secrets
 from dvtcli.watch.listener import Listener
 from tests.commands.bench import Bench
@@ -43,7 +46,7 @@ class Replayed:
 
 
 def test_the_value_is_kept_as_zeros_and_nothing_else_is_touched() -> None:
-    with Listener(Replayed(), Secrets.known().in_frame) as listener:
+    with Listener(Replayed(), Secrets.known().in_frames()) as listener:
         kept, *others = listener.take(1.0)
     assert kept.data == bytes.fromhex("2B 00 50 02 00 00 00 00")
     assert [frame.data for frame in others] == [frame.data for frame in OTHERS]
@@ -77,6 +80,48 @@ def test_a_passcode_s_object_may_be_named(line: str) -> None:
         assert bench.session.is_secret(line)
         assert not bench.session.is_secret("write producer_heartbeat_time 1000")
         assert bench.run(f"{line} --as u16").code == 6
+
+
+HAND_WRITTEN = {
+    "in segments": ("2100500202000000", "0B44440000000000"),
+    "in two segments": ("2100500208000000", "0044444444444444", "1D44000000000000"),
+    "by a block": ("C600500202000000", "8144440000000000", "D548C90000000000"),
+    "in six bytes": ("2B0050024444",),
+    "without the bit for expedited": ("2000500244440000",),
+    "without its beginning": ("0B44440000000000",),
+    "after an abort": ("2100500202000000", "8000500200000405", "0B44440000000000"),
+}
+
+
+@pytest.mark.parametrize("way", HAND_WRITTEN)
+def test_a_passcode_that_is_sent_by_hand_is_nowhere(way: str) -> None:
+    """Neither in what `send` says, nor in `trace last`, -vv, the kept exchange, or the file of a bug."""
+    with Bench(("gen4-locked",), in_real_time=True) as bench:
+        bench.session.node()
+        shown = [bench.run(f"send 601#{data} --yes -vv") for data in HAND_WRITTEN[way]]
+        shown.append(bench.run(f"send {' '.join(f'601#{data}' for data in HAND_WRITTEN[way])} --yes --json"))
+        shown += [bench.run("trace last --count 200"), bench.run("trace last --count 200 --json")]
+        assert bench.run("read 5FFF --force").code == 1
+        ran = bench._ran(lambda: boundary(bench.session, _fails))
+        crashed = Path(ran.stderr.partition("report it with ")[2].split()[0]).read_text("utf-8")
+    kept = (user_folder("state") / "last-exchange.txt").read_text()
+    shown.append(Bench().run("trace last --count 200 --json"))
+    for text in (kept, crashed, *(one.stdout + one.stderr for one in shown)):
+        told = re.sub(r"\d\d:\d\d:\d\d\.\d+", "", text)
+        assert "4444" not in told
+        assert "44 44" not in told
+        assert "17476" not in told
+        assert "48C9" not in told, "its checksum tells it, too"
+    assert "(value not kept)" in kept
+    for data in HAND_WRITTEN[way]:
+        spaced = " ".join(data[at : at + 2] for at in range(0, len(data), 2))
+        lines = (f"send 601#{data}", f"send 601#{data}0", f"explain '601 {spaced}'", f"send 0x601 {spaced} 00 00 00")
+        for line in (*lines, f"explain 601 [8] {spaced}", f"send 601#{spaced.replace(' ', '.')} --yes"):
+            assert bench.session.is_secret(line) or "4444" not in data, line
+
+
+def _fails() -> None:
+    raise ZeroDivisionError("a bug")
 
 
 @pytest.mark.parametrize("name", ["run.log", "run.asc", "run.trc"])

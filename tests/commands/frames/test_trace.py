@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from dvtcli.bus.traffic import REMEMBERED
 from dvtcli.cli.run_line import boundary
 from dvtcli.files.user_folders import user_folder
+from dvtcli.operations.frames.kept_exchange import keep_exchange
 from tests.commands.bench import Bench
 
 
@@ -106,6 +108,17 @@ def test_a_kept_exchange_that_is_damaged_is_none(damaged: bytes) -> None:
     kept.parent.mkdir(parents=True)
     kept.write_bytes(damaged)
     assert Bench().run("trace last").code == 2
+
+
+def test_what_is_broken_off_while_it_is_kept_leaves_no_file_behind() -> None:
+    class Stopped(list[str]):
+        def __iter__(self) -> Iterator[str]:
+            yield self[0]
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        keep_exchange(Stopped(["2026-11-23T14:33:20Z -> 601#4017100000000000"]))
+    assert not list(user_folder("state").iterdir())
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no modes of this kind")
