@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.rules import Finding
+    from dvtcli.domain.who_stored import WhoStored
 
 #: How the line is labelled that says that a failure was a twin's.
 DRY_RUN = "dry run"
@@ -197,10 +198,14 @@ class SafetyRefusal(DvtcliError):
 
 
 class LeftChanged(DvtcliError):
-    """Roll-back failed too: the device is left changed."""
+    """Roll-back failed too: the device is left changed.
+
+    *stores* says which nodes of a network have stored, where they did not all.
+    """
 
     exit_code = 7
     slug = "left_changed"
+    stores: WhoStored | None = None
 
 
 class Bug(DvtcliError):

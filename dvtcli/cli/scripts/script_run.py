@@ -80,7 +80,8 @@ def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseExcept
             changes.take_back(str(failed) or "interrupted")
         except LeftChanged as left:
             if isinstance(failed, LeftChanged):  # who has stored, and who has not
-                left.details[:0] = failed.details
+                left.details[:0], left.stores = failed.details, failed.stores
+                left.hint = failed.hint if failed.stores is not None else left.hint
             raise
     if isinstance(failed, DvtcliError) and failed.state in ("unchanged", "rolled_back") and not session.dry_run:
         failed.state, failed.state_text = "rolled_back", _ALL_BACK

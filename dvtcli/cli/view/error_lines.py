@@ -11,7 +11,7 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, InputFileError, RuleError, State
+from dvtcli.errors import DvtcliError, InputFileError, LeftChanged, RuleError, State
 from dvtcli.operations.results.documents import Document, finding_document
 
 #: What a failure's place may be, beside a file or a line of one.
@@ -53,6 +53,8 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "stays": list(error.stays),
         "also": [text for label, text in error.details if label == "also"],
     }
+    if isinstance(error, LeftChanged) and error.stores is not None:
+        document["stores"] = error.stores.document()
     if isinstance(error, RuleError):
         document["findings"] = [finding_document(finding) for finding in error.findings]
     if isinstance(error, InputFileError | RuleError) and error.complaints:

@@ -5,6 +5,8 @@ Knows plans and errors. Neither reads nor writes devices, and does not know what
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from dvtcli.domain.plan import Plan, Step
 from dvtcli.domain.several import few_bytes, several
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
@@ -57,3 +59,12 @@ def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> Lef
         hint=f"{first}look at it with `pdo --all`; a power cycle brings the stored settings back",
         state="left_changed",
     )
+
+
+def beside(told: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str, str]]:
+    """The labelled lines for *others* beside the one that is *told*: each text once, and none that it says itself.
+
+    A bus that is gone is so for every node that was asked side by side.
+    """
+    said = f"{told}; {told.why}"
+    return [("also", text) for text in dict.fromkeys(map(str, others)) if text not in said]

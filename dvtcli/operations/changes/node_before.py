@@ -33,17 +33,17 @@ class NodeBefore:
         """What is known of *node* now, of which *boot_ups* were heard by then."""
         return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
 
-    def restarted(self, node: Node) -> bool:
-        """Whether a boot-up of *node* was heard since then."""
-        return node.bus.boot_ups(node.node_id) != self.boot_ups
+    def restarted(self, boot_ups: int) -> bool:
+        """Whether a boot-up was heard since then, where *boot_ups* were by the last look at the node."""
+        return boot_ups != self.boot_ups
 
-    def restore(self, node: Node) -> None:
-        """Know that again, once *node* is as it was; what a restart took of it is said all the same."""
+    def restore(self, node: Node, boot_ups: int) -> None:
+        """Know that again, once *node* is as it was, when *boot_ups* were heard; what a restart took stays said."""
         node.wanted.clear()
         node.wanted.update(self.wanted)
         node.wanted_values.clear()
         node.wanted_values.update(self.values)
-        if not self.restarted(node):
+        if not self.restarted(boot_ups):
             node.pending.unstored.clear()
             node.pending.unstored.update(self.unstored)
 

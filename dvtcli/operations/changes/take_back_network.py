@@ -5,18 +5,19 @@ No consumer hears a layout that is not its own on the way back either. Does not 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combined
-from dvtcli.device.change.failed_change import BUS_BACK
+from dvtcli.device.change.failed_change import BUS_BACK, beside
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, Interrupted, LeftChanged
 from dvtcli.operations.changes.node_before import NodeBefore, difference_from_before, is_otherwise, put_back
+from dvtcli.operations.changes.told_of_nodes import all_back, other_nodes
 
 if TYPE_CHECKING:
     from dvtcli.device.change.own_journal import OwnJournal
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 _Put = Callable[["Node"], None]
-_ALL_BACK = "rolled back: every node is as it was, read back equal; nothing was stored"
-_OWN_BACK = "rolled back: what was changed is as it was on every node, read back equal; nothing was stored"
 
 
 @dataclass(slots=True)
@@ -45,8 +44,8 @@ class Course:
     #: whether it is a whole by itself, and no line of a script that is one
     _alone: bool = field(init=False)
     _before: dict[int, NodeBefore] = field(init=False)
-    #: nodes a part of which failed before anything of it was written
-    _unwritten: list[int] = field(default_factory=list)
+    #: boot-ups of each node when those that were put back were looked at for the last time; none where not known
+    _looked: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._alone = self.session.whole.id is None
@@ -82,7 +81,6 @@ class Course:
         except DvtcliError as fault:
             if fault.state == "unchanged":
                 self.done = [one for one in self.done if one is not part]
-                self._unwritten.append(part.node_id)
             raise
 
     def take_back(self, faults: Sequence[BaseException]) -> None:
@@ -93,8 +91,9 @@ class Course:
         fault = faults[0]
         failures = {one.node: one for one in faults if isinstance(one, LeftChanged) and one.node is not None}
         if isinstance(fault, DvtcliError):
-            others = (one for one in faults[1:] if not isinstance(one, Interrupted | LeftChanged))
-            fault.details += [("also", str(one)) for one in others]
+            fault.details += beside(
+                fault, (one for one in faults[1:] if not isinstance(one, Interrupted | LeftChanged))
+            )
         with self.session.cancellation.way_back(), self.session.agreed():
             for part in reversed(self.done):
                 if part.node_id not in failures:
@@ -110,26 +109,23 @@ class Course:
             self._say_all_back(fault)
 
     def _say_all_back(self, fault: DvtcliError) -> None:
-        also = f"; look at the NMT state of node {fault.node}" if fault.state == "unknown" else ""
-        unwritten = self._never_written()
-        also += f"; nothing was written to node {', '.join(map(str, unwritten))}" if unwritten else ""
-        restarted = several(
-            str(node_id) for node_id, node in self.nodes.items() if self._before[node_id].restarted(node)
-        )
-        also += f"; node {restarted} restarted: what else it held in RAM only is lost" if restarted else ""
-        fault.state, fault.state_text = "rolled_back", f"{_OWN_BACK if restarted else _ALL_BACK}{also}"
+        back, unwritten = self._others(())
+        restarted = [one for one, boot_ups in self._looked.items() if self._before[one].restarted(boot_ups)]
+        unknown = [one for one in self.nodes if one not in self._looked]
+        look_at = fault.node if fault.state == "unknown" else None
+        fault.state, fault.state_text = "rolled_back", all_back(back, unwritten, restarted, unknown, look_at)
 
-    def _never_written(self) -> list[int]:
-        """The nodes that failed before anything at all was written to them."""
-        return [node_id for node_id in self._unwritten if all(part.node_id != node_id for part in self.done)]
+    def _others(self, failures: Collection[int]) -> tuple[list[int], list[int]]:
+        """All nodes but the *failures*: those that were put back and looked at, and those that nobody wrote to."""
+        written = {part.node_id for part in self.done}
+        others = [node_id for node_id in self.nodes if node_id not in failures]
+        return [one for one in others if one in written], [one for one in others if one not in written]
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """The first of *failures*, with what became of the other nodes."""
         first, *others = failures.values()
         first.details += [("also", failure.text) for failure in others]
-        back = [str(node_id) for node_id in self.nodes if node_id not in {*failures, *self._never_written()}]
-        if back:
-            first.details.append(("others", f"node {', '.join(back)}: as before, read back equal"))
+        first.details += other_nodes(*self._others(failures))
         return first
 
     def _try(self, node_id: int, failures: dict[int, LeftChanged], fault: BaseException, put: _Put) -> None:
@@ -159,6 +155,9 @@ class Course:
                 failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
             else:
                 self._try(node_id, failures, fault, self._forget)
+        for node_id in self.nodes.keys() - taken:
+            with suppress(BusUnavailable):  # who is not asked for is said to be unknown
+                self._looked[node_id] = self.nodes[node_id].bus.boot_ups(node_id)
 
     def _look_at(self, taken: Sequence[int], failures: dict[int, LeftChanged], fault: BaseException) -> list[int]:
         """Look at each of *taken* but the *failures*, and put it back where it is not as it was.
@@ -170,7 +169,7 @@ class Course:
         for node_id in taken:
             if node_id not in failures:
                 self._try(node_id, failures, fault, lambda node: self._settle(node, rewritten))
-        now = self._boot_ups_of(taken, failures, fault)
+        now = self._looked = self._boot_ups_of(taken, failures, fault)
         return [one for one in taken if one not in failures and (now[one] != seen[one] or one in rewritten)]
 
     def _boot_ups_of(
@@ -204,7 +203,7 @@ class Course:
 
     def _forget(self, node: Node) -> None:
         """*node* is as it was, and so are the others: nothing of it is to be recovered."""
-        self._before[node.node_id].restore(node)
+        self._before[node.node_id].restore(node, self._looked[node.node_id])
         if self._alone and node.keeper is not None:
             node.keeper.own_journal.end_whole()
 

@@ -10,8 +10,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
-from dvtcli.device.change.failed_change import BUS_BACK
+from dvtcli.device.change.failed_change import BUS_BACK, beside
 from dvtcli.device.change.whole import Storing
+from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import (
     BusUnavailable,
     DvtcliError,
@@ -58,7 +59,8 @@ def store_network(
             _close(course.journals(), fault)
             _end_stamps(session, on_way, verified, fault)
         elif isinstance(fault, LeftChanged) and not course.journals():
-            fault.hint = AGAIN
+            is_gone = isinstance(on_way.lost[0], BusUnavailable)
+            fault.hint = f"{BUS_BACK}; then {AGAIN}" if is_gone else AGAIN
         for journal in course.journals():
             journal.is_over()
         raise
@@ -208,7 +210,7 @@ def _not_all(course: Stores) -> LeftChanged:
         "`store` on each that stored",
         state="left_changed",
     )
-    left.details += _who(course)
+    _say_who(course, left)
     left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
     return left
 
@@ -227,19 +229,19 @@ def _lost(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
     if isinstance(first, BusUnavailable):
         left.text = f"the bus was gone while the nodes stored: {first}"
         left.hint = f"{BUS_BACK}; then `recover --finish` goes on with the stores, `recover` puts every node back"
-    left.details += [("also", str(one)) for one in others]
-    left.details += _who(course)
+    left.details += beside(left, others)
+    _say_who(course, left)
     left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
     return left
 
 
-def _who(course: Stores) -> list[tuple[str, str]]:
-    """Who has stored, who has not, and of whom nobody knows."""
-    done = [one.node_id for one in course.states.values() if one.is_done]
-    unsure = [node_id for node_id, one in course.failed.items() if _is_unsure(one)]
-    missing = [node_id for node_id in course.states if node_id not in {*done, *unsure}]
-    rows = (("stored", done), ("not stored", missing), ("unknown", unsure))
-    return [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
+def _say_who(course: Stores, left: LeftChanged) -> None:
+    """Who has stored, who has not, and of whom nobody knows: for a screen, and for a program."""
+    done = tuple(one.node_id for one in course.states.values() if one.is_done)
+    unsure = tuple(node_id for node_id, one in course.failed.items() if _is_unsure(one))
+    missing = tuple(node_id for node_id in course.states if node_id not in {*done, *unsure})
+    left.stores = WhoStored(done, missing, unsure)
+    left.details += left.stores.rows()
 
 
 def _is_unsure(fault: BaseException) -> bool:
