@@ -17,7 +17,7 @@ from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.output import Output
 from dvtcli.operations import results
-from tests.house.reference.documents import RUNS
+from tests.house.reference.documents import RUNS, annotated
 from tests.house.source import PACKAGE, modules
 
 #: what does the work
@@ -62,13 +62,13 @@ def test_it_is_named_as_its_file_and_says_what_its_file_says(name: str) -> None:
 def test_every_option_explains_itself(name: str) -> None:
     for option in found(name).params:
         if isinstance(option, click.Option):
-            assert option.help, option.name
+            assert option.help, f"say in {name}.py what {option.name} means: help=…"
 
 
 @every_command
 def test_its_examples_parse(name: str) -> None:
     lines = examples(name)
-    assert lines, f"help {name} has no example"
+    assert lines, f"help {name} has no example: a block behind \\b in the docstring of `command`, a line each"
     session = Conversation(Output())
     session.started = True
     for line in lines:
@@ -83,26 +83,20 @@ def test_a_command_says_what_it_does_to_nodes() -> None:
         DvtCommand("silent")
 
 
-def annotated(name: str) -> set[str]:
-    """What the command's function says that it answers: the names in its return annotation."""
-    tree = ast.parse((PACKAGE / "cli" / "commands" / f"{name}.py").read_text("utf-8"))
-    (function,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "command")
-    assert function.returns is not None
-    return set(ast.unparse(function.returns).split(" | "))
-
-
 @every_command
 def test_it_says_what_it_answers(name: str) -> None:
     """A result of `dvtcli.operations.results`, an exit code, or nothing where it shows things as they come."""
     for answer in annotated(name) - {"int", "None"}:
-        assert isinstance(getattr(results, answer), type), answer
+        found = getattr(results, answer, None)
+        assert isinstance(found, type), f"{name}.py answers {answer}: declare that in a file of operations/results/"
 
 
 @every_command
 def test_the_reference_of_a_document_names_the_commands_that_answer_it(name: str) -> None:
     for answer in annotated(name) - {"int", "None", "Facts", "ChangedNodes", "ComparedNodes"}:
-        (schema,) = re.findall(r'"schema": "(dvtcli\.[a-z-]+/\d+)"', inspect.getsource(getattr(results, answer)))
-        assert f"`{name}" in RUNS[schema]["from"], f"{schema} in documents.toml"
+        found = re.findall(r'"schema": "(dvtcli\.[a-z-]+/\d+)"', inspect.getsource(getattr(results, answer)))
+        assert len(found) == 1, f'the document of {answer} says its schema once: {{"schema": "dvtcli.{name}/1", …}}'
+        assert f"`{name}" in RUNS[found[0]]["from"], f"name `{name}` in documents.toml, where {found[0]} comes from"
 
 
 def test_a_command_holds_words_and_options_only() -> None:

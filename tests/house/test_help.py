@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from dvtcli.cli.catalogue import TASKS, by_task, command_names, task
-from dvtcli.cli.help.guide import overview, topic, topic_names
+from dvtcli.cli.help.guide import _rows, overview, topic, topic_names
 from tests.commands.bench import Bench
 from tests.process import dvtcli
 
@@ -19,16 +19,25 @@ def test_help_without_a_name_fits_a_small_screen_and_names_every_command() -> No
     lines = overview()
     assert len(lines) < 24
     assert max(map(len, lines)) <= 80
-    shown = {word for line in lines[1 : len(TASKS) + 2] for word in line.split()}
+    shown = {word for line in lines[1 : lines.index("")] for word in line.split()}
     assert set(command_names()) <= shown
+
+
+def test_a_task_of_many_commands_takes_more_lines() -> None:
+    names = [f"command{number}" for number in range(20)]
+    rows = _rows(names, 60)
+    assert [name for row in rows for name in row.split()] == names
+    assert max(map(len, rows)) <= 60
+    assert _rows(["x" * 70, "y"], 60) == ["x" * 70, "y"]
 
 
 @pytest.mark.parametrize("name", command_names())
 def test_every_command_declares_its_task(name: str) -> None:
     """A new command's file says `TASK = (TASK, PLACE)`, with one of the tasks in `dvtcli.cli.help.guide`."""
     said, place = task(name)
-    assert said in TASKS
-    assert [other for other in command_names() if task(other) == (said, place)] == [name], "two have one place"
+    assert said in TASKS, f"{name}.py: TASK is one of {TASKS}, and a place in it"
+    same = [other for other in command_names() if task(other) == (said, place) and other != name]
+    assert not same, f"{name}.py: {place} in {said} is the place of {same[0]} already"
 
 
 def test_a_file_without_a_task_is_named() -> None:

@@ -35,13 +35,18 @@ def test_every_part_stands_in_one_page() -> None:
 
 def test_every_command_and_option_has_its_place() -> None:
     shown = text("docs/reference/commands.md")
-    assert [name for name in command_names() if f"\n## {name}\n" not in shown] == []
+    absent = [name for name in command_names() if f"\n## {name}\n" not in shown]
+    assert not absent, f"docs/reference/commands.md lacks {' '.join(absent)}: {REWRITE}"
     keys = text("docs/reference/options-and-settings.md")
-    assert [name for name in Options._fields if f"\n| `{name}` |" not in keys] == []
+    absent = [name for name in Options._fields if f"\n| `{name}` |" not in keys]
+    assert not absent, f"docs/reference/options-and-settings.md lacks {' '.join(absent)}: {REWRITE}"
 
 
 def test_every_schema_has_its_run() -> None:
-    assert schemas() == set(RUNS), "tests/house/reference/documents.toml has a run for each"
+    where = "tests/house/reference/documents.toml"
+    without, gone = schemas() - RUNS.keys(), RUNS.keys() - schemas()
+    assert not without, f"no command is annotated with the answer of {without}: say in {where} who answers it, by a run"
+    assert not gone, f"nothing answers {gone} any more: it goes out of {where}"
 
 
 def test_no_field_is_explained_that_no_document_has() -> None:

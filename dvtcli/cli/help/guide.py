@@ -6,10 +6,12 @@ Does not know any command's options (click does).
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from dvtcli.cli.catalogue import TASKS, by_task, command_names
 
+#: columns that help takes
+_WIDTH = 80
 _TOPICS = os.path.join(os.path.dirname(__file__), "topics")  # noqa: PTH118, PTH120 - pathlib costs 7 ms
 
 
@@ -24,11 +26,25 @@ def topic(name: str) -> str:
         return file.read().rstrip()
 
 
+def _rows(names: Sequence[str], width: int) -> list[str]:
+    """*names* in rows of at most *width* columns."""
+    rows = [""]
+    for name in names:
+        longer = f"{rows[-1]}  {name}" if rows[-1] else name
+        if len(longer) > width and rows[-1]:
+            rows.append(name)
+        else:
+            rows[-1] = longer
+    return rows
+
+
 def overview(aliases: Mapping[str, str] | None = None) -> list[str]:
     """The first screen of help: every command by task, the topics, the *aliases*, and where to begin."""
     lines = ["Commands, by task:"]
     width = max(map(len, TASKS))
-    lines += [f"  {name:<{width}}  {'  '.join(group)}" for name, group in by_task(command_names())]
+    for name, group in by_task(command_names()):
+        rows = _rows(group, _WIDTH - width - 4)
+        lines += [f"  {name if row is rows[0] else '':<{width}}  {row}" for row in rows]
     lines += ["", "Topics:"]
     lines += [f"  {name:<{width}}  {topic(name).splitlines()[0]}" for name in topic_names()]
     lines += ["", "Aliases, at the prompt:"] if aliases else []

@@ -20,11 +20,11 @@ CASES = {"github": "github_case_lines:github_case_lines", "junit": "junit_case_l
 
 
 class Answer:
-    """What an answer says of how it is shown, said in its own class; all but `renderer` have a default."""
+    """What an answer says of how it is shown, said in its own class: a `text` of its lines, or a `renderer`."""
 
     __slots__ = ()
     #: a module of `cli.view` and its function of (answer, width in columns): `pdo_lines:listing_lines`
-    renderer: ClassVar[str]
+    renderer: ClassVar[str] = "file_lines:text_lines"
     #: format that only some answers have (`sarif`) -> what makes its lines, as for `renderer`
     formats: ClassVar[Mapping[str, str]] = {}
     #: whether it is a list that is read at leisure, with a pager where it is more than a screen

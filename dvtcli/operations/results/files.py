@@ -13,7 +13,6 @@ from dvtcli.operations.results.documents import Answer, Document, finding_docume
 class Facts(Answer):
     """A few labelled lines: what was done or is so."""
 
-    renderer: ClassVar = "file_lines:fact_lines"
     at_leisure: ClassVar = True
     remarked: ClassVar = True
 

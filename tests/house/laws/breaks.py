@@ -202,6 +202,7 @@ BREAKS = [
     Break("results", "operations/results/files.py", _ANSWER.format("renderer: ClassVar = 'file_lines:file_lines'")
           .replace('"schema"', '"sort"')),
     Break("results", "operations/results/helper.py", _ANSWER.format("renderer: ClassVar = 'file_lines:file_lines'")),
+    Break("results", "operations/results/helper.py", _ANSWER.format("texts: tuple[str, ...] = ()")),
     Break("results", "operations/changes/change.py", _ANSWER.format("renderer: ClassVar = 'file_lines:file_lines'")),
     Break("results", "operations/results/nodes.py", _ANSWER.format("renderer: ClassVar = 'file_lines:file_lines'")
           .replace("    exit_code: int = 0\n", "")),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
 import shutil
@@ -15,27 +17,63 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from dvtcli.cli.catalogue import command_names
+from dvtcli.operations import results
 from tests.commands.frames.test_recording_commands import ramp
 from tests.console import workplace
+from tests.house.reference.commands import examples
 from tests.house.reference.markdown import cell, code, fenced, table
 from tests.house.reference.product import family_eds, split
-from tests.house.source import modules
+from tests.house.source import PACKAGE, modules
 from tests.process import ROOT, environment, run
 
 HERE = Path(__file__).parent
-RUNS: dict[str, dict[str, Any]] = tomllib.loads((HERE / "documents.toml").read_text("utf-8"))
+DECLARED: dict[str, dict[str, Any]] = tomllib.loads((HERE / "documents.toml").read_text("utf-8"))
 SENSES: dict[str, Any] = tomllib.loads((HERE / "fields.toml").read_text("utf-8"))
 Document = dict[str, Any]
 _LONGEST = 60
+_OWN_RUN = "a run of its own stands in tests/house/reference/documents.toml where a command's first example does not do"
+_SCHEMA = re.compile(r'"schema": "(dvtcli\.[a-z-]+/\d+)"')
 
 
 def schemas() -> set[str]:
     """Every schema that the product's files name."""
     found: set[str] = set()
     for module in modules():
-        found |= set(re.findall(r'"schema": "(dvtcli\.[a-z-]+/\d+)"', module.text))
+        found |= set(_SCHEMA.findall(module.text))
         found |= {f"dvtcli.{name}/1" for name in re.findall(r'\bFacts\(\s*"([a-z-]+)"', module.text)}
     return found
+
+
+def answering() -> dict[str, list[str]]:
+    """Every schema with the commands whose function is annotated with the answer that has it."""
+    found: dict[str, list[str]] = {}
+    for name in command_names():
+        for answer in annotated(name):
+            source = inspect.getsource(getattr(results, answer)) if hasattr(results, answer) else ""
+            for schema in _SCHEMA.findall(source):
+                found.setdefault(schema, []).append(name)
+    return found
+
+
+def annotated(name: str) -> set[str]:
+    """What the command's function says that it answers: the names in its return annotation."""
+    tree = ast.parse((PACKAGE / "cli" / "commands" / f"{name}.py").read_text("utf-8"))
+    (function,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "command")
+    assert function.returns is not None, f"say in {name}.py what `command` answers: `-> ITS_RESULT`"
+    return set(ast.unparse(function.returns).split(" | "))
+
+
+def runs() -> dict[str, dict[str, Any]]:
+    """How each document is shown: as documents.toml declares it, or else by its command's first example."""
+    by_example = {
+        schema: {"from": " ".join(f"`{name}`" for name in names), "run": [examples(names[0])[0][0]]}
+        for schema, names in answering().items() if schema not in DECLARED
+    }  # fmt: skip
+    return DECLARED | by_example
+
+
+RUNS = runs()
 
 
 def every_document() -> Iterator[str]:
@@ -49,7 +87,7 @@ def every_document() -> Iterator[str]:
             yield f"No example: {how['why_not']}."
             continue
         document = documents[schema]
-        assert document["schema"] == schema, document
+        assert document["schema"] == schema, f"{_OWN_RUN}: {how['run']} answers {document}, not {schema}"
         yield from fenced("text", _typed(how))
         yield ""
         yield from fenced("json", json.dumps(_shown(document, how), indent=2, ensure_ascii=False).splitlines())
@@ -81,7 +119,7 @@ def example(how: Document) -> Document:
             said = _first_line(argv, folder, env)
         else:
             ran = run(argv, stdin="" if words else "\n".join([*lines, ""]), cwd=folder, env=env)
-            assert ran.returncode == how.get("code", 0), (lines, ran)
+            assert ran.returncode == how.get("code", 0), f"{_OWN_RUN}: {lines} ended with {ran}"
             said = ran.stdout
     documents: list[Document] = [json.loads(line) for line in said.splitlines()]
     return documents[0 if words else -1]
@@ -142,10 +180,22 @@ def sense(schema: str, path: str) -> str:
     """What a field means: by schema and path, else by path, else by its own name."""
     own = SENSES.get(schema, {})
     name = path.rpartition(".")[2]
-    for known in (own.get(path), SENSES.get(path), own.get(name), SENSES.get(name)):
+    for known in (own.get(path), SENSES.get(path), own.get(name), SENSES.get(name), _said_behind(schema, name)):
         if isinstance(known, str):
             return known
-    raise KeyError(f"say in {HERE.relative_to(ROOT)}/fields.toml what {path} of {schema} means")
+    raise LookupError(
+        f"what is {path} of {schema}? Say it in the result's file, in a comment `#: ...` above its field, "
+        f"or in {HERE.relative_to(ROOT)}/fields.toml"
+    )
+
+
+def _said_behind(schema: str, name: str) -> str | None:
+    """What the comment above the field *name* of the answer with *schema* says, in its own file."""
+    for module in modules():
+        if module.name.startswith("operations/results/") and f'"{schema}"' in module.text:
+            found = re.search(rf"((?:^    #: .*\n)+)    {name}: ", module.text, re.M)
+            return found and " ".join(line.strip(" #:") for line in found[1].splitlines())
+    return None
 
 
 def kind(value: Any) -> str:

@@ -1,15 +1,24 @@
-"""The text of plain facts."""
+"""The text of answers that say it themselves."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Protocol
 
 from dvtcli.cli.view.lines import Line
 from dvtcli.operations.results.dvt import DvtAnswer
-from dvtcli.operations.results.files import Facts
 
 
-def fact_lines(result: Facts, _width: int) -> Iterable[Line]:
+class Said(Protocol):
+    """An answer that says its lines itself."""
+
+    @property
+    def text(self) -> Sequence[str]:
+        """A line each."""
+        ...
+
+
+def text_lines(result: Said, _width: int) -> Iterable[Line]:
     """The lines as they are."""
     return result.text
 
