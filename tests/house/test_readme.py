@@ -6,6 +6,7 @@ import re
 
 from dvtcli.cli.catalogue import command_names
 from tests.house.pages import CONSOLE, SCREEN, text
+from tests.house.reference import REWRITE
 
 README = "README.md"
 MOST_BYTES = 10_240
@@ -32,4 +33,4 @@ def test_its_table_names_every_command_and_no_other() -> None:
     table = text(README).partition("\n## What it does\n")[2].partition("\n## ")[0]
     rows = [line.split("|") for line in table.splitlines() if line.startswith("| ")][1:]
     named = [name for row in rows for name in re.findall(r"`([a-z]+)`", row[2])]
-    assert sorted(named) == command_names()
+    assert sorted(named) == command_names(), REWRITE
