@@ -80,9 +80,11 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what the lot did not draw, and order the rest."""
+@pytest.hookimpl(wrapper=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
+    """Mark what is a lot, before `-m` looks at marks; then leave out what the lot did not draw, and order the rest."""
+    sample.mark_many(items)
+    yield
     left_out = sample.left_out(items, config, config.getoption("cases"))
     if left_out:
         items[:] = [item for item in items if item not in left_out]

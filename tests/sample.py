@@ -15,6 +15,9 @@ import pytest
 
 One = TypeVar("One")
 
+#: so many cases of a test a whole run takes, where the test says nothing else
+CASES = 8
+
 
 def turn(config: pytest.Config) -> int:
     """The seed of this run's order, the same in all of its processes; 0 where the order is not random."""
@@ -26,6 +29,21 @@ def part(everything: Sequence[One], count: int, config: pytest.Config, what: obj
     """*count* of *everything*, in its order; *what* it is of makes one choice independent of another."""
     chosen = random.Random(f"{turn(config)} {what}").sample(range(len(everything)), min(count, len(everything)))
     return [everything[number] for number in sorted(chosen)]
+
+
+def mark_many(items: Sequence[pytest.Item]) -> None:
+    """A test that has more than CASES of them and says nothing else is `drawn(CASES)`.
+
+    Not where an option says how many there are, and not of Hypothesis, which is its own lot.
+    """
+    of_test: dict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if not any(item.get_closest_marker(name) for name in ("counted", "drawn")):
+            of_test[item.nodeid.partition("[")[0]].append(item)
+    for cases in of_test.values():
+        if len(cases) > CASES and not getattr(getattr(cases[0], "obj", None), "is_hypothesis_test", False):
+            for item in cases:
+                item.add_marker(pytest.mark.drawn(CASES))
 
 
 def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -> set[pytest.Item]:

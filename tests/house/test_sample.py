@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as some
 
-from tests.sample import left_out
+from tests.sample import CASES, left_out, mark_many
 
 
 @pytest.fixture
@@ -28,6 +30,41 @@ def test_what_the_lot_leaves_out_is_the_rest(items: list[pytest.Item], pytestcon
     assert (len(by_lot), len(by_rest)) == (9, 3)
     assert by_lot | by_rest == cases
     assert left_out(items, pytestconfig, "all") == set()
+
+
+@pytest.mark.parametrize("number", range(CASES + 4))
+def test_one_of_many(number: int) -> None:
+    assert number in range(CASES + 4)
+
+
+@pytest.mark.parametrize("number", range(CASES))
+def test_one_of_few(number: int) -> None:
+    assert number in range(CASES)
+
+
+@pytest.mark.parametrize("number", range(CASES + 1))
+@given(some.integers())
+def test_one_of_many_laws(number: int, any_number: int) -> None:
+    assert any_number in range(any_number, any_number + 1 + number)
+
+
+def test_of_many_cases_a_lot_is_taken_that_nobody_asked_for(
+    items: list[pytest.Item], pytestconfig: pytest.Config
+) -> None:
+    mark_many(items)
+    by_lot, by_rest = (left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest"))
+    names = ("test_one_of_many", "test_one_of_few", "test_one_of_many_laws", "test_one_of_twelve")
+    left = {
+        name: [sum(item.name.startswith(f"{name}[") for item in out) for out in (by_lot, by_rest)] for name in names
+    }
+    assert left == {
+        "test_one_of_many": [4, CASES],
+        "test_one_of_few": [0, 0],
+        "test_one_of_many_laws": [0, 0],
+        "test_one_of_twelve": [9, 3],  # as its own mark says
+    }
+    marked = [item for item in items if item.get_closest_marker("drawn") and item.name.startswith("test_one_of_many[")]
+    assert len(marked) == CASES + 4  # `-m drawn --cases rest` finds them
 
 
 @pytest.mark.drawn(1, "alike")
