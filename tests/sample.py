@@ -17,6 +17,8 @@ One = TypeVar("One")
 
 #: so many cases of a test a whole run takes, where the test says nothing else
 CASES = 8
+#: What takes a second of processor time or more by itself: a whole run takes some of all of them.
+heavy = pytest.mark.drawn(14, "heavy")
 
 
 def turn(config: pytest.Config) -> int:

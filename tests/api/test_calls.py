@@ -22,6 +22,7 @@ from dvtcli.testing import Serve
 from tests.commands.bench import Bench
 from tests.posix import SIGKILL
 from tests.process import PATIENCE_S, environment
+from tests.sample import heavy
 
 
 def test_a_map_answers_what_the_command_answers() -> None:
@@ -407,6 +408,7 @@ os.kill(os.getpid(), signal.SIGKILL)
         assert all(bus.node(node_id).pdo("tpdo1").config.enabled for node_id in (1, 3))
 
 
+@heavy
 def test_a_node_that_restarts_while_another_is_recovered_is_put_back_again(
     dvtcli_serve: Serve,
 ) -> None:

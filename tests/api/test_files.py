@@ -10,6 +10,7 @@ import dvtcli
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.files.network.read_network import read_network_file
 from dvtcli.simulator.network.family_file import family_eds
+from tests.sample import heavy
 
 WRONG = "[DeviceInfo]\nVendorNumber=0x1E\n[1000]\nParameterName=Device type\nDataType=0x0007\nDefaultValue=none\n"
 
@@ -98,6 +99,7 @@ def test_a_folder_of_files_is_imported_without_asking_a_node(tmp_path: Path) -> 
     assert [node.node_id for node in read_network_file(press).nodes] == [1, 2]
 
 
+@heavy
 def test_all_nodes_go_to_one_file_and_files_to_other_formats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with dvtcli.simulate("gen4@1", "tmcm@5") as bus:

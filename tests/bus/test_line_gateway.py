@@ -34,6 +34,7 @@ from tests.bus import line_gateway
 from tests.bus.devices import device
 from tests.bus.test_contract import Contract
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 from tests.surroundings import ROOT
 
 TPDO1 = Pdo(Direction.TPDO, 1)
@@ -224,6 +225,7 @@ def test_a_channel_that_is_none_is_said_with_what_is_one(channel: str | None) ->
     assert "-c" in str(raised.value.hint)
 
 
+@heavy
 def test_the_program_finds_it_by_its_entry_point(gateway: Gateway, tmp_path: Path) -> None:
     info = tmp_path / "line_gateway-1.dist-info"
     info.mkdir()

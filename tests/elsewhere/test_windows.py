@@ -21,6 +21,7 @@ from tests.elsewhere.running import WINDOWS, Ran, run, start, variables
 from tests.process import ROOT, SCRIPTS
 from tests.prompt.terminal import Terminal
 from tests.prompt.wire import Wire
+from tests.sample import heavy
 from tests.serve.served import bus_words, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the double stands on Linux")
@@ -106,6 +107,7 @@ def test_the_double_is_strict(tmp_path: Path) -> None:
     assert ran.stdout == "win32 nt False False\nheld\nheld\nb'\\x80\\r\\n'\nno name\nno socket\n", ran.stderr
 
 
+@heavy
 def test_a_change_an_undo_a_store_and_where_they_are_kept(machine: Machine) -> None:
     assert machine.run(*MAP).code == 0
     ran = machine.run("undo", "--all")
@@ -187,6 +189,7 @@ def test_what_the_code_page_lacks_is_replaced_and_lines_end_as_there(tmp_path: P
     assert b"\r\r\n" not in ran.raw
 
 
+@heavy
 def test_scripts_network_files_and_eds_with_windows_line_ends(tmp_path: Path) -> None:
     for name in ("scripts/pdo_config.dvt", "examples/traction.yaml", "dvtcli/families/gen4/gen4.eds"):
         (tmp_path / Path(name).name).write_bytes((ROOT / name).read_bytes().replace(b"\n", b"\r\n"))
@@ -207,6 +210,7 @@ def test_a_tcl_script_and_its_process(tmp_path: Path) -> None:
     assert ran.code == 0, ran.stderr
 
 
+@heavy
 def test_files_that_commands_write(tmp_path: Path) -> None:
     out = tmp_path / "out.dvt"
     ran = run(WINDOWS, tmp_path, "--sim", "gen4", "run", "-", stdin=f'set tpdo1 --timer 70\nsave "{out}"\n'.encode())
@@ -267,6 +271,7 @@ def test_the_monitor_has_a_whole_console(console: Callable[..., Terminal]) -> No
     assert "MONITOR sim" in terminal.text
 
 
+@heavy
 def test_the_prompt_and_the_users_pager_whose_name_has_a_blank(
     console: Callable[..., Terminal], tmp_path: Path
 ) -> None:

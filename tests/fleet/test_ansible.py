@@ -11,6 +11,7 @@ import pytest
 
 from tests.fleet.ansible import BINARIES, Fleet
 from tests.process import PATIENCE_S, environment
+from tests.sample import heavy
 from tests.serve.served import Served, served
 
 pytestmark = pytest.mark.skipif(not (BINARIES / "ansible-playbook").exists(), reason="ansible-core is not here")
@@ -146,6 +147,7 @@ def test_the_role_of_a_bench(fleet: Fleet) -> None:
         assert not again.hosts("changed"), again.said
 
 
+@heavy
 @pytest.mark.long
 @by_lot
 def test_the_role_of_a_gateway_writes_what_networkd_and_python_can_read(fleet: Fleet) -> None:
@@ -160,6 +162,7 @@ def test_the_role_of_a_gateway_writes_what_networkd_and_python_can_read(fleet: F
     assert not fleet.play([], roles=("dvtcli.canopen.gateway",)).hosts("changed")
 
 
+@heavy
 @by_lot
 @pytest.mark.parametrize("name", ["network", "nodes_facts"])
 def test_each_module_documents_every_argument(fleet: Fleet, name: str) -> None:

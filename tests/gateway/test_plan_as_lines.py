@@ -15,6 +15,7 @@ from dvtcli.domain.gateway.value_words import TYPES
 from tests.commands.bench import Bench
 from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type
 from tests.gateway.networks import FAMILIES, everything, network_file, wishes
+from tests.sample import heavy
 
 NET = """\
 nodes:
@@ -48,6 +49,7 @@ def test_a_plan_is_written_as_lines_and_run(file: Path) -> None:
         assert not any(map(parse_request, lines.read_text().splitlines()))
 
 
+@heavy
 def test_lines_of_a_device_file_keep_what_apply_refuses(tmp_path: Path) -> None:
     held, lines = tmp_path / "held.dcf", tmp_path / "x.309"
     with Bench(("generic@4",)) as bench:

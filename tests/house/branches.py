@@ -35,6 +35,9 @@ def ways() -> dict[str, list[Way]]:
 
 def rooms(went: dict[str, set[int]]) -> Iterator[str]:
     """A line for each room in the house's order, and one for all: its branches, and its functions."""
+    if not any(went.values()):
+        yield "nothing was counted: there is nothing in this folder"
+        return
     counts: dict[str, list[int]] = defaultdict(lambda: [0] * 4)
     for file, there in ways().items():
         for number, way in enumerate(there):
@@ -42,9 +45,6 @@ def rooms(went: dict[str, set[int]]) -> Iterator[str]:
                 column = 2 * (way.kind == "def")
                 counts[name][column] += number in went.get(file, ())
                 counts[name][column + 1] += 1
-    if not any(went.values()):
-        yield "nothing was counted: there is nothing in this folder"
-        return
     yield f"{'room':<12}{'branches':>20}{'functions':>20}"
     for name in (*ROOMS, "all"):
         if any(counts[name]):

@@ -12,6 +12,7 @@ import pytest
 from tests.branches import marked
 from tests.house.branches import gone, left, rooms, ways
 from tests.process import ROOT, environment
+from tests.sample import heavy
 
 CODE = '''
 def f(x: int, parts: list[int]) -> object:
@@ -80,6 +81,7 @@ def test_what_is_not_called_is_a_way_that_nobody_went() -> None:
     assert not {"24 def", "26 def"} & went((0, [1]), (6, [0]))
 
 
+@heavy
 def test_every_file_of_the_product_can_be_marked_and_keeps_its_lines() -> None:
     for path in sorted((ROOT / "dvtcli" / "domain").rglob("*.py")):
         code, _ = marked(path.read_bytes(), str(path))

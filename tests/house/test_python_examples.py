@@ -15,6 +15,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import dvtcli_serve, dvtcli_state
 from tests.house.pages import PAGES, text
 from tests.process import PATIENCE_S, ROOT
+from tests.sample import heavy
 
 __all__ = ["dvtcli_serve", "dvtcli_state"]
 
@@ -55,6 +56,7 @@ def test_programs_run(code: str, tmp_path: Path, request: pytest.FixtureRequest)
     run([sys.executable, "-c", code], tmp_path)
 
 
+@heavy
 @pytest.mark.long
 def test_tests_pass_with_the_fixtures(tmp_path: Path) -> None:
     files = [(title, code) for _, (_, title, code) in blocks() if title]

@@ -24,6 +24,7 @@ def test_what_is_generated_is_what_the_code_has(page: str) -> None:
     assert rewritten(text(page)) == text(page), f"{page} is not what the code has now: {REWRITE}"
 
 
+@pytest.mark.together
 def test_the_drawing_shows_the_imports_that_there_are() -> None:
     assert DRAWING.read_text("utf-8") == drawing(), f"{DRAWING.name} is not what the code has now: {REWRITE}"
     assert f"]({DRAWING.name})" in (DRAWING.parent / "architecture.md").read_text("utf-8")

@@ -18,6 +18,7 @@ LONG_FILES: set[str] = set()
 MODULES = modules()
 
 
+@pytest.mark.together
 def test_files_and_functions_are_short() -> None:
     for module in MODULES:
         for node in ast.walk(module.tree):
@@ -28,6 +29,7 @@ def test_files_and_functions_are_short() -> None:
             assert module.text.count("\n") <= MOST_FILE_LINES, module.name
 
 
+@pytest.mark.together
 def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
     for module in MODULES:
         for node in ast.walk(module.tree):

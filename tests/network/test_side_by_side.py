@@ -18,7 +18,7 @@ from dvtcli.operations.session.session import Session
 from tests.network.bench import CHAIN, FILE, Chain
 from tests.network.killed import Watched
 from tests.network.test_network_faults import FAULTS, STEPS, ideal
-from tests.sample import part
+from tests.sample import heavy, part
 
 
 class OneByOne(Watched):
@@ -58,6 +58,7 @@ def test_the_same_is_done_in_less_time(home: Path) -> None:
     assert together_s < 0.7 * one_s
 
 
+@heavy
 def test_an_import_reads_the_same_in_less_time(home: Path) -> None:
     read = []
     for name, bus in (("one", OneByOne), ("all", Watched)):

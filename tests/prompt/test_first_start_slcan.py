@@ -24,6 +24,7 @@ from tests.commands.bus import device
 from tests.process import PATIENCE_S, documents, environment
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_D
+from tests.sample import heavy
 from tests.served_nodes import ServedNodes
 
 #: in a mount namespace of its own: a /dev with all that there was, and ttyACM0; then what is given
@@ -65,6 +66,7 @@ def adapter(tmp_path: Path) -> Iterator[SlcanAdapter]:
         yield made
 
 
+@heavy
 def test_it_is_offered_taken_with_a_bit_rate_and_kept(
     adapter: SlcanAdapter, open_terminal: Open, tmp_path: Path
 ) -> None:
@@ -90,6 +92,7 @@ def test_it_is_offered_taken_with_a_bit_rate_and_kept(
     assert kept == {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 250_000}
 
 
+@heavy
 def test_doctor_lists_it_and_what_it_says_opens(adapter: SlcanAdapter, tmp_path: Path) -> None:
     words = own_dev(
         tmp_path / "mounts", adapter.port, sys.executable, "-m", "dvtcli", "-i", "slcan", "-c", "/dev/ttyACM0",

@@ -8,6 +8,7 @@ import pytest
 
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import ENTER, Terminal
+from tests.sample import heavy
 
 PROGRAM = bytes(range(256)) * 8
 
@@ -28,6 +29,7 @@ def told(terminal: Terminal, *said: str, prompt: str) -> None:
         assert text in terminal.text, f"{text!r} is not on the screen:\n{terminal.text}"
 
 
+@heavy
 @pytest.mark.long
 def test_a_service_call_from_finding_the_node_to_watching_it(tmp_path: Path, open_terminal: Open) -> None:
     """What is waited for or looked for stands in no line that was typed."""

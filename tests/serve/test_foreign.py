@@ -14,6 +14,7 @@ import pytest
 from dvtcli.simulator.network.family_file import family_eds
 from tests.process import documents
 from tests.prompt.terminal import Terminal
+from tests.sample import heavy
 from tests.serve.served import PATIENCE_S, Served, served, wait_for
 
 #: an object of the generic node that takes a text of any length
@@ -139,6 +140,7 @@ def shown(viewer: Terminal, can_id: str, count: str, data: str) -> bool:
     return any(line.split()[:1] == [count] and can_id in line and data in line for line in viewer.lines)
 
 
+@heavy
 @pytest.mark.skipif(sys.platform == "win32", reason="a terminal of POSIX")
 def test_the_stock_viewer_shows_the_mapped_values(server: Served, tmp_path: Path) -> None:
     words = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", f"port={server.port}"]

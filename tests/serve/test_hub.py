@@ -25,6 +25,7 @@ from dvtcli.simulator.network.hub_client import LOOK_S, Client
 from dvtcli.simulator.network.shared_bus import Server
 from dvtcli.simulator.network.station import stations
 from dvtcli.simulator.network.wire import Wire
+from tests.sample import heavy
 from tests.serve.served import PATIENCE_S, raw_client, received, wait_for
 
 STALL_S = 1.5
@@ -192,6 +193,7 @@ def test_who_disappears_disturbs_nobody_and_what_it_said_counts(bench: Bench) ->
     assert bench.said == []
 
 
+@heavy
 def test_a_stalled_client_is_dropped_and_the_others_lose_nothing(bench: Bench) -> None:
     count = 60_000
     with raw_client(bench.port, receive_buffer=4096) as stalled, bench.attach() as good, bench.attach() as sender:
@@ -368,6 +370,7 @@ class Starter:
         return frames
 
 
+@heavy
 def test_nodes_that_answer_each_other_for_ever_lose_what_is_too_much() -> None:
     """Each of three takes the others' TPDOs for SYNCs: every frame brings two more."""
     devices = []

@@ -12,6 +12,7 @@ from can.interfaces.virtual import VirtualBus
 
 from dvtcli.simulator.device.sdo_server import SdoServer
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 from tests.served_nodes import ServedNodes
 from tests.simulator.bench import Client, booted
 
@@ -73,6 +74,7 @@ def line(request: pytest.FixtureRequest) -> Iterator[Line]:
     line.close()
 
 
+@heavy
 @pytest.mark.parametrize("crc", [True, False])
 def test_stock_client_both_ways(line: Line, crc: bool) -> None:
     for size in SIZES:

@@ -11,6 +11,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.laws.bench import DirectSdo, booted
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -76,6 +77,7 @@ def test_what_the_change_itself_altered_is_put_back(device: StrictDevice) -> Non
     assert "TPDO2 has its COB-ID again" in ran.stderr
 
 
+@heavy
 @pytest.mark.parametrize("heard", [True, False])
 def test_a_restart_while_the_others_are_looked_at_after_the_way_back_is_no_rolled_back(
     device: StrictDevice, *, heard: bool

@@ -12,6 +12,7 @@ from dvtcli.files.network.read_network import read_network_file
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.house.source import PACKAGE
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 PAIRS = [("gen4", "tmcm"), ("roboteq", "espac"), ("lely", "gen4"), ("canopennode", "generic")]
@@ -65,6 +66,7 @@ SET = (
 )  # fmt: skip
 
 
+@heavy
 def test_heartbeat_and_sync_are_imported_and_carried_out_elsewhere(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     with Bench(("gen4@1", "generic@6")) as bench:

@@ -13,6 +13,7 @@ from dvtcli.files.network.read_network import read_network_file
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text, read_nodelist
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.small_eds import plain
 from tests.virtual_time import VirtualTimeBus
 
@@ -22,6 +23,7 @@ def _ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@heavy
 def test_a_network_comes_back_from_its_nodelist() -> None:
     Path("line").mkdir()
     with Bench(("gen4@1", "tmcm@5")) as bench:

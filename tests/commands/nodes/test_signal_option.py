@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench, Ran
+from tests.sample import heavy
 
 
 def run(line: str, *signals: str, sim: tuple[str, ...] = ("gen4",), node: int | None = None) -> Ran:
@@ -38,6 +39,7 @@ def test_what_moves_is_read_anew() -> None:
             assert time.monotonic() < until
 
 
+@heavy
 def test_a_target_velocity_moves_the_actual_one() -> None:
     with Bench(sim=("generic",)) as bench:
         assert value(bench, "606C") == value(bench, "606C") == -1500

@@ -14,6 +14,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.posix import needs_shell
 from tests.process import PATIENCE_S, ROOT, documents, dvtcli, environment, run
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
+from tests.sample import heavy
 
 
 def completed(folder: Path, words: list[str], **variables: str) -> list[str]:
@@ -80,6 +81,7 @@ def shell(program: Path, words: list[str], start: str) -> Terminal:
     return terminal
 
 
+@heavy
 @needs_shell
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
 def test_tab_in_a_real_bash(program: Path) -> None:
