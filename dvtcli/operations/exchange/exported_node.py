@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.wanted_state import FileWord
 from dvtcli.files.device_library.stored_files import stored_path
+from dvtcli.operations.exchange.exported_objects import all_of
 from dvtcli.operations.exchange.exported_pdos import Exported, exported
 from dvtcli.operations.opening.simulated_nodes import file_or_family
 from dvtcli.simulator.network.family_file import family_of
@@ -26,7 +27,7 @@ def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], p
     The EDS that knows its names is always named: what its identity leads to is another file once one is added to the
     library.
     """
-    found = exported(node, held, node.memory, whole=True)
+    found = exported(node, held, node.memory, all_of(node.dictionary))
     return replace(found, wish=replace(found.wish, dcf=_dcf(session, node, path), profile=session.options.profile))
 
 

@@ -5,7 +5,7 @@ Does not know PDOs.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_slots
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import SdoReader
 
-_CONSUMER, _EMCY = 0x1016, 0x1014
+#: whether a file says an object, by index and sub-index, also where it holds what it usually does
+Said = Callable[[int, int], bool]
+
+_CONSUMER, _EMCY, _BEHAVIOUR = 0x1016, 0x1014, 0x1029
 #: bits 0 to 29 of a COB-ID: the CAN-ID, and whether it has 29 bits; where EMCY of node-ID 0 would be (CiA 301, 7.3.5)
 _IDENTIFIER, _EMCY_BASE = 0x3FFF_FFFF, 0x80
 #: what has no key of its own: index and size in bytes, and what it is
@@ -32,13 +35,23 @@ _WITHOUT_KEY = {
 _USUAL = {0x1005: (0x80, 0x8000_0080), 0x1006: (0,), 0x100C: (0,), 0x100D: (0,), 0x1012: (0x100, 0x8000_0100)}
 
 
-def exported_objects(
-    values: SdoReader, dictionary: ObjectDictionary | None, *, whole: bool = False
-) -> Iterator[ObjectWish]:
-    """0x1017 where the node has it, and those of the others that hold something else than they usually do.
+def all_of(dictionary: ObjectDictionary | None) -> Said:
+    """All that a node on a bus has by its EDS: the file is the record of what it held."""
+    return lambda index, sub_index: dictionary is None or dictionary.entry(index, sub_index) is not None
 
-    Of a node on a bus all that can be read and set, *whole*: the file is the record of what it held.
-    """
+
+def values_of(dictionary: ObjectDictionary) -> Said:
+    """What a DCF or XDC has a value of; of an EDS nothing."""
+
+    def said(index: int, sub_index: int) -> bool:
+        entry = dictionary.entry(index, sub_index)
+        return entry is not None and entry.value is not None
+
+    return said
+
+
+def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None, said: Said) -> Iterator[ObjectWish]:
+    """0x1017 where the node has it, and of the others what is *said*, or not as it usually is."""
     for key in OF[Where.NODE].values():
         if key.object is None:
             continue
@@ -46,22 +59,35 @@ def exported_objects(
         held = _held(values, index, sub_index, size)
         if held is None or _is_fixed(dictionary, index, sub_index):
             continue
-        usual = held in _USUAL.get(index, ())
-        if not usual or (whole and _is_described(dictionary, index, sub_index)):
+        if held not in _USUAL.get(index, ()) or said(index, sub_index):
             yield ObjectWish(key.name, index, sub_index, held.to_bytes(size, "little"))
 
 
+def exported_behaviours(values: SdoReader, dictionary: ObjectDictionary, said: Said) -> Iterator[ObjectWish]:
+    """What is *said* of what the node does after errors (0x1029)."""
+    for entry in dictionary.entries():
+        place = entry.index, entry.sub_index
+        if place[0] == _BEHAVIOUR and place[1] and entry.access.writable and said(*place):
+            held = _held(values, *place, 1)
+            if held is not None:
+                yield ObjectWish("error_behavior", *place, bytes([held]))
+
+
 def exported_values(
-    values: SdoReader, dictionary: ObjectDictionary | None, watches: Collection[HeartbeatWatch], node_id: int
+    values: SdoReader,
+    dictionary: ObjectDictionary | None,
+    watches: Collection[HeartbeatWatch],
+    node_id: int,
+    said: Said,
 ) -> Iterator[tuple[ValueWish, str]]:
-    """What a node holds of emergencies, the counter of SYNC, and entries of 0x1016 besides *watches*, with its sense.
+    """What is *said* of emergencies, the counter of SYNC, and entries of 0x1016 besides *watches*, with its sense.
 
     These have no key of their own. The COB-ID of EMCY follows the node-ID where it is the default of *node_id*. Not
     what the node's EDS does not have: nobody could check that without the node.
     """
     for (index, size), sense in _WITHOUT_KEY.items():
         held = _held(values, index, 0, size)
-        if held is not None and _is_settable(dictionary, index, 0):
+        if held is not None and said(index, 0) and not _is_fixed(dictionary, index, 0):
             is_own = index == _EMCY and held & _IDENTIFIER == _EMCY_BASE + node_id
             text = following(held - node_id) if is_own else f"0x{held:X}" if size == 4 else str(held)
             yield ValueWish(FileWord(f"{index:04X}:00"), FileWord(text)), sense
@@ -70,7 +96,7 @@ def exported_values(
         producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
         if (producer, time_ms) in left:
             left.remove((producer, time_ms))
-        elif _is_settable(dictionary, _CONSUMER, sub_index):
+        elif said(_CONSUMER, sub_index) and not _is_fixed(dictionary, _CONSUMER, sub_index):
             sense = "watches nobody" if not value else "as it was held"
             yield ValueWish(FileWord(f"{_CONSUMER:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
 
@@ -93,15 +119,6 @@ def _slots(values: SdoReader) -> dict[int, int]:
 def _is_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: int) -> bool:
     described = dictionary.entry(index, sub_index) if dictionary else None
     return described is not None and not described.access.writable
-
-
-def _is_described(dictionary: ObjectDictionary | None, index: int, sub_index: int) -> bool:
-    """Whether the node's EDS has it; true without one."""
-    return dictionary is None or dictionary.entry(index, sub_index) is not None
-
-
-def _is_settable(dictionary: ObjectDictionary | None, index: int, sub_index: int) -> bool:
-    return _is_described(dictionary, index, sub_index) and not _is_fixed(dictionary, index, sub_index)
 
 
 def exported_watches(values: SdoReader) -> Iterator[HeartbeatWatch]:

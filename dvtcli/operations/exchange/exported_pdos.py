@@ -13,7 +13,7 @@ from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.domain.several import several
-from dvtcli.operations.exchange.exported_objects import exported_objects, exported_values, exported_watches
+from dvtcli.operations.exchange.exported_objects import Said, exported_objects, exported_values, exported_watches
 from dvtcli.operations.exchange.exported_pins import exported_pins
 
 if TYPE_CHECKING:
@@ -73,17 +73,17 @@ class Exported:
         return f"left out: {several(self.left_out)} {verb}, or multiplexed; `pdo` shows what is held"
 
 
-def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, *, whole: bool = False) -> Exported:
+def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, said: Said) -> Exported:
     """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of the rest.
 
-    With *whole* what is as usual is said, too.
+    What is as usual is in it where it is *said*.
     """
     remarks: dict[str, str] = {}
     wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
-    found = exported_objects(values, holder.dictionary, whole=whole)
+    found = exported_objects(values, holder.dictionary, said)
     objects = sorted(found, key=lambda one: (one.index, one.sub_index))
     watches = tuple(exported_watches(values))
-    others = dict(exported_values(values, holder.dictionary, watches, holder.node_id)) if whole else {}
+    others = dict(exported_values(values, holder.dictionary, watches, holder.node_id, said))
     remarks |= {one.object.text: sense for one, sense in others.items()}
     wish = NodeWish(
         title_word(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),

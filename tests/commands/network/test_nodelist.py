@@ -14,7 +14,7 @@ from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text, read_node
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.sample import heavy
-from tests.small_eds import plain
+from tests.small_eds import U8, U16, U32, Eds, Section, plain, var
 from tests.virtual_time import VirtualTimeBus
 
 
@@ -39,6 +39,64 @@ def test_a_network_comes_back_from_its_nodelist() -> None:
     live, listed = read_network_file(Path("live.yaml")), read_network_file(Path("listed.yaml"))
     assert [node.pdos for node in listed.nodes] == [node.pdos for node in live.nodes]
     assert [node.dcf.text for node in listed.nodes if node.dcf] == ["line/node1.dcf", "line/node5.dcf"]
+
+
+def written_for_node_5(eds: Eds, values: dict[int, str]) -> None:
+    """A DCF of node 5, and a nodelist of it, where objects of *eds* have *values*, sub-index 1 of what is a record."""
+    for index, value in values.items():
+        subs = eds.objects[index][1]
+        subs[1 if 1 in subs else None]["ParameterValue"] = value
+    eds.more.append(Section("DeviceComissioning", {"NodeID": "5"}))
+    Path("five.dcf").write_text(eds.text(), "utf-8")
+    Path("nl.cpj").write_text("[Topology]\nNodes=0x1\nNode5Present=0x01\nNode5DCFName=five.dcf\n", "utf-8")
+
+
+def with_communication() -> Eds:
+    """A device with SYNC, EMCY, heartbeats, error behaviour and a few objects of its maker."""
+    eds = plain()
+    eds.variable(0x1005, var("COB-ID SYNC", U32, 0x80))
+    eds.variable(0x1014, var("COB-ID EMCY", U32, "$NODEID+0x80"))
+    eds.record(0x1016, "Consumer heartbeat time", {1: var("Entry 1", U32, 0)})
+    eds.record(0x1029, "Error behaviour", {1: var("Communication error", U8, 0)})
+    for index in (0x2000, 0x2001, 0x2002):
+        eds.variable(index, var(f"Setting {index:X}", U16, 7))
+    return eds
+
+
+def test_what_a_dcf_says_of_communication_is_taken_also_where_it_is_as_usual() -> None:
+    """A COB-ID of EMCY, entries of 0x1016, and what 0x1005 holds anyway: `diff` sees them altered later."""
+    eds = with_communication()
+    written_for_node_5(eds, {0x1005: "0x80", 0x1014: "0x91", 0x1016: "0", 0x1029: "1"})
+    with Bench(()) as bench:
+        ran = bench.run("import net.yaml nl.cpj --json")
+        assert (ran.code, ran.document["notes"]) == (0, [])
+    text = Path("net.yaml").read_text("utf-8").replace('"', "")
+    for said in (
+        "object: 1014:00, value: 0x91",
+        "sync_cob_id: 0x80",
+        "error_behavior: {1: 1",
+        "object: 1016:01, value: 0x0",
+    ):
+        assert said in text
+    Path("made.eds").write_text(with_communication().text(), "utf-8")
+    with Bench(("made.eds@5",), {"yes": True}) as bench:
+        assert bench.run("apply net.yaml").code == 0
+        assert bench.run("diff net.yaml").code == 0
+        for change in ("write 1014 0x92", "write 1005 0x81", "write 1029:1 0", "write 1016:1 0x70100"):
+            assert bench.run(change).code == 0, change
+            assert bench.run("diff net.yaml").code == 3, change
+            assert bench.run("apply net.yaml").code == 0, change
+
+
+def test_values_of_a_dcf_that_no_network_file_says_are_named() -> None:
+    written_for_node_5(with_communication(), {0x2000: "7", 0x2002: "9"})
+    with Bench(()) as bench:
+        (note,) = bench.run("import net.yaml nl.cpj --json").document["notes"]
+    assert note == (
+        "node 5: 2 other values of five.dcf left out, 1 not as by default (2002:00): `dvtcli -n 5 apply five.dcf` "
+        "writes what of it is configuration"
+    )
+    assert "1014" not in Path("net.yaml").read_text("utf-8"), "the file has no value of it: the default counts"
 
 
 def device_of(tpdos: int) -> bytes:
@@ -122,6 +180,8 @@ def test_names_node_ids_and_what_is_left_out_come_from_the_list() -> None:
     assert ran.document["notes"] == [
         "net.cpj: network Other is left out: one file, one bus", "net.cpj: not present: node 7",
         "node 9 is left out: net.cpj names no DCF of it",
+        "node 2: 8 other values of left.dcf left out, all as by default: `dvtcli -n 2 apply Dcf/left.dcf` writes what "
+        "of it is configuration",
     ]  # fmt: skip
 
 
