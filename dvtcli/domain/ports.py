@@ -197,6 +197,10 @@ class CanopenBus(Protocol):
         """Yield every frame that arrives within *duration_s*, as it arrives."""
         ...
 
+    def drain(self) -> None:
+        """Deliver what has already arrived, without waiting."""
+        ...
+
     def idle(self, duration_s: float) -> None:
         """Read the bus for *duration_s* (s) on behalf of the callbacks, as a background thread does in a loop.
 

@@ -9,7 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from time import sleep, time
+from time import monotonic, sleep, time
 from typing import Protocol
 
 from dvtcli.domain.ports import Frame
@@ -34,6 +34,10 @@ class Listened(Protocol):
         """Call *callback*(frame, sent) for each frame; returns what ends that."""
         ...
 
+    def drain(self) -> None:
+        """Deliver what has already arrived, without waiting."""
+        ...
+
     def idle(self, duration_s: float) -> None:
         """Read the bus for *duration_s*."""
         ...
@@ -47,7 +51,8 @@ class Listener:
     """Everything that passes on *bus*, also what is sent from here; at most *waiting* frames are kept.
 
     What carries a *secret* is kept with zeros for it: whoever logs in is not to find the passcode in a recording.
-    Use it in a `with`: it listens inside of it. Times of its frames are seconds since 1970.
+    Use it in a `with`: it listens inside of it, from *began_s* on (of time.monotonic). What had arrived before, and
+    nobody had read, does not count. Times of its frames are seconds since 1970.
     """
 
     def __init__(self, bus: Listened, secret: SdoValues, waiting: int = WAITING) -> None:
@@ -63,6 +68,7 @@ class Listener:
         self._untap: Callable[[], None] = lambda: None
         self._overflowed = 0
         self._lost_before = self._lost = 0
+        self.began_s = monotonic()
 
     @property
     def overflowed(self) -> int:
@@ -77,8 +83,14 @@ class Listener:
         return self._overflowed + self._lost
 
     def __enter__(self) -> Listener:
-        self._lost_before = self._bus.lost_frame_count()
         self._untap = self._bus.tap(self._keep)
+        try:
+            self._bus.drain()  # a secret may have begun in what had arrived: it is looked through, and not kept
+        except BusUnavailable as failure:  # whoever takes is told
+            self._failure = failure
+        self._frames.clear()
+        self._overflowed, self._lost_before = 0, self._bus.lost_frame_count()
+        self.began_s = monotonic()
         self._thread.start()
         return self
 
@@ -96,7 +108,7 @@ class Listener:
 
     def _listen(self) -> None:
         try:
-            while not self._stopping.is_set():
+            while not self._stopping.is_set() and self._failure is None:
                 self._bus.idle(TICK_S)
         except BusUnavailable as failure:
             self._failure = failure

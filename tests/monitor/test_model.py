@@ -27,6 +27,7 @@ from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.domain.wall_clock import utc
+from dvtcli.errors import BusUnavailable
 from dvtcli.files.profile.standards import standards
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
@@ -256,6 +257,29 @@ def test_what_was_lost_before_it_could_be_read_is_dropped_too() -> None:
     bus.close()
 
 
+def test_what_had_arrived_before_is_not_listened_to() -> None:
+    """A computer that is slow to begin finds frames in its driver that came long before."""
+    channel = "before"
+    bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
+    with can.Bus(channel, interface="virtual", ignore_config=True) as sender:
+        for n in range(200):
+            sender.send(can.Message(arbitration_id=0x181, data=[n], is_extended_id=False))
+        with Listener(bus, SdoValues(set())) as listener:
+            sender.send(can.Message(arbitration_id=0x182, data=[1], is_extended_id=False))
+            wait_for(lambda: any(frame.can_id == 0x182 for frame in listener._frames), "the frame")
+            taken = listener.take()
+    bus.close()
+    assert [frame.can_id for frame in taken] == [0x182]
+
+
+def test_a_bus_that_failed_before_is_told_to_who_takes() -> None:
+    channel = "failed before"
+    bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
+    bus.close()
+    with Listener(bus, SdoValues(set())) as listener, pytest.raises(BusUnavailable):
+        listener.take(5.0)
+
+
 def test_who_stops_listening_can_still_take_what_came() -> None:
     channel = "stopped"
     bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
@@ -298,11 +322,16 @@ class Gateway:
         return 0
 
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
-        for time_s in self._times_s:
-            callback(Frame(0x185, b"\x37", timestamp_s=time_s), False)
+        self._callback = callback
         return lambda: None
 
+    def drain(self) -> None:
+        """Nothing has arrived before."""
+
     def idle(self, duration_s: float) -> None:
+        for time_s in self._times_s:
+            self._callback(Frame(0x185, b"\x37", timestamp_s=time_s), False)
+        self._times_s = ()
         time.sleep(duration_s)
 
 

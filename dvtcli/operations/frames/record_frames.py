@@ -136,8 +136,8 @@ def _record(
     What came until then is written after it: on a busy bus that takes its time. *on_back* is called where the bus was
     gone, and is back.
     """
+    began_s = listener.began_s
     session.tell.note("recording; Ctrl-C ends it")
-    began_s = monotonic()
     until_s = None if duration_s is None else began_s + duration_s
 
     def is_over() -> bool:

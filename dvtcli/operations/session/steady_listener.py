@@ -50,6 +50,11 @@ class SteadyListener:
         self._listener.stop()
 
     @property
+    def began_s(self) -> float:
+        """Since when it listens to the bus that is open (of time.monotonic)."""
+        return self._listener.began_s
+
+    @property
     def overflowed(self) -> int:
         """Frames that came while too many waited to be taken."""
         return self._before[0] + self._listener.overflowed

@@ -205,6 +205,10 @@ class TwinBus:
         """Wait *duration_s* of the wrapped bus's time."""
         self._wrapped.sleep(duration_s)
 
+    def drain(self) -> None:
+        """Deliver what has already arrived on the wrapped bus."""
+        self._wrapped.drain()
+
     def idle(self, duration_s: float) -> None:
         """Read the wrapped bus for *duration_s*."""
         self._wrapped.idle(duration_s)

@@ -33,13 +33,21 @@ OTHERS = (
 class Replayed:
     """A bus on which *LOGIN* and others pass at once."""
 
+    def __init__(self) -> None:
+        self._frames = (LOGIN, *OTHERS)
+
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
-        for frame in (LOGIN, *OTHERS):
-            callback(frame, False)
+        self._callback = callback
         return lambda: None
+
+    def drain(self) -> None:
+        """Nothing has arrived before."""
 
     def idle(self, duration_s: float) -> None:
         assert duration_s > 0
+        for frame in self._frames:
+            self._callback(frame, False)
+        self._frames = ()
 
     def lost_frame_count(self) -> int:
         return 0
