@@ -5,19 +5,20 @@ Knows what is harmless to change and how it is put back. Does not reset anything
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.after_change import left_open
 from dvtcli.device.change.carry_out import carry_out
-from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.change.failed_change import BUS_BACK
+from dvtcli.device.change.put_back import first_difference, restore_patiently
 from dvtcli.device.proposal import proposal
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Plan, plan_pdo
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Change, Plan, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -138,33 +139,45 @@ class Canary:
 
     def put_back(self) -> None:
         """Put the value back and verify that; LeftChanged, with the journal kept, where that fails."""
-        node = self.node
-        try:
-            with node.cancellation.guard():
-                restore_patiently(node.sdo, self.plan.changes, node.bus, node.gate.renew, node.witness)
-        except (DvtcliError, KeyboardInterrupt) as failed:
-            left = LeftChanged(
-                f"node {node.node_id} was changed to prove the store, and that could not be put back",
-                node=node.node_id,
-                why=f"{self.place.text}: {failed or 'interrupted'}",
-                hint=f"nmt reset-node {node.node_id}, or a power cycle, then `pdo {self.place.pdo}`",
-                state="left_changed",
-            )
-            left_open(node, left)
-            raise left from failed
-        finally:
-            node.forget()
+        put_test_back(self.node, self.plan.changes, self.place.text)
         self.gone()
 
     def put_back_after(self, fault: BaseException) -> None:
-        """The proof did not come to its end: the value may be there still; where that stays unknown *fault* says so."""
+        """The proof did not come to its end: the value may be there still; LeftChanged where that stays unknown."""
         try:
             self.put_back()
         except LeftChanged as left:
-            if not isinstance(fault, DvtcliError):
-                raise left from fault
-            fault.details.append(("changed", f"{left.why}; {left.hint}"))
-            fault.state = "left_changed"
+            if isinstance(fault, DvtcliError):
+                left.why, left.details = f"{fault}; then {left.why}", [*fault.details, *left.details]
+            raise left from fault
         else:
             if isinstance(fault, DvtcliError):
                 fault.details.append(("changed", f"{self.place.text}: put back, read back equal"))
+
+
+def holds_test(node: Node, changes: Sequence[Change]) -> bool:
+    """Whether *node* still holds what *changes* of a proof left on it: no restart has taken it then."""
+    return bool(changes) and node.observed(lambda: all(first_difference(node.sdo, one) is None for one in changes))
+
+
+def put_test_back(node: Node, changes: Sequence[Change], text: str) -> None:
+    """Put back what *changes* of a proof left on *node*, in words *text*, and verify that.
+
+    LeftChanged, with the journal kept, where that fails.
+    """
+    try:
+        with node.cancellation.guard():
+            restore_patiently(node.sdo, changes, node.bus, node.gate.renew, node.witness)
+    except (DvtcliError, KeyboardInterrupt) as failed:
+        first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""
+        left = LeftChanged(
+            f"node {node.node_id} was changed to prove the store, and that could not be put back",
+            node=node.node_id,
+            why=f"{text}: {failed or 'interrupted'}",
+            hint=f"{first}nmt reset-node {node.node_id}, or a power cycle; `pdo` shows what it holds",
+            state="left_changed",
+        )
+        left_open(node, left)
+        raise left from failed
+    finally:
+        node.forget()

@@ -204,15 +204,15 @@ def test_a_fault_meanwhile_is_told_with_what_became_of_it(kept: KeptBench) -> No
     assert kept.node.pdos() == before
 
 
-def test_a_fault_meanwhile_after_which_it_is_still_there_says_so(kept: KeptBench) -> None:
+def test_a_fault_meanwhile_after_which_it_is_still_there_is_left_changed(kept: KeptBench) -> None:
     canary, _ = plant(kept)
     silent_for_good(kept)
     fault = NoAnswer("no boot-up", state="unknown")
-    canary.put_back_after(fault)
-    ((label, text),) = fault.details
-    assert (label, fault.state) == ("changed", "left_changed")
-    assert text.startswith(canary.place.text)
-    assert "recover" in text
+    with pytest.raises(LeftChanged) as caught:
+        canary.put_back_after(fault)
+    assert (caught.value.state, caught.value.exit_code, caught.value.__cause__) == ("left_changed", 7, fault)
+    assert (caught.value.why or "").startswith(f"no boot-up; then {canary.place.text}")
+    assert "recover" in (caught.value.hint or "")
     with pytest.raises(LeftChanged) as caught:
         canary.put_back_after(KeyboardInterrupt())
     assert isinstance(caught.value.__cause__, KeyboardInterrupt)

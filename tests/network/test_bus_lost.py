@@ -129,3 +129,17 @@ def test_a_script_that_had_written_nothing_leaves_nothing_changed(nodes: Killabl
     code, error = cut_off(nodes, ["run", str(nodes.folder / "x.dvt"), "--atomic"], 10, is_request)
     assert error["error"] == "bus"
     told_true(nodes, code, error, before)
+
+
+def is_reset(frame: can.Message) -> bool:
+    """Whether *frame* resets a node."""
+    return frame.arbitration_id == 0 and frame.data[0] == 0x81
+
+
+def test_a_store_whose_proof_loses_the_bus_behind_the_reset_is_left_changed(nodes: Killable) -> None:
+    """What tests the store may be in RAM, as far as anybody knows: 7, as its state says, and `recover` looks."""
+    before = held(nodes)
+    code, error = cut_off(nodes, ["-n", "1", "store", "--prove"], 1, is_reset)
+    assert (code, error["error"]) == (7, "left_changed")
+    assert error["hint"].startswith("bring the bus back first")
+    told_true(nodes, code, error, before)

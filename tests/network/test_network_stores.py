@@ -14,10 +14,12 @@ import pytest
 
 from dvtcli import Bus
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.user.telling import Silent
+from dvtcli.simulator.device.refusal import Refusal
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 
@@ -277,3 +279,80 @@ def test_a_program_finishes_the_stores_or_goes_back_on_all_nodes(chain: Chain, h
         assert after.journals() == []
 
     killed(chain, home, file(home), finished if finishes else recovered)
+
+
+TEST_VALUE = (0x1802, 5)
+
+
+def killed_while_proved(chain: Chain, home: Path, at: int, look: Act) -> None:
+    """`apply --prove` ends at write *at* behind the store of node 5: 1 is the test value, 2 the store of node 9."""
+    wrong, behind = list[str](), list[int]()
+
+    def on_write(_count: int) -> None:
+        if behind or stored_type(chain, 5) is not None:
+            behind.append(1)
+        if len(behind) == at + 1:
+            wrong.append(afterwards(chain, home, look))
+
+    assert isinstance(chain.bus, Watched)
+    chain.bus.on_write = on_write
+    chain.apply(file(home), prove="reset")
+    assert wrong == [""]
+
+
+@pytest.mark.parametrize("resets", [False, True])
+@pytest.mark.parametrize("at", [1, 2, 3])
+def test_what_tests_a_proof_is_never_stored_by_recover(chain: Chain, home: Path, at: int, *, resets: bool) -> None:
+    def look(after: Chain) -> None:
+        if resets:
+            for node_id in (5, 9)[: 2 if at == 3 else 1]:
+                heard(node_id)(after)
+        with after.session(node=None) as session:
+            assert recover(session, finish=True)
+        for node_id in (5, 9):
+            assert after.stored()[node_id][TYPE] == b"\x01"
+            assert after.stored()[node_id].get(TEST_VALUE, b"\0\0") == b"\0\0", node_id
+            assert after.devices[node_id].value(*TEST_VALUE) == b"\0\0", node_id
+        assert after.journals() == []
+
+    killed_while_proved(chain, home, at, look)
+
+
+@pytest.mark.parametrize("at", [1, 2, 3])
+def test_and_goes_with_everything_else(chain: Chain, home: Path, at: int) -> None:
+    before = chain.held()
+
+    def look(after: Chain) -> None:
+        with after.session(node=None) as session:
+            assert recover(session)
+        assert (after.held(), after.journals()) == (before, [])
+
+    killed_while_proved(chain, home, at, look)
+
+
+def test_a_test_value_that_stays_keeps_the_journals(home: Path) -> None:
+    """Node 5 keeps RAM over a reset, and takes the test value back no more: stores end there, nothing is as planned."""
+    (home.parent / "files").mkdir()
+    families = {5: "generic", 9: "generic"}
+    chain = Chain(home.parent / "files", ["5:keeps-ram"], bus=Watched, families=families, operational=False)
+    before, held = chain.held(), chain.devices[5]
+    take, refusing = held.download, list[bool]()
+
+    def download(index: int, sub_index: int, data: bytes) -> None:
+        if refusing and (index, sub_index) == TEST_VALUE:
+            raise Refusal(0x08000020)
+        take(index, sub_index, data)
+        if (index, sub_index) == TEST_VALUE:
+            refusing.append(True)
+
+    held.download = download  # type: ignore[method-assign]
+    with pytest.raises(LeftChanged) as left:
+        chain.apply(file(home), prove="reset")
+    assert left.value.stores == WhoStored(not_stored=(9,), unknown=(5,))
+    assert "every node holds what was planned" not in f"{left.value} {left.value.state_text}"
+    assert "recover" in str(left.value.hint)
+    assert len(chain.journals()) == 2
+    held.download = take  # type: ignore[method-assign]
+    with chain.session(node=None) as session:
+        assert recover(session)
+    assert (chain.held(), chain.journals()) == (before, [])

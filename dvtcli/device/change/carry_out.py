@@ -44,7 +44,7 @@ def carry_out(
     """As below, from its first to its last file and frame: a signal waits for a safe point, or comes too late.
 
     *found* is how the node was claimed when the plan was made, None where that is done now. With *keep_journal* the
-    journal of a change that stands is left open: who asked for it puts the change back.
+    journal of a change that stands is left open: who asked for it, to test a store, puts the change back.
     """
     with node.cancellation.guard():
         found = node.claim() if found is None else found
@@ -71,7 +71,8 @@ def _carry_out(
         node.known_pdos()
     cob_ids = cob_ids_beside(node, plan)
     if node.keeper is not None:
-        node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, node.last_read)
+        pdos, held = node.known_pdos, node.last_read
+        node.keeper.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal)
     try:
         beside = wholes_beside(node, plan, found)
         untold = any(config.lacking for config in node.last_read.values())

@@ -27,11 +27,19 @@ class Course:
     in_hand: Plan | None = None
 
     def begin(
-        self, whole: Whole, plan: Plan, nmt_state: int | None, asked: tuple[str, ...] = (), *, goes_on: bool = False
+        self,
+        whole: Whole,
+        plan: Plan,
+        nmt_state: int | None,
+        asked: tuple[str, ...] = (),
+        *,
+        goes_on: bool = False,
+        is_test: bool = False,
     ) -> str:
         """*plan* is about to be carried out, or to be held while `learn` asks; the id under which it is remembered.
 
-        Where it *goes_on* with the one before, as its next part, that is remembered with it.
+        Where it *goes_on* with the one before, as its next part, that is remembered with it. One that *is_test* is to
+        go again (`end_test`).
         """
         if self.part.whole != whole.id or not self.made:
             self.made, self.nmt_state, self.part = [], nmt_state, Part(whole.id, whole.name)
@@ -39,8 +47,8 @@ class Course:
             self.part = replace(self.part, asked=asked)
             self.in_hand = plan
             return self.part.entries[-1]
-        entry = os.urandom(16).hex()
-        self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked)
+        entry, tests = os.urandom(16).hex(), plan.changes if is_test else ()
+        self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked, tests=tests)
         self.in_hand = plan
         return entry
 
@@ -49,6 +57,12 @@ class Course:
         if self.part.whole is not None and self.in_hand is not None:
             self.made.append(self.in_hand)
             self.in_hand = None
+
+    def end_test(self) -> None:
+        """What was changed for a proof is gone again."""
+        if self.part.tests:
+            self.made = [plan for plan in self.made if plan.changes != self.part.tests]
+            self.part = replace(self.part, tests=())
 
     @property
     def plan(self) -> Plan:

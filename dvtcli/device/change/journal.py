@@ -132,6 +132,7 @@ class Journals:
             "final": part.final,
             "asked": list(part.asked),
             "stores": [_store_document(one) for one in part.stores],
+            "tests": [change_document(change) for change in part.tests],
             "changes": [change_document(change) for change in plan.changes],
         }
         text = json.dumps(document)  # on one line: with indentation it takes ten times as long
@@ -198,7 +199,11 @@ def _part(document: dict[str, Any]) -> Part:
     lists = isinstance(entries, list) and isinstance(asked, list)
     if not lists or not all(isinstance(one, str) for one in (whole or "", name, final, *entries, *asked)):
         raise ValueError("what it belongs to is malformed")
-    return Part(whole, name, tuple(entries), final, tuple(asked), tuple(_stores(document.get("stores", []))))
+    tests = document.get("tests", [])
+    if not isinstance(tests, list) or len(tests) > MOST_CHANGES:
+        raise ValueError("what tests its stores is malformed")
+    stores = tuple(_stores(document.get("stores", [])))
+    return Part(whole, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)))
 
 
 def _stores(document: Any) -> Iterator[Storing]:

@@ -79,16 +79,24 @@ class OwnJournal:
         """
         self._announced, self._goes_on = plan, False
 
-    def begin(self, plan: Plan, identity: Identity, nmt_state: int | None, asked: tuple[str, ...] = ()) -> None:
+    def begin(
+        self,
+        plan: Plan,
+        identity: Identity,
+        nmt_state: int | None,
+        asked: tuple[str, ...] = (),
+        *,
+        is_test: bool = False,
+    ) -> None:
         """Before the first write of *plan*, of the device of this *identity*: put the journal on disk.
 
-        *asked* are the PDOs that `learn` asks, where it does.
+        *asked* are the PDOs that `learn` asks, where it does; *is_test* says that it only tests a store.
         """
         self.identity = identity
         with self._files("kept"):
             if self.whole.id is not None:
                 self.journals.open_whole(self.whole.id)
-            self.entry = self._course.begin(self.whole, plan, nmt_state, asked, goes_on=self._goes_on)
+            self.entry = self._course.begin(self.whole, plan, nmt_state, asked, goes_on=self._goes_on, is_test=is_test)
             self._goes_on = self._announced is not None
             try:
                 self.lock.note(self.path if self._is_kept() else self._write())
@@ -130,6 +138,7 @@ class OwnJournal:
     def end(self) -> None:
         """After the change was verified, or undone and verified: forget the journal, unless it is that of a whole."""
         self._course.in_hand = None
+        self._course.end_test()
         if self._course.made:  # what it says of the change in hand is so, also where that was undone
             return
         self.forget()

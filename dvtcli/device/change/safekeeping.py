@@ -120,12 +120,14 @@ class Keeper:
         pdos: Callable[[], Mapping[Pdo, PdoConfig]],
         held: Mapping[Pdo, PdoConfig] | None = None,
         asked: tuple[str, ...] = (),
+        *,
+        is_test: bool = False,
     ) -> None:
         """Before the first write of *plan*: take the lock, back the PDOs up where needed, put the journal on disk.
 
         *held* are PDOs as they were just read, by which it is seen whether a backup is needed; *pdos* reads all of
         them, for a backup only. Where *plan* goes on with a whole, or takes it back, what that changed counts as it was
-        before. *asked* are the PDOs that `learn` asks, where it does.
+        before. *asked* are the PDOs that `learn` asks, where it does; *is_test* says that *plan* only tests a store.
         """
         before = self.own_journal.before()
         with self._files("kept"):
@@ -136,7 +138,7 @@ class Keeper:
             with self._files("kept"):
                 path = self._backing_up.make(identity, whole, {pdo for pdo in whole if self.is_fixed(pdo)})
                 self.say(f"backup of node {self.node_id}: {path}")
-        self.own_journal.begin(plan, identity, nmt_state, asked)
+        self.own_journal.begin(plan, identity, nmt_state, asked, is_test=is_test)
 
     def remember(self, plan: Plan) -> None:
         """After *plan*, which `begin` was told of, was carried out and verified: a later `undo` can put it back."""

@@ -35,7 +35,8 @@ class Part:
 
     *entries* are the ids under which `undo` remembers the changes; *final* is the line of the script that was begun
     and that no undo reverts. *asked* are the PDOs that `learn` asks, none where it is a change: the others of its plan
-    are only compared. *stores* end a whole whose nodes were all verified.
+    are only compared. *stores* end a whole whose nodes were all verified; *tests* are what a proof of one changed for a
+    moment: they are put back before anything else is stored.
     """
 
     whole: str | None = None
@@ -44,6 +45,7 @@ class Part:
     final: str = ""
     asked: tuple[str, ...] = ()
     stores: tuple[Storing, ...] = ()
+    tests: tuple[Change, ...] = ()
 
 
 @dataclass(slots=True)

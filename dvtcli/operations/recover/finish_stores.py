@@ -5,10 +5,14 @@ Puts nothing back (`recover_change`). Does not find journals.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.canary import holds_test, put_test_back
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.last_look import Verified
 from dvtcli.operations.recover.stores_begun import furthest, waiting
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.change.whole import Part
     from dvtcli.device.node import Node
+    from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session import Session
 
 
@@ -52,11 +57,15 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
     verified = _verified(session, journals, part, nodes)
+    tests = {
+        one.plan.node_id: one.part.tests for one in journals if holds_test(nodes[one.plan.node_id], one.part.tests)
+    }
+    with_tests = {one.plan.node_id: one.plan.changes for one in journals if one.plan.node_id in tests}
     for node_id in nodes:
-        _refuse_unlike(verified, node_id)
+        _refuse_unlike(replace(verified, changes={**verified.changes, **with_tests}), node_id)
     ids = ", ".join(map(str, waiting(part)))
     session.consent(f"{part.name}: every node holds what was planned; store on node {ids}?")
-    _store(session, journals, part, verified)
+    _store(session, journals, part, verified, tests)
     rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
     said = f"dry run: node {ids} would store" if session.dry_run else f"{part.name} is complete: node {ids} stored"
     return Facts("recover", rows, (said,))
@@ -65,7 +74,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
 def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> Verified:
     """What every node was verified to hold, as the journals say; a node that only stores has none of its own."""
     changes = {one.node_id: one.holds for one in part.stores}
-    changes |= {journal.plan.node_id: journal.plan.changes for journal in journals}
+    changes |= {journal.plan.node_id: _wanted(journal) for journal in journals}
     identities = {one.node_id: one.identity for one in part.stores if one.identity is not None}
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
@@ -73,7 +82,23 @@ def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: 
     return Verified(session, nodes, changes, identities, boot_ups)
 
 
-def _store(session: Session, journals: Sequence[Journal], part: Part, verified: Verified) -> None:
+def _wanted(journal: Journal) -> tuple[Change, ...]:
+    """What *journal* says that its node is to hold, without what only tested a store."""
+    tested = {one.pdo: one.before for one in journal.part.tests if isinstance(one, PdoChange)}
+    return tuple(
+        replace(one, after=tested[one.pdo]) if isinstance(one, PdoChange) and one.pdo in tested else one
+        for one in journal.plan.changes
+    )
+
+
+def _store(
+    session: Session,
+    journals: Sequence[Journal],
+    part: Part,
+    verified: Verified,
+    tests: Mapping[int, Sequence[Change]],
+) -> None:
+    """Put *tests* back on the nodes that hold them, then store as *part* says; the journals go with that."""
     nodes, course = verified.nodes, Stores({one.node_id: one for one in part.stores})
     keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
@@ -86,6 +111,7 @@ def _store(session: Session, journals: Sequence[Journal], part: Part, verified: 
             for keeper in keepers:
                 if keeper.node_id in waited:
                     keeper.own_journal.adopt(waited[keeper.node_id])
+            _put_tests_back(nodes, tests)
             store_each(session, part.name, course, verified, [keeper.own_journal for keeper in keepers])
             for keeper in keepers:
                 keeper.own_journal.complete_whole()
@@ -99,6 +125,12 @@ def _store(session: Session, journals: Sequence[Journal], part: Part, verified: 
                 keeper.own_journal.is_over()
         for journal in journals:
             _start(nodes[journal.plan.node_id], journal)
+
+
+def _put_tests_back(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Change]]) -> None:
+    for node_id, changes in tests.items():
+        nodes[node_id].gate.enter()
+        put_test_back(nodes[node_id], changes, several(change.label for change in changes))
 
 
 def _refuse_unlike(verified: Verified, node_id: int) -> None:

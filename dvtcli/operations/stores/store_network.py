@@ -59,8 +59,7 @@ def store_network(
             _close(course.journals(), fault)
             _end_stamps(session, on_way, verified, fault)
         elif isinstance(fault, LeftChanged) and not course.journals():
-            is_gone = isinstance(on_way.lost[0], BusUnavailable)
-            fault.hint = f"{BUS_BACK}; then {AGAIN}" if is_gone else AGAIN
+            fault.hint = _without_journal(on_way.lost[0])
         for journal in course.journals():
             journal.is_over()
         raise
@@ -68,6 +67,12 @@ def store_network(
 
 #: What helps where a node lost what was set, and there is no journal.
 AGAIN = "`apply` again sets what is missing, and stores it"
+
+
+def _without_journal(lost: BaseException) -> str | None:
+    if isinstance(lost, LeftChanged):
+        return lost.hint
+    return f"{BUS_BACK}; then {AGAIN}" if isinstance(lost, BusUnavailable) else AGAIN
 
 
 def _close(journals: Sequence[OwnJournal], left: LeftChanged) -> None:
@@ -159,7 +164,7 @@ def _store_one(
             course.lost.append(other)
             raise
         course.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
-    except SafetyRefusal as other:
+    except (SafetyRefusal, LeftChanged) as other:  # another device, or what tested the store is left on it
         course.lost = [other]
         raise
     course.states[one.node_id] = replace(one, is_done=True)
@@ -229,6 +234,12 @@ def _lost(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
     if isinstance(first, BusUnavailable):
         left.text = f"the bus was gone while the nodes stored: {first}"
         left.hint = f"{BUS_BACK}; then `recover --finish` goes on with the stores, `recover` puts every node back"
+    if isinstance(first, LeftChanged):
+        start = f"{BUS_BACK}; then " if (first.hint or "").startswith(BUS_BACK) else ""
+        left.hint = (
+            f"{start}`recover --finish` puts that back and goes on with the stores, `recover` puts every node back"
+        )
+        left.details += first.details
     left.details += beside(left, others)
     _say_who(course, left)
     left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
@@ -248,4 +259,5 @@ def _is_unsure(fault: BaseException) -> bool:
     """Whether nobody knows if the node stored."""
     if not isinstance(fault, DvtcliError):
         return True
-    return isinstance(fault, BusUnavailable | NoAnswer | SdoProtocolError) or fault.state == "unknown"
+    lost = isinstance(fault, BusUnavailable | NoAnswer | SdoProtocolError)
+    return lost or fault.state in ("unknown", "left_changed")
