@@ -71,6 +71,8 @@ class DvtcliError(Exception):
         self.at_start = False
         #: whether what failed was never meant for the bus, so that nothing could force it
         self.rehearsed = False
+        #: whether the command that failed writes nothing to nodes anyway
+        self.only_looked = False
         #: `FILE:LINE` of the script lines above it whose changes stay
         self.stays: tuple[str, ...] = ()
         #: what is typed to look at the frames of it, empty where there are none

@@ -78,7 +78,7 @@ def _ended(session: Conversation, raised: BaseException) -> int:
 
 
 def _shown(session: Conversation, error: DvtcliError) -> int:
-    error.stays = session.staying()
+    error.stays, error.only_looked = session.staying(), session.only_looks
     if session.is_open and isinstance(error, _OF_FRAMES):
         error.traced_by = _traced_by(session)
     place = None if error.at_start else session.place

@@ -79,6 +79,7 @@ class DvtCommand(click.Command):
         session: Conversation = ctx.obj
         run = super().invoke
         changes = self.effect is Effect.CHANGES
+        session.only_looks = self.effect is Effect.READS
         session.begin_line(is_noted=changes or self.effect in _LOOKING, tells_state=changes or bool(self.formats))
         with session.line(taken(ctx.params)):
             self._require_format(session.output.format)

@@ -100,6 +100,8 @@ class Conversation(Session):
         self.is_noted = True
         #: whether the user of the line that runs wants to know what nodes hold where it is stopped
         self.tells_state = False
+        #: whether the line that runs writes nothing to nodes anyway
+        self.only_looks = False
         #: what was written to nodes before the line that runs
         self._written_before: dict[int, int] = {}
         #: whether lines are typed at the prompt, where one follows the other

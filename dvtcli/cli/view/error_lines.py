@@ -117,8 +117,14 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
         if finding.hint:
             yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
     yield from _rows(row for row in error.details if row[0] == "also")
-    forced = "" if error.rehearsed or not error.can_force else "; --force sends it anyway"
-    yield [Cell("  state   ", "dim"), Cell(_state(error, at) + forced)]
+    yield [Cell("  state   ", "dim"), Cell(_state(error, at) + _forced(error))]
+
+
+def _forced(error: RuleError) -> str:
+    """What --force would do, where it helps."""
+    if error.rehearsed or not error.can_force:
+        return ""
+    return "; --force goes on all the same, and writes nothing" if error.only_looked else "; --force sends it anyway"
 
 
 def _rule_text(finding: Finding) -> str:

@@ -17,7 +17,6 @@ from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.domain.several import several
 from dvtcli.errors import RuleError
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
     sent = sent_by_id(planned)
     judged = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, sent, senders))) for one in planned]
     refused = [
-        RuleError(f"node {one.node_id} not changed: {errors[0].text}", errors, node=one.node_id)
+        RuleError(f"node {one.node_id}: {errors[0].text}", errors, node=one.node_id)
         for one in judged
         if (errors := errors_in(one.findings))
     ]
@@ -93,5 +92,4 @@ def together(refused: list[RuleError]) -> RuleError:
     findings = [
         replace(finding, text=f"node {error.node}: {finding.text}") for error in refused for finding in error.findings
     ]
-    ids = several(str(error.node) for error in refused)
-    return RuleError(f"nodes {ids} not changed: {findings[0].text}", findings)
+    return RuleError(findings[0].text, findings)

@@ -10,6 +10,7 @@ from dvtcli.cli.view.answers.node_plan_lines import node_plan_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.plan import STAMP, PdoChange
+from dvtcli.domain.rules import errors_in
 from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.networks import action
 
@@ -52,7 +53,8 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     saved = f" Saved: {result.saved}." if result.saved else ""
     runs = result.saved.lower().endswith(".309")
     to_manager = f" --to-manager {result.plan.manager}" if result.plan.manager and not result.saved else ""
-    after = f"dvtcli {'run' if runs else 'apply'} {result.saved or result.plan.file}{to_manager}"
+    forced = " --force" if any(errors_in(node.findings) for node in result.plan.nodes) else ""
+    after = f"dvtcli {'run' if runs else 'apply'} {result.saved or result.plan.file}{to_manager}{forced}"
     if result.interrupted:
         nodes = ", ".join(map(str, result.interrupted))
         after = f"dvtcli recover, since a change of node {nodes} was interrupted; then plan again"
