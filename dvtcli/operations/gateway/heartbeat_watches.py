@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 #: the orders that are answered here
 HEARTBEATS = ("enable heartbeat", "disable heartbeat")
+#: how much later than it came a heartbeat may be read (s): the bus is read once in a turn of the gateway
+LATE_S = 0.05
 
 
 class HeartbeatWatches:
@@ -28,7 +30,7 @@ class HeartbeatWatches:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._watches: list[_Watch] = []
+        self._watches: list[Watch] = []
         self._stop: Callable[[], None] | None = None
 
     def close(self) -> None:
@@ -48,7 +50,7 @@ class HeartbeatWatches:
         self._watches = [one for one in self._watches if (one.client, one.node_id) != (client, node_id)]
         if numbers:
             self._stop = self._stop or bus.tap(self._note)
-            self._watches.append(_Watch(client, node_id, numbers[0] / 1000))
+            self._watches.append(Watch(client, node_id, numbers[0] / 1000))
         return Done()
 
     def news(self) -> Iterator[tuple[LineClient, int, GatewayError]]:
@@ -56,7 +58,9 @@ class HeartbeatWatches:
         self._watches = [one for one in self._watches if not one.client.gone]
         if not self._watches:
             return
-        now_s = self._session.bus.now_s()
+        bus = self._session.open_network().bus
+        bus.drain()  # what came while a client's line was done is not missed
+        now_s = bus.now_s()
         for watch in self._watches:
             watch.look(now_s)
             while watch.news:
@@ -68,26 +72,38 @@ class HeartbeatWatches:
             return
         for watch in tuple(self._watches):
             if frame.can_id == HEARTBEAT + watch.node_id:
-                watch.heard(self._session.bus.now_s())
+                watch.heard(frame.timestamp_s, self._session.bus.now_s())
 
 
-class _Watch:
+class Watch:
     """The heartbeat of one node, as a *client* wants it: at least every *within_s* seconds, once it has begun."""
 
     def __init__(self, client: LineClient, node_id: int, within_s: float) -> None:
         self.client, self.node_id, self._within_s = client, node_id, within_s
         self.news: list[GatewayError] = []
+        #: the last one: when by the bus's clock, and when it was read (s)
+        self._stamp_s = 0.0
         self._heard_s: float | None = None
 
     def look(self, now_s: float) -> None:
-        """Find out whether it is missed."""
-        if self._heard_s is not None and now_s - self._heard_s > self._within_s:
-            self._heard_s = None
-            self.news.append(GatewayError.HEARTBEAT_LOST)
+        """Find out whether it is missed: one that came in time may be read a moment later."""
+        if self._heard_s is not None and now_s - self._heard_s > self._within_s + LATE_S:
+            self._lost()
 
-    def heard(self, now_s: float) -> None:
-        """One came; consumers wait from the first one on (CiA 301, 7.2.8.3.2.2)."""
-        self.look(now_s)
+    def heard(self, stamp_s: float, now_s: float) -> None:
+        """One came, at *stamp_s* by the bus's clock (0: it has none); consumers wait from the first one on.
+
+        Source: CiA 301, 7.2.8.3.2.2.
+        """
+        if self._heard_s is not None and stamp_s > 0 and self._stamp_s > 0:
+            if stamp_s - self._stamp_s > self._within_s:
+                self._lost()
+        else:
+            self.look(now_s)
         if self._heard_s is None:
             self.news.append(GatewayError.HEARTBEAT_STARTED)
-        self._heard_s = now_s
+        self._stamp_s, self._heard_s = stamp_s, now_s
+
+    def _lost(self) -> None:
+        self._heard_s = None
+        self.news.append(GatewayError.HEARTBEAT_LOST)
