@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from tests.house.laws.buses import no_kind_of_bus_is_asked_for
 from tests.house.laws.failures import ends_nowhere_else, errors_stand_in_one_tree, nothing_is_swallowed
 from tests.house.laws.folders import operations_stand_in_folders
 from tests.house.laws.imports import direction, independence, libraries, nothing_heavy_is_eager
@@ -24,6 +25,7 @@ LAWS: dict[str, Law] = {
     "folders": operations_stand_in_folders,
     "independence": independence,
     "libraries": libraries,
+    "buses": no_kind_of_bus_is_asked_for,
     "senders": few_files_send,
     "vendors": behaviours_not_vendors,
     "laziness": nothing_heavy_is_eager,

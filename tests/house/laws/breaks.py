@@ -86,6 +86,13 @@ BREAKS = [
     Break("libraries", "files/recording.py", _function("import socket", "socket.socket().sendto(b'', node)")),
     Break("libraries", "operations/helper.py", "from subprocess import run"),
     Break("libraries", "device/node.py", _function("import signal", "signal.signal(2, signal.SIG_IGN)")),
+    Break("buses", "operations/changes/change.py", _function("return isinstance(node.bus, CanBus)")),
+    Break("buses", "cli/commands/map.py", _function("from dvtcli.bus.python_can import CanBus as Real",
+                                                    "return isinstance(node, (int, Real))")),
+    Break("buses", "device/node.py", _function("return type(node.bus) is TwinBus")),
+    Break("buses", "operations/api/python_bus.py", _function("return type(node).__name__ == 'InProcessBus'")),
+    Break("buses", "watch/listener.py", _function("match node:", "    case FrameBus(): return 1")),
+    Break("buses", "operations/doctor/doctor.py", _function("return hasattr(node.bus, 'tap')")),
     # 2: the plan is the only source of action
     Break("senders", "cli/commands/map.py", _function("node.sdo.download(0x1800, 1, b'')")),
     Break("senders", "operations/changes/change.py", _function("write = node.sdo.download", "write(0x1800, 1, b'')")),
