@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,6 +22,8 @@ from dvtcli.files.recordings.recording_format import RecordingFormat
 #: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
 _MOST_BYTES, _MOST_CODE = 8, 15
+#: how long a file (bytes) is read once more, without a line that is damaged
+_MOST_TRIED = 50_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,21 +52,27 @@ def read_recorded(path: Path) -> Iterator[Recorded]:
         source = kind.source(raw, path)
         count = 0
         try:
-            for message in kind.reader(source):
-                if isinstance(source, LeftLines):
-                    source.took()
-                if not message.is_error_frame:
-                    _refuse_no_date(message.timestamp)
-                    _refuse_no_id(message)
-                    _refuse_other_length(message)
-                    count += 1
-                channel = "" if message.channel is None else str(message.channel)
-                fd = message.is_fd or len(message.data) > _MOST_BYTES
-                yield Recorded(frame_of(message), channel, message.is_error_frame, fd)
+            for one in _all_in(kind, source):
+                count += not one.error
+                yield one
         except kind.broken as wrong:
             raise _damaged(path, kind, source, count, wrong) from wrong
     if not count:
         raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {kind.suffix} file?", place=str(path))
+
+
+def _all_in(kind: RecordingFormat, source: Any) -> Iterator[Recorded]:
+    """All that is in *source*; an error that *kind* knows where it is damaged."""
+    for message in kind.reader(source):
+        if isinstance(source, LeftLines):
+            source.took()
+        if not message.is_error_frame:
+            _refuse_no_date(message.timestamp)
+            _refuse_no_id(message)
+            _refuse_other_length(message)
+        channel = "" if message.channel is None else str(message.channel)
+        fd = message.is_fd or len(message.data) > _MOST_BYTES
+        yield Recorded(frame_of(message), channel, message.is_error_frame, fd)
 
 
 def _refuse_no_date(time_s: float) -> None:
@@ -105,12 +114,30 @@ def _opened(path: Path) -> BinaryIO:
 
 
 def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: Exception) -> InputFileError:
-    line = wrong.line if isinstance(wrong, LostLineError) else getattr(source, "line", 0)
+    line = _line(source, wrong)
     place = f"{path}:{line}" if line else str(path)
     return InputFileError(
         f"{place}: damaged after {plural(count, 'frame')}, or no {path.suffix} file", why=_why(kind, source, wrong),
-        place=place, hint=f"without line {line} the rest of it can be read" if line and count else "",
+        place=place, hint=_without(path, kind, line) if line else "",
     )  # fmt: skip
+
+
+def _line(source: Any, wrong: Exception) -> int:
+    return wrong.line if isinstance(wrong, LostLineError) else getattr(source, "line", 0)
+
+
+def _without(path: Path, kind: RecordingFormat, line: int) -> str:
+    """Whether *path* can be read without *line*, tried; where another one is damaged, too, which."""
+    if path.stat().st_size > _MOST_TRIED:
+        return ""
+    lines = path.read_bytes().splitlines(keepends=True)
+    source = kind.source(BytesIO(b"".join((*lines[: line - 1], *lines[line:]))), path)
+    try:
+        has_frames = sum(not one.error for one in _all_in(kind, source)) > 0
+    except kind.broken as wrong:
+        other = _line(source, wrong)
+        return f"line {other + (other >= line)} is damaged, too" if other else ""
+    return f"without line {line} the rest of it can be read" if has_frames else ""
 
 
 def _why(kind: RecordingFormat, source: Any, wrong: Exception) -> str:

@@ -173,3 +173,26 @@ def test_what_is_no_frame_of_a_trc_is_told_by_its_kind(tmp_path: Path, name: str
     text = "\n".join((head, sound.format(n=1), middle, sound.format(n=3), ""))
     count, error = read(tmp_path / "run.trc", text.encode())
     assert (count, error) == (frames, None) if frames else error is not None
+
+
+@pytest.mark.parametrize("suffix", TEXT)
+def test_that_the_rest_can_be_read_is_tried(good: dict[str, bytes], tmp_path: Path, suffix: str) -> None:
+    path, lines = tmp_path / f"run{suffix}", good[suffix].splitlines(keepends=True)
+    damage = (
+        b"(1.5) can0 181#0\n"
+        if suffix == ".log"
+        else b"9.9 1 181 Rx d 1\n"
+        if suffix == ".asc"
+        else b"9 9.0 DT 1 0181\n"
+    )
+    one, other = len(lines) - 8, len(lines) - 4
+    damaged = [*lines[:one], damage, *lines[one:]]
+    count, wrong = read(path, b"".join(damaged))
+    assert wrong is not None
+    assert (wrong.hint, wrong.place) == (f"without line {one + 1} the rest of it can be read", f"{path}:{one + 1}")
+    rest, fine = read(path, b"".join(lines))
+    assert (rest, fine) == (20, None)
+    assert count < rest
+    _, wrong = read(path, b"".join([*damaged[:other], damage, *damaged[other:]]))
+    assert wrong is not None
+    assert wrong.hint == f"line {other + 1} is damaged, too"

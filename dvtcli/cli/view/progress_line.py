@@ -1,6 +1,7 @@
 """How far long work has come, on stderr: a line that is written over at a terminal, else a new one each 10 %.
 
-Nothing of work that is done at once. Does not know what is done.
+No line is said twice there, however often the work begins anew, nor sooner than 5 s after the one before. Nothing of
+work that is done at once. Does not know what is done.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ class ProgressLine:
         self._terminal_s, self._pipe_s = terminal_s, pipe_s
         self._since_s: float | None = None
         self._tenth = 0
-        self._said = ""
+        self._said: set[str] = set()
+        self._said_s = float("-inf")
         self._is_shown = False
 
     def show(self, text: str, done: int, total: int) -> None:
@@ -37,13 +39,19 @@ class ProgressLine:
                 columns = os.get_terminal_size(self._stream.fileno()).columns or 80
                 self._stream.write(f"{_ERASE}{text[: columns - 1]}")
                 self._is_shown = True
-            elif total and 10 * done // total != self._tenth and text != self._said:
-                self._stream.write(f"{text}\n")
-                self._said = text
-            self._tenth = 10 * done // total if total else self._tenth
+            elif total and 10 * done // total != self._tenth:
+                self._tenth = 10 * done // total
+                self._say(text, now_s)
             self._stream.flush()
         except OSError:
             self._nobody_reads()
+
+    def _say(self, text: str, now_s: float) -> None:
+        """Write a line of its own."""
+        if text not in self._said and now_s - self._said_s >= self._pipe_s:
+            self._stream.write(f"{text}\n")
+            self._said.add(text)
+            self._said_s = now_s
 
     def erase(self) -> None:
         """Make room for something else; the work goes on."""
@@ -63,4 +71,5 @@ class ProgressLine:
     def end(self) -> None:
         """The work is done."""
         self.erase()
-        self._since_s, self._tenth, self._said = None, 0, ""
+        self._since_s, self._tenth, self._said_s = None, 0, float("-inf")
+        self._said.clear()

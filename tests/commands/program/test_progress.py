@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import os
 import re
+import time
+from itertools import pairwise
 from typing import TextIO
 
 import pytest
@@ -77,14 +79,28 @@ def test_a_pipe_gets_a_line_each_tenth_of_what_takes_long() -> None:
     assert stderr.getvalue().splitlines() == [f"part {done}" for done in range(4, 41, 4)]
 
 
-def test_without_a_terminal_no_line_is_said_twice_in_a_row() -> None:
-    """As by a scan that begins anew with each node it found."""
+def test_without_a_terminal_no_line_is_said_twice() -> None:
+    """As by a scan that begins anew with each node it found, or where the same objects are read before and after."""
     stderr = io.StringIO()
     output = said_at_once(stderr)
     for found in (0, 1, 0):
         for done in range(11):
             output.progress(f"{found} nodes found", done, 10)
-    assert stderr.getvalue().splitlines() == ["0 nodes found", "1 nodes found", "0 nodes found"]
+    assert stderr.getvalue().splitlines() == ["0 nodes found", "1 nodes found"]
+
+
+def test_without_a_terminal_lines_are_as_far_apart_as_the_first_one_is_late() -> None:
+    """Many short works, as one for each node, are no page of lines."""
+    stderr = io.StringIO()
+    output = Output(io.StringIO(), stderr)
+    output.progress_line = ProgressLine(stderr, pipe_s=0.1)
+    began_s = time.monotonic()
+    said: list[float] = []
+    while len(said) < 3:
+        for done in range(11):
+            output.progress(f"at {time.monotonic()}", done, 10)
+        said = [float(line.split()[1]) - began_s for line in stderr.getvalue().splitlines()]
+    assert all(later - earlier >= 0.09 for earlier, later in pairwise([0.0, *said]))
 
 
 def test_what_is_done_at_once_is_no_progress() -> None:
