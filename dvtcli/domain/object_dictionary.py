@@ -87,6 +87,11 @@ class OdEntry:
         return f"{self.index:04X}:{self.sub_index:02X}"
 
     @property
+    def own_name(self) -> str:
+        """Its name as a file has it; empty where its number stands for one."""
+        return "" if self.name in (self.object, f"{self.index:04X}") else self.name
+
+    @property
     def bits(self) -> int | None:
         """Length in bits when mapped, None where unknown or varying."""
         return None if self.data_type is None else self.data_type.bits
@@ -124,6 +129,11 @@ class OdObject:
     entries: Mapping[int, OdEntry]
     line: int | None = None
     object_flags: int = 0
+
+    @property
+    def own_name(self) -> str:
+        """Its name as a file has it; empty where its number stands for one."""
+        return "" if self.name == f"{self.index:04X}" else self.name
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,11 +78,16 @@ def must_not_be_cut(read: EdsFile | XddFile) -> None:
 
 
 def device_file_bytes(
-    dictionary: ObjectDictionary, name: str, description: str, made: datetime, said: Mapping[str, str] | None = None
+    dictionary: ObjectDictionary,
+    name: str,
+    description: str,
+    made: datetime | None,
+    said: Mapping[str, str] | None = None,
 ) -> bytes:
     """*dictionary* as a file called *name*, in the format that the name ends in; *description* is one line about it.
 
-    *said* is what the file that it is made of says about itself, by the keys of FileInfo, and what stays so.
+    *said* is what the file that it is made of says about itself, by the keys of FileInfo, and what stays so; without
+    *made* nothing else says a date, so that the same gives the same bytes.
     """
     if name.lower().endswith(XDD_SUFFIXES):
         from dvtcli.files.xdd.xdd_writer import xdd_bytes

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from dvtcli.files.xdd.xdd_reader import XddFile
 
 #: What is true of the file that is written, and not of the one it was made of.
-NEW = frozenset({"FileName", "ModificationTime", "ModificationDate", "ModifiedBy"})
+NEW = frozenset({"FileName"})
+#: What an XDD, which must say a date, says where nobody knows when the description was made.
+NO_DATE = "1970-01-01"
 _KEYS = (
     "FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime", "CreationDate", "CreatedBy",
     "ModificationTime", "ModificationDate", "ModifiedBy", "LastEDS",
@@ -27,11 +29,16 @@ _ATTRIBUTES = {
     "CreatedBy": ("fileCreator", None), "FileVersion": ("fileVersion", None),
     "CreationDate": ("fileCreationDate", (_DATE, "%Y-%m-%d")),
     "CreationTime": ("fileCreationTime", (_TIME, "%H:%M:%S")),
+    "ModifiedBy": ("fileModifiedBy", None),
+    "ModificationDate": ("fileModificationDate", (_DATE, "%Y-%m-%d")),
+    "ModificationTime": ("fileModificationTime", (_TIME, "%H:%M:%S")),
 }  # fmt: skip
 #: What only an XDD says so
 _OF_XDD = {
     "CreationDate": re.compile(r"\d{4}-.*"),
     "CreationTime": re.compile(r".*:.*:.*"),
+    "ModificationDate": re.compile(r"\d{4}-.*"),
+    "ModificationTime": re.compile(r".*:.*:.*"),
     "FileVersion": re.compile(r".*\..*"),
 }
 
@@ -51,7 +58,7 @@ def file_info(file: EdsFile | XddFile) -> dict[str, str]:
 def _of_attributes(attributes: Mapping[str, str]) -> list[tuple[str, str]]:
     found = []
     for key, (name, forms) in _ATTRIBUTES.items():
-        value = attributes.get(name, "").strip()
+        value = attributes.get(name, "").strip().removeprefix(NO_DATE)
         found.append((key, value if forms is None else _in_form(value, forms[1], forms[0]) or value))
     return found
 
@@ -64,6 +71,11 @@ def as_attributes(said: Mapping[str, str]) -> dict[str, str]:
         if text := value if forms is None else _in_form(value, *forms):
             found[name] = text
     return found
+
+
+def in_order(said: Mapping[str, str]) -> dict[str, str]:
+    """The keys *said* in the order in which the standard has them, others behind them."""
+    return {key: said[key] for key in (*_KEYS, *said) if key in said}
 
 
 def as_keys(said: Mapping[str, str]) -> dict[str, str]:

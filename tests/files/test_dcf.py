@@ -290,6 +290,16 @@ def test_a_pdo_that_only_compact_pdo_describes_gets_its_sections() -> None:
     assert b"[OptionalObjects]\nSupportedObjects=2\n1=0x1801\n2=0x1A01\n" in made.data
 
 
+def test_odd_blanks_of_the_line_before_are_not_copied() -> None:
+    """`CreatedBy=  somebody` is somebody's slip, `Key = value` how a file is written."""
+    for before, after in (
+        ("CreatedBy=  somebody", "LastEDS=short.eds"),
+        ("CreatedBy = somebody", "LastEDS = short.eds"),
+    ):
+        made = made_of(SHORT.replace("CreatedBy=somebody", before), {})
+        assert [line for line in made.splitlines() if "LastEDS" in line] == [after]
+
+
 def test_an_older_dcf_keeps_the_eds_that_it_came_from() -> None:
     first = made_of(SHORT, {})
     again = write_dcf(first.encode(), "node.dcf", {}, replace(DEVICE, file_name="new.dcf", serial=None))

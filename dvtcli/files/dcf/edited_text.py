@@ -12,7 +12,8 @@ from collections import Counter
 from dvtcli.files.eds.ini import decode
 
 _LINE_END = re.compile(r"(\r\n|\r|\n)")
-_KEY = re.compile(r"(\s*)[^=]*?(\s*=\s*)")
+#: the blanks before a key and around its `=`, and its value
+_KEY_LINE = re.compile(r"(\s*)[^=]*?(\s*=\s*)(.*)")
 #: blanks, the value, and what follows it: blanks, and a comment where the value is no text itself
 _VALUE = re.compile(r"(\s*)(.*?)(\s*(?:;.*)?)", re.DOTALL)
 _TEXT = re.compile(r"(\s*)(.*?)(\s*)", re.DOTALL)
@@ -68,10 +69,20 @@ class EditedText:
         self._after.setdefault(number, []).extend(lines)
 
     def insert_key(self, number: int, key: str, value: str) -> None:
-        """Put *key* behind line *number*, with blanks as that line has them if it has a key."""
-        style = _KEY.match(self._lines[number - 1]) if "=" in self._lines[number - 1] else None
+        """Put *key* behind line *number*, with blanks as that line has them if it has a key.
+
+        Blanks on one side of its `=` are odd: as most lines have them then.
+        """
+        style = _KEY_LINE.match(self._lines[number - 1])
         indent, equals = (style[1], style[2]) if style else ("", "=")
+        if equals.startswith("=") != equals.endswith("="):
+            equals = self._usual_equals()
         self.insert(number, [f"{indent}{key}{equals}{value}"])
+
+    def _usual_equals(self) -> str:
+        """The `=` of most lines that have a key and a value, with its blanks."""
+        found = Counter(one[2] for line in self._lines if (one := _KEY_LINE.match(line)) and one[3])
+        return next((equals for equals, _ in found.most_common(1)), "=")
 
     def to_bytes(self) -> bytes:
         """The file as it is now."""

@@ -8,7 +8,7 @@ from datetime import datetime
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.files.eds.ini import decode
 from dvtcli.files.eds.written_values import written_limit, written_value
-from dvtcli.files.file_info import as_keys
+from dvtcli.files.file_info import as_keys, in_order
 
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER = range(0x2000, 0x6000)
@@ -21,15 +21,16 @@ def eds_text(
     dictionary: ObjectDictionary,
     file_name: str,
     description: str,
-    made: datetime,
+    made: datetime | None,
     said: Mapping[str, str] | None = None,
 ) -> str:
-    """*dictionary* as the text of an EDS called *file_name*; *made* is when, *description* one line about it.
+    """*dictionary* as the text of an EDS called *file_name*; *description* is one line about it.
 
-    *said* are keys of FileInfo that stay. It is a DCF where *dictionary* has a node-ID or values of its own.
+    It was made at *made* (None: as *said*); *said* are keys of FileInfo that stay. It is a DCF where *dictionary* has a
+    node-ID or values of its own.
     """
     sections = [
-        _section("FileInfo", {**_file_info(file_name, description, made), **as_keys(said or {})}),
+        _section("FileInfo", in_order({**_file_info(file_name, description, made), **as_keys(said or {})})),
         _section("DeviceInfo", _device_info(dictionary)),
         *_dummy_usage(dictionary),
         *_commissioning(dictionary),
@@ -59,13 +60,19 @@ def _one_line(text: str) -> str:
     return "".join(char if char.isprintable() or char == "\xa0" else "?" for char in text).strip()
 
 
-def _file_info(file_name: str, description: str, made: datetime) -> dict[str, str]:
-    clock, day = made.strftime("%I:%M%p"), made.strftime("%m-%d-%Y")
-    return {
+def _file_info(file_name: str, description: str, made: datetime | None) -> dict[str, str]:
+    said = {
         "FileName": file_name, "FileVersion": "1", "FileRevision": "0", "EDSVersion": "4.0",
-        "Description": description, "CreationTime": clock, "CreationDate": day, "CreatedBy": "dvtcli",
-        "ModificationTime": clock, "ModificationDate": day, "ModifiedBy": "dvtcli",
+        "Description": description, "CreatedBy": "dvtcli",
     }  # fmt: skip
+    if made is None:
+        return said
+    clock, day = made.strftime("%I:%M%p"), made.strftime("%m-%d-%Y")
+    dates = {
+        "CreationTime": clock, "CreationDate": day, "ModificationTime": clock, "ModificationDate": day,
+        "ModifiedBy": "dvtcli",
+    }  # fmt: skip
+    return said | dates
 
 
 def _device_info(dictionary: ObjectDictionary) -> dict[str, str]:
@@ -136,7 +143,7 @@ def object_sections(one: OdObject) -> Iterable[str]:
     if one.object_type in _OF_ONE_ENTRY and set(one.entries) == {0}:
         yield _section(f"{one.index:04X}", _entry(one.entries[0], one.object_type))
         return
-    head = {"ParameterName": one.name, "ObjectType": f"0x{one.object_type:X}", "SubNumber": str(len(one.entries))}
+    head = {"ParameterName": one.own_name, "ObjectType": f"0x{one.object_type:X}", "SubNumber": str(len(one.entries))}
     if one.object_flags:
         head["ObjFlags"] = f"0x{one.object_flags:X}"
     yield _section(f"{one.index:04X}", head)
@@ -146,7 +153,7 @@ def object_sections(one: OdObject) -> Iterable[str]:
 
 def _entry(entry: OdEntry, object_type: int) -> dict[str, str]:
     keys = {
-        "ParameterName": entry.name, "ObjectType": f"0x{object_type:X}", "DataType": _data_type(entry),
+        "ParameterName": entry.own_name, "ObjectType": f"0x{object_type:X}", "DataType": _data_type(entry),
         "LowLimit": _limit(entry.low, relative=entry.low_relative),
         "HighLimit": _limit(entry.high, relative=entry.high_relative),
         "AccessType": str(entry.access),
@@ -156,7 +163,7 @@ def _entry(entry: OdEntry, object_type: int) -> dict[str, str]:
         "ObjFlags": f"0x{entry.object_flags:X}" if entry.object_flags else "",
         "Unit": entry.unit, "Factor": entry.factor, "Denotation": entry.denotation,
     }  # fmt: skip
-    return {key: value for key, value in keys.items() if value}
+    return {key: value for key, value in keys.items() if value or key == "ParameterName"}
 
 
 def _data_type(entry: OdEntry) -> str:

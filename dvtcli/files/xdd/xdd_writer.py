@@ -15,7 +15,7 @@ from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType
 from dvtcli.domain.unit import parse_offset
 from dvtcli.files.dbc_text import decimal
 from dvtcli.files.eds.written_values import written_limit, written_value
-from dvtcli.files.file_info import as_attributes
+from dvtcli.files.file_info import NO_DATE, as_attributes
 from dvtcli.files.xdd.recognise import NAMESPACES
 from dvtcli.files.xdd.xdd_parameters import TYPES
 
@@ -35,11 +35,12 @@ Element = ElementTree.Element
 
 
 def xdd_bytes(
-    dictionary: ObjectDictionary, file_name: str, made: datetime, said: Mapping[str, str] | None = None
+    dictionary: ObjectDictionary, file_name: str, made: datetime | None, said: Mapping[str, str] | None = None
 ) -> bytes:
-    """*dictionary* as an XDD called *file_name*, made at *made*; an XDC where it has a node-ID or values of its own.
+    """*dictionary* as an XDD called *file_name*, made at *made* (None: as *said*).
 
-    *said* is what stays of what the file it is made of says about itself, by the keys of an EDS.
+    It is an XDC where it has a node-ID or values of its own. *said* is what stays of what the file it is made of says
+    about itself, by the keys of an EDS.
     """
     root = Element("co:ISO15745ProfileContainer", {"xmlns:co": NAMESPACES[-1], "xmlns:xsi": _XSI})
     file = _file(file_name, made, as_attributes(said or {}))
@@ -52,13 +53,13 @@ def xdd_bytes(
     return text + b"\n"
 
 
-def _file(file_name: str, made: datetime, said: Mapping[str, str]) -> dict[str, str]:
-    day, clock = made.strftime("%Y-%m-%d"), made.strftime("%H:%M:%S")
-    changed = {"fileModificationDate": day, "fileModificationTime": clock, "fileModifiedBy": "dvtcli"}
+def _file(file_name: str, made: datetime | None, said: Mapping[str, str]) -> dict[str, str]:
+    day = NO_DATE if made is None else made.strftime("%Y-%m-%d")
+    clock = {} if made is None else {"fileCreationTime": made.strftime("%H:%M:%S")}
     return {
         "formatName": "CANopen", "formatVersion": "1.0", "fileName": file_name, "fileCreator": "dvtcli",
-        "fileCreationDate": day, "fileCreationTime": clock, "fileVersion": "1", "supportedLanguages": "en",
-        **{name: _allowed(text) for name, text in said.items()}, **(changed if said else {}),
+        "fileCreationDate": day, **clock, "fileVersion": "1", "supportedLanguages": "en",
+        **{name: _allowed(text) for name, text in said.items()},
     }  # fmt: skip
 
 
@@ -174,14 +175,14 @@ def _object_list(dictionary: ObjectDictionary, parameters: Element) -> Element:
 
 
 def _object(found: Element, one: OdObject, parameters: Element) -> None:
-    said = {"index": f"{one.index:04X}", "name": one.name, "objectType": str(int(one.object_type))}
+    said = {"index": f"{one.index:04X}", "name": one.own_name, "objectType": str(int(one.object_type))}
     if one.object_type in _OF_ONE_ENTRY and set(one.entries) == {0}:
         _add(found, "CANopenObject", said | _said(one.entries[0], parameters))
         return
     flags = {"objFlags": _flags(one.object_flags)} if one.object_flags else {}
     element = _add(found, "CANopenObject", {**said, **flags, "subNumber": str(len(one.entries))})
     for entry in one.entries.values():
-        place = {"subIndex": f"{entry.sub_index:02X}", "name": entry.name, "objectType": "7"}
+        place = {"subIndex": f"{entry.sub_index:02X}", "name": entry.own_name, "objectType": "7"}
         _add(element, "CANopenSubObject", place | _said(entry, parameters))
 
 
@@ -221,7 +222,7 @@ def _parameter(entry: OdEntry, parameters: Element) -> str:
     name = f"UID_{entry.index:04X}_{entry.sub_index:02X}"
     access = _DIRECTED[entry.access][0] if entry.access in _DIRECTED else _PARAMETER_ACCESS[entry.access]
     one = _add(parameters, "co:parameter", {"uniqueID": name, "access": access, **_scale(entry)})
-    _add(one, "label", {"lang": "en"}, entry.name)
+    _add(one, "label", {"lang": "en"}, entry.own_name)
     if entry.data_type is not None and entry.data_type.code in _TYPE_NAMES:
         _add(one, _TYPE_NAMES[entry.data_type.code])
     if entry.unit:

@@ -6,7 +6,6 @@ What was written is read again, and compared with what was read: every differenc
 from __future__ import annotations
 
 from dataclasses import fields
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,7 @@ from dvtcli.files.device_file import (
     parse_device_file,
     read_device_file,
 )
-from dvtcli.files.file_info import file_info
+from dvtcli.files.file_info import NO_DATE, file_info
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
@@ -43,6 +42,7 @@ _WORDS = {
     "object_flags": "ObjFlags", "object": "object", "node_id": "node-ID", "bit_rate_kbit": "bit rate of the bus",
 }  # fmt: skip
 CONCISE_SUFFIX = ".cdcf"
+_NO_DATE_NOTE = f"{{}} does not say when it was made: {NO_DATE} stands there, since an XDD must have a date"
 DBC_OPTIONS = "--with, --split-bits and --all"
 #: What belongs to one node, and not to every device of its kind.
 _OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
@@ -92,13 +92,14 @@ def convert_file(
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
-    said, now = file_info(read), datetime.now().astimezone()
-    data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", now, said)
+    said = file_info(read)
+    data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", None, said)
     again = parse_device_file(data, path.name)
     losses = [*lost(read.dictionary, again.dictionary, suffix), *_unsaid(said, file_info(again)), *not_held(read)]
+    notes = [_NO_DATE_NOTE.format(file)] if suffix in XDD_SUFFIXES and "CreationDate" not in said else []
     ask_before_overwriting(session, path)
     make_file(session, path, data)
-    return _answer(file, target, len(again.dictionary), losses)
+    return _answer(file, target, len(again.dictionary), losses, notes)
 
 
 def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
@@ -136,9 +137,10 @@ def _said(what: str, ones: list[Difference], suffix: str) -> str:
     return f"{named} of {places}{why}"
 
 
-def _answer(file: str, target: str, objects: int, losses: list[str]) -> Facts:
+def _answer(file: str, target: str, objects: int, losses: list[str], notes: list[str]) -> Facts:
     count = plural(objects, "object")
     said = [f"{target}: {count} of {file}, read back" + ("" if losses else "; nothing is lost")]
     said += (f"warning: not carried over: {loss}" for loss in losses)
+    said += (f"note: {note}" for note in notes)
     rows = (("file", file), ("to", target), ("objects", objects), ("losses", losses))
     return Facts("eds-converted", rows, tuple(said))
