@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dvtcli.device.described_node import Defaults
 from dvtcli.device.quirks.standard_channel import in_standard_order
-from dvtcli.device.wish import value_text
+from dvtcli.device.wish import Says, value_in_hex
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
@@ -79,9 +79,9 @@ def _unlike(place: str, value: int, default: bytes) -> str:
 
 
 def values_unlike_defaults(
-    dictionary: ObjectDictionary, node_id: int, held: Mapping[tuple[int, int], bytes]
+    dictionary: ObjectDictionary, node_id: int, held: Mapping[tuple[int, int], bytes], says: Says = value_in_hex
 ) -> AgainstDefaults:
-    """The single objects in *held* beside the defaults that the file tells of them."""
+    """The single objects in *held* beside the defaults that the file tells of them, with values as *says* says them."""
     channel = Defaults(dictionary, node_id)
     compared = 0
     differences: list[str] = []
@@ -93,7 +93,9 @@ def values_unlike_defaults(
             continue
         compared += 1
         if data != default:
-            differences.append(f"{place}: is {value_text(data)}, its default is {value_text(default)}")
+            differences.append(
+                f"{place}: is {says(index, sub_index, data)}, its default is {says(index, sub_index, default)}"
+            )
     return AgainstDefaults(compared, tuple(differences), tuple(untold))
 
 

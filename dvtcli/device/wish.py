@@ -84,11 +84,12 @@ def value_text(data: bytes) -> str:
     return few_bytes(data) or "empty"
 
 
-def _bare(_index: int, _sub_index: int, data: bytes) -> str:
+def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:
+    """As `value_text`, whatever the object is."""
     return value_text(data)
 
 
-def unlike(node: KnownPdos, wish: Wish, says: Says = _bare) -> tuple[Difference, ...]:
+def unlike(node: KnownPdos, wish: Wish, says: Says = value_in_hex) -> tuple[Difference, ...]:
     """Every difference between *wish* and what *node* holds now, with values as *says* says them.
 
     NoAnswer where it restarts again and again.
@@ -103,7 +104,7 @@ def _unlike(node: KnownPdos, wish: Wish, says: Says) -> Iterator[Difference]:
     yield from wish.unwritten
 
 
-def unlike_values(node: KnownPdos, values: Mapping[Place, bytes], says: Says = _bare) -> Iterator[Difference]:
+def unlike_values(node: KnownPdos, values: Mapping[Place, bytes], says: Says = value_in_hex) -> Iterator[Difference]:
     """Every one of the single objects that does not read what *values* say."""
     for (index, sub_index), value in values.items():
         held = node.upload(index, sub_index)

@@ -48,7 +48,7 @@ def heartbeat(before: bytes | None, after: bytes = b"\xe8\3") -> ValueChange:
 @pytest.mark.parametrize(
     ("before", "held", "was", "differences"),
     [
-        (b"\x64\0", "write 1017:00 0x01F4 --as u16", "write 1017:00 0x0064 --as u16", ["is f4 01, was 64 00"]),
+        (b"\x64\0", "write 1017:00 0x01F4 --as u16", "write 1017:00 0x0064 --as u16", ["is 0x01F4, was 0x0064"]),
         (b"\xf4\1", "write 1017:00 0x01F4 --as u16", "write 1017:00 0x01F4 --as u16", []),
         (None, "# 1017:00 is write-only", "# 1017:00 was not known", []),
     ],

@@ -178,7 +178,7 @@ def test_a_difference_is_laid_to_a_restart_only_where_there_was_one(sdo: DirectS
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), witness=Restarts(1))
     assert str(error) == f"node {NODE} restarted while 1017:00 was changed, and reads back differently"
     assert error.hint == "look at its supply, then try again"
-    assert (error.place, error.why) == ("1017:00", "0x1017:00 is f4 01, expected e8 03")
+    assert (error.place, error.why) == ("1017:00", "0x1017:00 is 0x01F4, expected 0x03E8")
 
 
 def test_what_was_so_already_and_is_lost_meanwhile_is_a_difference_too(sdo: DirectSdo) -> None:
@@ -348,7 +348,7 @@ def test_a_difference_is_told_by_what_says_most(sdo: DirectSdo) -> None:
     assert first_difference(sdo, only_id) == f"0x1800:01 is 0x{held:08X}, expected 0x{wanted:08X}"
     assert first_difference(sdo, ValueChange(Step(0x2005, 1, None, b"\x01", "write-only"))) is None
     one = value(sdo, 1000)
-    assert first_difference(sdo, one) == "0x1017:00 is f4 01, expected e8 03"
+    assert first_difference(sdo, one) == "0x1017:00 is 0x01F4, expected 0x03E8"
     assert first_difference(sdo, one, wanted_before=True) is None
 
 

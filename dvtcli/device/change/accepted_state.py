@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
+from dvtcli.device.wish import value_text
 from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.errors import SafetyRefusal
@@ -61,7 +62,7 @@ def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
     if step.before is None:
         return AcceptedState(step.object, f"# {step.object} is write-only", f"# {step.object} was not known", ())
     held = node.upload(step.index, step.sub_index)
-    found = () if held == step.before else (f"is {held.hex(' ')}, was {step.before.hex(' ')}",)
+    found = () if held == step.before else (f"is {value_text(held)}, was {value_text(step.before)}",)
     return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
 
 

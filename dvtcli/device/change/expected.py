@@ -76,6 +76,7 @@ class Expected:
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:
         """What differs: its label, its object, and how it differs."""
         from dvtcli.device.compare import differences
+        from dvtcli.device.wish import value_text
 
         held = node.pdos() if self.pdos else {}
         for pdo, wanted in self.pdos.items():
@@ -88,7 +89,7 @@ class Expected:
             data = node.upload(index, sub_index)
             if data != value:
                 place = f"{index:04X}:{sub_index:02X}"
-                yield f"0x{place}", place, f"0x{place} is {data.hex(' ')}, was set to {value.hex(' ')}"
+                yield f"0x{place}", place, f"0x{place} is {value_text(data)}, was set to {value_text(value)}"
 
 
 def no_longer_held(node: KnownPdos, changes: Iterable[Change]) -> tuple[Difference, ...]:

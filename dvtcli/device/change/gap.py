@@ -46,7 +46,9 @@ def _gap(plans: Sequence[Plan]) -> tuple[str, str] | None:
         elif (before := change.step.before) is not None:
             held = values.setdefault((change.step.index, change.step.sub_index), [before])
             if before not in held:
-                return change.label, f"was {held[-1].hex(' ')}, became {before.hex(' ')}"
+                from dvtcli.device.wish import value_text
+
+                return change.label, f"was {value_text(held[-1])}, became {value_text(before)}"
             held += [before, change.step.after]
     return None
 

@@ -16,7 +16,7 @@ from dvtcli.device.compare import differences as pdo_differences
 from dvtcli.device.held import Held
 from dvtcli.device.resets import return_to
 from dvtcli.device.store_parameters import Signed
-from dvtcli.device.wish import unlike_values
+from dvtcli.device.wish import Says, unlike_values, value_in_hex
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.proof import Proof
 
@@ -37,11 +37,11 @@ def prepare_proof(node: Node, before: Pdos) -> None:
         node.gate.enter()
 
 
-def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> Proof:
+def prove_store(node: Node, before: Held, signed: Signed, restart: Restart, says: Says = value_in_hex) -> Proof:
     """Restart *node* and compare it with *before*, read ahead of the store that the device acknowledged.
 
-    A canary, changed after the store, shows whether the restart took what was in RAM. Errors say that the store was
-    acknowledged; LeftChanged where the canary could not be put back.
+    Values are said as *says* does. A canary, changed after the store, shows whether the restart took what was in RAM.
+    Errors say that the store was acknowledged; LeftChanged where the canary could not be put back.
     """
     covered, policy = before.of_group(signed.sub_index), node.profile.store
     values = {place: value for place, value in covered.items() if policy.needed_for(place[0])}
@@ -49,7 +49,7 @@ def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> P
         found = node.access.state()
         canary, blind = _canary(node, before.pdos, signed)
         after, lost, survived = _restarted(node, restart, canary)
-        unlike = [f"{place}: {text}" for place, text in unlike_values(node, values)]
+        unlike = [f"{place}: {text}" for place, text in unlike_values(node, values, says)]
         return_to(node.access, found)
     hint = _POWER
     if survived is not None:

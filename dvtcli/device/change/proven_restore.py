@@ -12,6 +12,7 @@ from dvtcli.device.change.proving import AGAIN, RESTORE_ALL, Restart, acknowledg
 from dvtcli.device.eds_defaults import differing_from_defaults, values_unlike_defaults
 from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import Signed
+from dvtcli.device.wish import Says, value_in_hex
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.several import several
@@ -38,19 +39,20 @@ def restart_and_read(node: Node, restart: Restart) -> tuple[Held, tuple[str, ...
 
 
 def prove_restore(
-    node: Node, signed: Signed, restart: Restart, before: Held | None, lost_before: tuple[str, ...] = ()
-) -> Proof:
+    node: Node, signed: Signed, restart: Restart, before: Held | None,
+    lost_before: tuple[str, ...] = (), says: Says = value_in_hex,
+) -> Proof:  # fmt: skip
     """Restart *node*, whose restore was acknowledged, and compare what it holds with the defaults of the EDS.
 
     That are its PDOs, and the single objects that dvtcli wrote. *before* is what it held ahead of the restore.
     Without an EDS, or with that of another device, a PDO must differ from *before*, read after a restart that took
-    *lost_before*.
+    *lost_before*. Values are said as *says* does.
     """
     with acknowledged(node, signed):
         after, lost = restart_and_read(node, restart)
     lost = (*lost_before, *lost)
     if node.dictionary is not None and not node.unlike_file:
-        return _against_defaults(node, node.dictionary, signed, restart, before, after, lost)
+        return _against_defaults(node, node.dictionary, signed, restart, before, after, lost, says)
     uncovered = uncovered_group(signed.sub_index)
     changed = sum(_is_otherwise(config, after.pdos.get(pdo)) for pdo, config in (before.pdos if before else {}).items())
     who = "the EDS is another device's" if node.unlike_file else "no EDS tells the defaults"
@@ -69,12 +71,13 @@ def _against_defaults(
     before: Held | None,
     after: Held,
     lost: tuple[str, ...],
+    says: Says,
 ) -> Proof:
     uncovered, against = uncovered_group(signed.sub_index), f"the defaults of {dictionary.source or 'the EDS'}"
 
     def look(held: Held) -> Proof:
         pdos = differing_from_defaults(dictionary, node.profile, node.node_id, {} if uncovered else held.pdos)
-        objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index))
+        objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index), says)
         untold = several((*pdos.untold, *objects.untold))
         said = (f"not compared: {untold}, of which the EDS tells no default or the node no value",) if untold else ()
         return Proof(

@@ -237,8 +237,10 @@ def held_otherwise(sdo: SdoReader, change: ValueChange, *, wanted_before: bool =
 
 
 def bytes_differ(change: ValueChange, held: bytes, wanted: bytes) -> str:
-    """That the object of *change* holds other bytes than it should."""
-    return f"0x{change.step.object} is {held.hex(' ')}, expected {wanted.hex(' ')}"
+    """That the object of *change* holds another value than it should."""
+    from dvtcli.device.wish import value_text
+
+    return f"0x{change.step.object} is {value_text(held)}, expected {value_text(wanted)}"
 
 
 def cob_id_difference(sdo: SdoReader, change: PdoChange) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
@@ -24,6 +25,7 @@ from dvtcli.operations.results import Stored
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.store_parameters import Signed
+    from dvtcli.device.wish import Says
     from dvtcli.operations.session.session import Session
 
 #: How long a power cycle is waited for, in seconds.
@@ -59,7 +61,7 @@ def store_settings(
     node.gate.done.append(f"0x{done.place} acknowledged the store")
     refuse_after_restart(node, boot_ups, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
-    proof = None if restart is None or before is None else prove_store(node, before, done, restart)
+    proof = None if restart is None or before is None else prove_store(node, before, done, restart, _says(node))
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
         node.pending.was_not_kept(stored_at)
     is_stored(node, set(changed) - set(() if proof is None else proof.differing))
@@ -150,7 +152,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     _end_stamp_before(session, node, sub_index)
     done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary)
     node.gate.done.append(f"0x{done.place} acknowledged the restore")
-    proof = prove_restore(node, done, restart, before, lost) if prove else None
+    proof = prove_restore(node, done, restart, before, lost, _says(node)) if prove else None
     return_to(node.access, state)
     node.wanted.clear()
     if proof is None or not proof.differences:  # what is not restored is looked at again the next time
@@ -192,3 +194,10 @@ def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[st
         return Held.now(node), ()
     except SdoAborted:  # a node that refuses to be read is not kept from its defaults
         return None, ()
+
+
+def _says(node: Node) -> Says:
+    """How values of *node* are said, as on all screens."""
+    from dvtcli.operations.meanings.planned_words import planned_words
+
+    return partial(planned_words, node)

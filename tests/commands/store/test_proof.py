@@ -387,7 +387,7 @@ def test_an_object_that_this_session_wrote_is_compared_with_its_default(family: 
         ran = bench.run("restore --prove")
         assert ran.code == 1, ran.stdout
         assert "NOT RESTORED" in ran.stdout
-        assert "1017:00: is 0x03E8, its default is 0x" in ran.stdout
+        assert "1017:00: is 1000 ms, its default is 500 ms" in ran.stdout
         assert bench.run("restore --prove").code == 1, "neither does it a second time"
 
 
