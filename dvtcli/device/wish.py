@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoConfig
-from dvtcli.domain.several import few_bytes
+from dvtcli.domain.several import value_text
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
@@ -75,13 +75,6 @@ def _pdo_of(label: str) -> Pdo | None:
 def session_wish(node: KnownPdos) -> Wish:
     """What this session set on *node*, last word for each PDO and object."""
     return Wish(dict(node.wanted), dict(node.wanted_values))
-
-
-def value_text(data: bytes) -> str:
-    """An object's value in words: a number where it has a number's length, else its bytes, of many the first."""
-    if len(data) in (1, 2, 4, 8):
-        return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
-    return few_bytes(data) or "empty"
 
 
 def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:

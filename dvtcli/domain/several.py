@@ -20,3 +20,10 @@ def few_bytes(data: bytes) -> str:
     """The first of many bytes, and how many there are: a line beside others has room for few."""
     most = 16
     return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"
+
+
+def value_text(data: bytes) -> str:
+    """An object's value in words: a number where it has a number's length, else its bytes, of many the first."""
+    if len(data) in (1, 2, 4, 8):
+        return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
+    return few_bytes(data) or "empty"

@@ -9,12 +9,13 @@ import pytest
 from dvtcli.device.described_node import Defaults, FileValues
 from dvtcli.device.eds_defaults import AgainstDefaults, differing_from_defaults, values_unlike_defaults
 from dvtcli.device.missing import hint_for_missing, no_pdo
-from dvtcli.device.wish import Wish, unlike, value_text
+from dvtcli.device.wish import Wish, unlike
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC
+from dvtcli.domain.several import value_text
 from dvtcli.errors import SdoAborted, UsageError
 from tests.device.test_wants import node
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
-from dvtcli.device.wish import value_text
 from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.script_line import value_line, whole_line
+from dvtcli.domain.several import value_text
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:

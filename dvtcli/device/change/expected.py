@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.several import value_text
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -76,7 +77,6 @@ class Expected:
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:
         """What differs: its label, its object, and how it differs."""
         from dvtcli.device.compare import differences
-        from dvtcli.device.wish import value_text
 
         held = node.pdos() if self.pdos else {}
         for pdo, wanted in self.pdos.items():

@@ -12,7 +12,7 @@ from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.compare import differences
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan
-from dvtcli.domain.several import several
+from dvtcli.domain.several import several, value_text
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -46,8 +46,6 @@ def _gap(plans: Sequence[Plan]) -> tuple[str, str] | None:
         elif (before := change.step.before) is not None:
             held = values.setdefault((change.step.index, change.step.sub_index), [before])
             if before not in held:
-                from dvtcli.device.wish import value_text
-
                 return change.label, f"was {value_text(held[-1])}, became {value_text(before)}"
             held += [before, change.step.after]
     return None

@@ -17,6 +17,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoReader, SdoTransport
+from dvtcli.domain.several import value_text
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
 
 #: How long a roll-back keeps trying where the node is silent or refuses, and the pause between two tries, in seconds.
@@ -238,8 +239,6 @@ def held_otherwise(sdo: SdoReader, change: ValueChange, *, wanted_before: bool =
 
 def bytes_differ(change: ValueChange, held: bytes, wanted: bytes) -> str:
     """That the object of *change* holds another value than it should."""
-    from dvtcli.device.wish import value_text
-
     return f"0x{change.step.object} is {value_text(held)}, expected {value_text(wanted)}"
 
 
