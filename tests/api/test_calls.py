@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,13 @@ import can
 import pytest
 
 import dvtcli
-from dvtcli import errors
+from dvtcli import errors, results
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules import Finding
+from dvtcli.operations.api.hints import answer_in_python
+from dvtcli.operations.api.told import Told
+from dvtcli.operations.results import NetworkApplied
+from dvtcli.operations.results.documents import Answer
 from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import Serve
@@ -523,3 +530,33 @@ def test_an_answer_has_a_short_text() -> None:
         assert lines[1] == "  TPDO1 0x181 enabled, type 255: 6041:00/16"
         for answer in (node.read(0x1000), bus.scan(), node.verify(), node.store(), node.faults(), node.record("1018")):
             assert len(str(answer).splitlines()[0]) < 250
+
+
+def test_answers_speak_of_calls() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node(1)
+        changed = node.map("tpdo1", "606C")
+        assert changed.keep == "`node.store()` keeps it"
+        said = Finding("can-id", Severity.NOTE, "1800:01", "taken", None, "or --cob-id auto")
+        noted = replace(changed, findings=(said,))
+    assert answer_in_python(noted).findings[0].hint == "or cob_id='auto'"
+    assert answer_in_python(noted.plan) is noted.plan
+    applied = NetworkApplied(None, False, 0.0, keep={1: changed.keep, 5: "`store` keeps it"})  # type: ignore[arg-type]
+    assert answer_in_python(applied).keep[5] == "`node.store()` keeps it"
+
+
+def test_questions_speak_of_calls() -> None:
+    asked: list[str] = []
+    Told(ask_user=lambda question: bool(asked.append(question))).ask("put it back with `undo`, and --force?")
+    assert asked == ["put it back with `node.undo()`, and force=True?"]
+
+
+def test_a_notebook_shows_every_answer_in_short() -> None:
+    """IPython asks the class itself before the ones above it, and takes its repr: every dataclass has one."""
+    answers = [one for one in vars(results).values() if isinstance(one, type) and issubclass(one, Answer)]
+    assert len(answers) > 20
+    assert [one.__name__ for one in answers if "_repr_pretty_" not in vars(one)] == []
+    pretty = pytest.importorskip("IPython.lib.pretty")
+    with dvtcli.simulate("gen4") as bus:
+        found = bus.scan()
+    assert pretty.pretty(found) == str(found)

@@ -15,7 +15,7 @@ from dvtcli.device.restarts import losses, refuse_after_restarts
 from dvtcli.errors import Bug, BusUnavailable, DvtcliError, Interrupted, UsageError
 from dvtcli.operations.api.checks import flags
 from dvtcli.operations.api.ctrl_c import ctrl_c_at_safe_points
-from dvtcli.operations.api.hints import python_words
+from dvtcli.operations.api.hints import answer_in_python, python_words
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
@@ -64,7 +64,7 @@ class Calls:
                     self._tell_what_was_noticed()
             if session.cancellation.requested:
                 raise KeyboardInterrupt("Ctrl-C came too late to stop it: it is complete, and what it did stays")
-        return result
+        return answer_in_python(result)
 
     def _failed(self, raised: BaseException) -> None:
         """Put NMT states back after *raised*, which is told what goes wrong with that."""

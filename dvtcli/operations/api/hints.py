@@ -1,4 +1,4 @@
-"""What errors say to a command's user, as a program wants it: in its own words, and whole in a traceback.
+"""What errors and answers say to a command's user, as a program wants it: in its own words, and whole in a traceback.
 
 Does not know which error it is.
 """
@@ -9,9 +9,13 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
 
+from dvtcli.domain.rules.finding import Finding
 from dvtcli.errors import DvtcliError, RuleError
+
+T = TypeVar("T")
 
 #: options of commands -> what they are called here, where that is another word
 _ARGUMENTS = {
@@ -150,6 +154,26 @@ def python_words(*, others: bool = False) -> Iterator[None]:
         raise
 
 
+def answer_in_python(answer: T) -> T:
+    """An *answer* whose findings, and what it says of keeping what was set, are words of a program."""
+    if not is_dataclass(answer) or isinstance(answer, type):
+        return answer
+    said = {field.name: getattr(answer, field.name) for field in fields(answer) if field.init}
+    changed = {name: _worded(name, value) for name, value in said.items()}
+    return replace(answer, **changed) if changed != said else answer
+
+
+def _worded(name: str, value: Any) -> Any:
+    if name == "keep":
+        return {node: in_python(one) for node, one in value.items()} if isinstance(value, dict) else in_python(value)
+    is_findings = isinstance(value, tuple) and bool(value) and isinstance(value[0], Finding)
+    return tuple(map(_finding, value)) if is_findings else value
+
+
+def _finding(one: Finding) -> Finding:
+    return replace(one, text=in_python(one.text), hint=None if one.hint is None else in_python(one.hint))
+
+
 def _in_this_programs_words(raised: DvtcliError, *, others: bool) -> None:
     def mine(text: str) -> str:
         return _of_this_program(in_python(text)) if others else in_python(text)
@@ -160,10 +184,7 @@ def _in_this_programs_words(raised: DvtcliError, *, others: bool) -> None:
     raised.hint = None if raised.hint is None else mine(raised.hint)
     raised.details = [(label, in_python(said)) for label, said in raised.details]
     if isinstance(raised, RuleError):
-        raised.findings = tuple(
-            replace(one, text=in_python(one.text), hint=None if one.hint is None else in_python(one.hint))
-            for one in raised.findings
-        )
+        raised.findings = tuple(map(_finding, raised.findings))
 
 
 def _further(raised: DvtcliError) -> Iterator[tuple[str, str]]:

@@ -58,7 +58,7 @@ class Told:
 
     def ask(self, question: str) -> bool | None:
         """Whether the answer is yes; None where nobody is there to ask."""
-        return None if self._ask_user is None else bool(self._ask_user(question))
+        return None if self._ask_user is None else bool(self._ask_user(in_python(question)))
 
     def progress(self, text: str, done: int, total: int) -> None:
         """Nothing: a program that wants it has *on_progress*."""

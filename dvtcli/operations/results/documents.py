@@ -32,6 +32,11 @@ class Answer:
     #: whether its findings are said beside it, and not in its own text
     remarked: ClassVar[bool] = False
 
+    def __init_subclass__(cls) -> None:
+        # IPython asks each class by itself, the last one first, and takes a dataclass's own repr where it finds one
+        if "_repr_pretty_" not in vars(cls):
+            cls._repr_pretty_ = Answer._repr_pretty_  # type: ignore[method-assign]
+
     @property
     def remark(self) -> str:
         """What is said beside it besides its findings; empty for nothing."""
