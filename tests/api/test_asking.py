@@ -19,10 +19,10 @@ def test_who_produces_sync_is_what_the_command_says() -> None:
     with dvtcli.simulate("gen4") as bus:
         checked = bus.check_sync()
         assert isinstance(checked, SyncCheck)
-        said = checked.document()
-        hints = [one.pop("hint") for one in ran.document["findings"]]
+        said, typed = checked.document(), ran.document
+        hints = [one.pop("hint") for one in typed["findings"]]
         assert [one.pop("hint") for one in said["findings"]] == [in_python(hint) for hint in hints]
-        assert said == ran.document
+        assert said == typed
         assert not checked
         assert [(one.node, one.can_id, one.produces) for one in checked.nodes] == [(1, 0x080, False)]
 
