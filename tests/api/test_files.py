@@ -116,7 +116,9 @@ def test_all_nodes_go_to_one_file_and_files_to_other_formats(tmp_path: Path, mon
         with pytest.raises(SafetyRefusal):
             bus.export("now.dbc")
         assert bus.export("now.dbc", yes=True) == ()
-        assert bus.import_network("line.yaml", "nodelist.cpj") == ()
+        left_out = bus.import_network("line.yaml", "nodelist.cpj")
+        assert [one.partition(":")[0] for one in left_out] == ["node 1", "node 5"]
+        assert all("left out, all as by default" in one for one in left_out)
     about, comments = dvtcli.convert("node5.dcf", "node5.xdc")
     assert about.startswith("FileInfo: Description (")
     assert comments == "2 lines of comment, the first in line 1"
