@@ -96,7 +96,7 @@ def test_results_that_are_lost_before_the_first_write_leave_the_node_unchanged(t
     [
         ("backup x.jsonl", "x.jsonl"), ("backup x.dcf", "x.dcf"), ("export x.yaml", "x.yaml"),
         ("export x.dcf", "x.dcf"), ("export x.dbc", "x.dbc"), ("report x.html", "x.html"), ("import x.yaml", "x.yaml"),
-        ("log x.log --duration 0.1", "x.log"), ("eds convert n.eds x.xdd", "x.xdd"), ("save x.dvt --all", "x.dvt"),
+        ("log x.asc --duration 0.1", "x.asc"), ("eds convert n.eds x.xdd", "x.xdd"), ("save x.dvt --all", "x.dvt"),
         ("plan n.yaml -o x.json", "x.json"), ("read 1008 -o x.bin", "x.bin"), ("export x.cpj", "x.cpj"),
     ],
 )  # fmt: skip
