@@ -73,6 +73,8 @@ class NodePlan:
     findings: tuple[Finding, ...] = ()
     #: where the file says something of a PDO
     lines: dict[Pdo, int] = field(default_factory=dict)
+    #: where it says what an object holds, by index and sub-index
+    object_lines: dict[tuple[int, int], int] = field(default_factory=dict)
     #: names of objects, by their printed form
     names: dict[str, str] = field(default_factory=dict)
     #: what values of single objects mean, by their printed form

@@ -213,8 +213,8 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, s
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
         {**wants.values, **stamped.values}, wants.pruned, stamped.findings,
-        lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, names=names(node, plan.changes),
-        understood=understood(node, plan.changes),
+        lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, object_lines=dict(wants.lines),
+        names=names(node, plan.changes), understood=understood(node, plan.changes),
         unstored=_unstored(node, plan) if wish.store else (),
     )  # fmt: skip
 

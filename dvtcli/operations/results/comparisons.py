@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.ports import Frame
@@ -37,6 +38,12 @@ class Compared(Answer):
     unsaid: int = 0
     #: every PDO and object that was compared
     labels: tuple[str, ...] = ()
+    #: where a network file says what a label should be; of an empty label where it says the node (0: nowhere)
+    lines: Mapping[str, int] = field(default_factory=dict)
+
+    def line_of(self, label: str) -> int:
+        """Where the file says what *label*, a PDO or an object, should be; else where it says the node."""
+        return self.lines.get(label, 0) or self.lines.get("", 0)
 
     @property
     def frame_missing(self) -> bool:

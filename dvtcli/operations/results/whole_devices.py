@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.datatypes import DataType
-from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes, json_value
+from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.physical import Physical
+from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes, json_value, physical_document
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
@@ -27,6 +29,8 @@ class ObjectDifference:
     after: bytes | None
     unread: str = ""
     apart: str = ""
+    #: what its values mean
+    meaning: Physical = NOTHING
 
     def value(self, data: bytes | None) -> Any:
         """*data* decoded; None where it is not known, or no value of its type."""
@@ -37,6 +41,11 @@ class ObjectDifference:
         except ValueError:
             return None
 
+    def _physical(self, data: bytes | None) -> Document | None:
+        """What *data* means, where somebody says that."""
+        value = self.value(data)
+        return physical_document(value, self.meaning) if self.meaning.says and value is not None else None
+
     def document(self) -> Document:
         """As part of `dvtcli.compare/1`."""
         return {
@@ -46,6 +55,8 @@ class ObjectDifference:
             "after": hex_bytes(self.after),
             "value_before": json_value(self.value(self.before)),
             "value_after": json_value(self.value(self.after)),
+            "physical_before": self._physical(self.before),
+            "physical_after": self._physical(self.after),
             "why": self.unread or self.apart,
         }
 

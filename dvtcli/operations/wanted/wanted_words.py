@@ -44,6 +44,8 @@ class NodeWants:
     pdos: dict[Pdo, PdoWant] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
     reasons: dict[Place, str] = field(default_factory=dict)
+    #: where the file says them
+    lines: dict[Place, int] = field(default_factory=dict)
     pruned: frozenset[Pdo] = frozenset()
 
 
@@ -58,6 +60,8 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
         wants.pdos.update({pdo: Switched(enabled=False) for pdo in sorted(wants.pruned)})
     for want in _wanted(node, wish, log):
         wants.values[want.place], wants.reasons[want.place] = want.data, want.reason
+        if want.mark.line:
+            wants.lines.setdefault(want.place, want.mark.line)
     return wants
 
 

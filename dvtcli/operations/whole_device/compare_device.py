@@ -16,6 +16,7 @@ from dvtcli.domain.standard_objects import is_pdo_mapping, standard_entry
 from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
+from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 from dvtcli.operations.whole_device.beyond_count import count_beneath, wants_more
 from dvtcli.operations.whole_device.device_suffix import holds_values
@@ -201,6 +202,7 @@ def kind_of(known: Configuration, entry: OdEntry) -> Kind:
 
 def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all: bool) -> WholeCompared:
     found: dict[Kind, list[ObjectDifference]] = {kind: [] for kind in Kind}
+    meanings = meanings_of(second.known.profile, second.dictionary)
     count, unread = 0, list[str]()
     for place in sorted(first.objects.keys() & second.objects.keys()):
         entry, held = entry_of(second.dictionary, place), second.objects[place]
@@ -224,7 +226,16 @@ def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all
             apart = _why_apart(place, second, entry) if kind is Kind.APART else ""
             silent = held.why if held.data is None else ""
             found[kind].append(
-                ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, unread=silent, apart=apart)
+                ObjectDifference(
+                    _label(place),
+                    name,
+                    entry.data_type,
+                    wanted,
+                    held.data,
+                    unread=silent,
+                    apart=apart,
+                    meaning=meanings.of(*place),
+                )
             )
     if not count:
         raise _nothing_compared(first, second)

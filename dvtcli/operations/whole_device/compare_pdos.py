@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from dvtcli.device.node import Node
-    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.session.rehearse import Rehearse
     from dvtcli.operations.session.session import Session
@@ -64,11 +65,21 @@ def verify(
         refuse_lacking(plan)
     wishes = _chosen(session, pdos, wanted, file or SESSION)
     named = len(wishes) > 1 or len(session.known_ids()) > 1
+    lines = {} if plan is None else {node.node_id: _lines(node) for node in plan.nodes}
     compared = tuple(
-        compare(session, session.node(node_id), wish, file, frame=frame, named=named)
+        replace(
+            compare(session, session.node(node_id), wish, file, frame=frame, named=named),
+            lines=lines.get(node_id, {}),
+        )
         for node_id, wish in wishes.items()
     )
     return compared[0] if len(compared) == 1 and not lacking else ComparedNodes(compared, lacking)
+
+
+def _lines(node: NodePlan) -> dict[str, int]:
+    """Where a network file says what each PDO and object of *node* should be, and the node itself."""
+    objects = {f"{index:04X}:{sub_index:02X}": line for (index, sub_index), line in node.object_lines.items()}
+    return {"": node.line, **{pdo.label: line for pdo, line in node.lines.items()}, **objects}
 
 
 def _wishes(session: Session, rehearse: Rehearse, file: str | None) -> tuple[dict[int, Wish], NetworkPlan | None]:

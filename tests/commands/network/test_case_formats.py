@@ -35,6 +35,10 @@ def test_github_gets_a_command_for_each_difference(bench: Bench, file: Path) -> 
     assert (ran.code, ran.stdout.splitlines()[0]) == (3, f"::error {place}")
     ran = bench.run(f"verify {file} --format github")
     assert (ran.code, ran.stdout.count("::error ")) == (3, 2)
+    assert [line.partition("title")[0] for line in ran.stdout.splitlines()[:2]] == [
+        f"::error file={file},line=5,", f"::error file={file},line=9,",
+    ]  # fmt: skip
+    assert f"::error file={file},line=9,title=node 5::" in bench.run(f"diff {file} --format github").stdout
     assert bench.run(f"apply {file}").code == 0
     for word in ("diff", "verify"):
         ran = bench.run(f"{word} {file} --format github")
@@ -58,7 +62,7 @@ def test_a_whole_device_has_a_case_for_each_setting_that_differs(bench: Bench) -
         assert bench.run(line).code == 0
     ran = bench.run("compare monday.dcf --format github")
     assert (ran.code, ran.stdout.count("::error ")) == (3, 2)
-    said = "::error file=monday.dcf,title=node 1::0x1017:00 Producer heartbeat time of node 1: 500 -> 650"
+    said = "::error file=monday.dcf,title=node 1::0x1017:00 Producer heartbeat time of node 1: 500 ms -> 650 ms"
     assert said in ran.stdout.splitlines()
     ran = bench.run("compare monday.dcf friday.dcf --format junit")
     assert (ran.code, counted(ran.stdout)) == (3, (3, 2, 0))

@@ -10,6 +10,7 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.network.concise_difference import download_lines
 from dvtcli.domain.several import plural, several
 from dvtcli.domain.shown_value import cut_text
+from dvtcli.domain.shown_value import value_text as physical_text
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
@@ -72,6 +73,8 @@ def value_text(one: ObjectDifference, data: bytes | None) -> str:
     if data is None:
         return "-"
     value = one.value(data)
+    if one.meaning.says and isinstance(value, int | float):
+        return physical_text(value, one.meaning, 8 * len(data))
     if isinstance(value, int) and not isinstance(value, bool) and value >= 0 and _is_word(one, data):
         return f"0x{value:0{2 * len(data)}X}"
     if isinstance(value, str):

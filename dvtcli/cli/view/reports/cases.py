@@ -89,8 +89,10 @@ def _lacking(lacking: Sequence[Lacked], file: str) -> Iterator[Case]:
 
 
 def _line(node: NodePlan, change: Change) -> int:
-    """Where the file says what *change* comes to: its PDO, else its node."""
-    return (node.lines.get(change.pdo, 0) if isinstance(change, PdoChange) else 0) or node.line
+    """Where the file says what *change* comes to: its PDO or object, else its node."""
+    if isinstance(change, PdoChange):
+        return node.lines.get(change.pdo, 0) or node.line
+    return node.object_lines.get((change.step.index, change.step.sub_index), 0) or node.line
 
 
 def _differences(change: Change) -> Iterator[str]:
@@ -108,9 +110,10 @@ def _compared(one: Compared) -> Iterator[Case]:
     for label, text in one.differences:
         found.setdefault(label, []).append(text)
     for label, texts in found.items():
-        yield Case(one.node, label, tuple(texts), file=one.against)
+        yield Case(one.node, label, tuple(texts), file=one.against, line=one.line_of(label))
     for label, frame, _ in one.frames:
-        yield Case(one.node, f"frame of {label}", () if frame else ("none came",), file=one.against)
+        says = () if frame else ("none came",)
+        yield Case(one.node, f"frame of {label}", says, file=one.against, line=one.line_of(label))
 
 
 def _whole(result: WholeCompared) -> Iterator[Case]:
