@@ -16,6 +16,7 @@ from typing import Any
 import dvtcli
 from dvtcli import errors, results, testing
 from dvtcli.operations.api import arguments
+from tests.house.reference.api import as_called
 
 FROZEN = Path(__file__).with_name("surface.txt")
 REWRITE = "python -m tests.api.surface"
@@ -89,15 +90,8 @@ def _function(name: str, value: Any) -> Iterator[str]:
     if not (inspect.isroutine(value) or name.startswith("dvtcli_")):
         yield name
         return
-    whole = inspect.signature(inspect.unwrap(value))
-    parameters = [one for one in whole.parameters.values() if one.name != "self"]
-    given = [_parameter(one) for one in parameters]
-    named = [at for at, one in enumerate(parameters) if one.kind is one.KEYWORD_ONLY]
-    if named and not any(one.kind is one.VAR_POSITIONAL for one in parameters):
-        given.insert(named[0], "*")
-    answer = f") -> {whole.return_annotation}"
-    line = f"{name}({', '.join(given)}{answer}"
-    yield from [line] if len(line) <= 100 else [f"{name}(", *(f"    {one}," for one in given), answer]
+    answer = inspect.signature(inspect.unwrap(value)).return_annotation
+    yield from as_called(name, value, _parameter, f" -> {answer}")
 
 
 def _parameter(one: inspect.Parameter) -> str:

@@ -104,8 +104,8 @@ def _node_id(layout: Layout, findings: Findings) -> int | None:
     given = values.get("nodeid")
     if given is None or not without_comment(given.value):
         return None
-    node_id = number_key(values, "nodeid", 0, 0xFF, Findings())
-    if node_id is None or _HIGHEST_NODE_ID < node_id < _UNCONFIGURED:
+    node_id = _whole(given)
+    if node_id is None or not (0 <= node_id <= _HIGHEST_NODE_ID or node_id == _UNCONFIGURED):
         text = f"{quoted(given)} is no node-ID, which is 1..127: of which node the values are, nobody knows; ignored"
         findings.add(NODE_ID, given.line, text, value_lost=True)
         return None
@@ -116,6 +116,14 @@ def _node_id(layout: Layout, findings: Findings) -> int | None:
     else:
         findings.add(NODE_ID, given.line, f"{quoted(given)} is not within 1..127; ignored")
     return None
+
+
+def _whole(given: IniValue) -> int | None:
+    """The number that a key gives, None where it is none."""
+    try:
+        return read_number(without_comment(given.value))
+    except ValueError:
+        return None
 
 
 def _given_node_ids(sections: Iterable[IniSection]) -> dict[int, int]:

@@ -125,8 +125,10 @@ def _dummies(root: XmlElement, findings: Findings) -> frozenset[int] | None:
 
 def _node_id(placed: XmlElement, findings: Findings) -> int | None:
     text = placed.attributes.get("nodeID", "").strip()
-    node_id = _number(placed, "nodeID", _U32, Findings())
-    if not text or (node_id is not None and 1 <= node_id <= _HIGHEST_NODE_ID):
+    if not text:
+        return None
+    node_id = _whole(text)
+    if node_id is not None and 1 <= node_id <= _HIGHEST_NODE_ID:
         return node_id
     if node_id in (0, _UNCONFIGURED):
         findings.add(NO_NODE_ID, placed.line, f"nodeID={node_id} means not configured")

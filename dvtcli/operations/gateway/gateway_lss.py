@@ -28,6 +28,7 @@ _CHANGES = ("lss_set_node", "lss_store", "lss_switch_sel", "_lss_fastscan")
 _SWITCH_ALL = ("lss_switch_glob", (1,))
 _RATES = "a bus whose nodes run at two bit rates is dead; dvtcli lss bit-rate changes all, and takes it back"
 _ALL = "all slaves at once would get one node-ID; lss_switch_sel selects one"
+READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
 
 
 class LssLines:
@@ -40,7 +41,7 @@ class LssLines:
     def answer(self, client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
         """What *client* is answered to the order *name*."""
         if not self._allow_changes and (name in _CHANGES or (name, numbers) == _SWITCH_ALL):
-            return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
+            return READ_ONLY
         if self._session.dry_run:
             return Failed(GatewayError.INTERNAL_STATE, "dry run: no LSS is sent, so that nobody can answer")
         return self._answered(client, name, numbers)

@@ -19,7 +19,7 @@ from dvtcli.domain.gateway.value_words import HEX, value_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
 from dvtcli.operations.gateway.client_orders import NET, ordered
-from dvtcli.operations.gateway.gateway_lss import LSS, LssLines
+from dvtcli.operations.gateway.gateway_lss import LSS, READ_ONLY, LssLines
 from dvtcli.operations.gateway.gateway_pdos import GatewayPdos
 from dvtcli.operations.gateway.heartbeat_watches import HEARTBEATS, HeartbeatWatches
 from dvtcli.operations.meanings.object_values import type_of
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.gateway.line_client import LineClient
     from dvtcli.operations.nodes.command_nmt import BegunReset
     from dvtcli.operations.session.session import Session
-
-READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
 
 
 class GatewayWork:

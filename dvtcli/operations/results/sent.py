@@ -84,6 +84,26 @@ class Outcome:
         }
 
 
+class OfFrames(Answer):
+    """An answer that says what became of frames; true where all of them were sent."""
+
+    __slots__ = ()
+    outcome: Outcome
+
+    def __bool__(self) -> bool:
+        return self.outcome.sent == self.outcome.wanted
+
+    @property
+    def exit_code(self) -> int:
+        """As `Outcome.exit_code`."""
+        return self.outcome.exit_code
+
+    @property
+    def failure(self) -> DvtcliError | None:
+        """What is to be said where not all were sent."""
+        return self.outcome.error
+
+
 @dataclass(frozen=True, slots=True)
 class FrameToSend:
     """One frame, with what it may do to nodes (*effects*, empty where nobody is known to act on it).
@@ -116,7 +136,7 @@ class FrameToSend:
 
 
 @dataclass(frozen=True, slots=True)
-class FramesSent(Answer):
+class FramesSent(OfFrames):
     """What became of the *frames*; true where all of them were sent."""
 
     renderer: ClassVar = "sent_lines:sent_lines"
@@ -124,19 +144,6 @@ class FramesSent(Answer):
     frames: tuple[FrameToSend, ...]
     outcome: Outcome
     dry_run: bool = False
-
-    def __bool__(self) -> bool:
-        return self.outcome.sent == self.outcome.wanted
-
-    @property
-    def exit_code(self) -> int:
-        """As `Outcome.exit_code`."""
-        return self.outcome.exit_code
-
-    @property
-    def failure(self) -> DvtcliError | None:
-        """What is to be said where not all were sent."""
-        return self.outcome.error
 
     def document(self) -> Document:
         """`dvtcli.send/1`."""
@@ -189,7 +196,7 @@ class FramesToReplay:
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed(Answer):
+class Replayed(OfFrames):
     """What became of the recording *file*, which *frames* it came to, and what was *left_out* of it, by reason.
 
     True where all frames were sent.
@@ -202,19 +209,6 @@ class Replayed(Answer):
     outcome: Outcome
     left_out: tuple[tuple[str, int], ...] = ()
     dry_run: bool = False
-
-    def __bool__(self) -> bool:
-        return self.outcome.sent == self.outcome.wanted
-
-    @property
-    def exit_code(self) -> int:
-        """As `Outcome.exit_code`."""
-        return self.outcome.exit_code
-
-    @property
-    def failure(self) -> DvtcliError | None:
-        """What is to be said where not all were sent."""
-        return self.outcome.error
 
     def document(self) -> Document:
         """`dvtcli.replay/1`."""

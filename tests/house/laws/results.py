@@ -24,9 +24,12 @@ def results_say_all_of_themselves(tree: SourceTree) -> Iterator[str]:
         if not file.startswith(_ROOM):
             yield from (f"{file}:{node.lineno} {node.name}: a result belongs to {_ROOM}" for node in _documents(module))
             continue
+        above = {node.name: _members(node) for node in module.body if isinstance(node, ast.ClassDef)}
         answers = [node for node in module.body if isinstance(node, ast.ClassDef) and _is_answer(node)]
         for node in answers:
-            yield from (f"{file}:{node.lineno} {node.name}: {what}" for what in _missing(tree, node))
+            yield from (
+                f"{file}:{node.lineno} {node.name}: {what}" for what in _missing(tree, node, _with_bases(node, above))
+            )
 
 
 def _documents(module: ast.Module) -> list[ast.ClassDef]:
@@ -45,15 +48,15 @@ def _is_answer(node: ast.ClassDef) -> bool:
     return says and ("exit_code" in _members(node) or "renderer" in _members(node))
 
 
-def _missing(tree: SourceTree, node: ast.ClassDef) -> Iterator[str]:
+def _missing(tree: SourceTree, node: ast.ClassDef, members: set[str]) -> Iterator[str]:
     source = ast.unparse(node)
     if not _schema(source):
         yield 'its document has no schema, as {"schema": "dvtcli.NAME/1", …}'
-    if "exit_code" not in _members(node):
+    if "exit_code" not in members:
         yield "it says no exit code: a field `exit_code: int = 0`"
     said = re.search(r"renderer: ClassVar = '(\w+):(\w+)'", source)
     if said is None:
-        if "text" not in _members(node):
+        if "text" not in members:
             yield "it says no text: a property `text` with its lines, or a `renderer` in cli/view/answers"
         return
     view = tree.texts.get(f"cli/view/answers/{said[1]}.py")
@@ -67,3 +70,8 @@ def _missing(tree: SourceTree, node: ast.ClassDef) -> Iterator[str]:
 def _members(node: ast.ClassDef) -> set[str]:
     names = {one.target.id for one in node.body if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name)}
     return names | {one.name for one in node.body if isinstance(one, ast.FunctionDef)}
+
+
+def _with_bases(node: ast.ClassDef, above: dict[str, set[str]]) -> set[str]:
+    """What a class has itself, and by the bases that stand in its own file."""
+    return _members(node).union(*(above.get(base.id, set()) for base in node.bases if isinstance(base, ast.Name)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import dvtcli
@@ -49,7 +49,10 @@ def answers() -> Iterator[str]:
         if dataclasses.is_dataclass(kind):
             rows = ((code(field.name), code(str(field.type))) for field in dataclasses.fields(kind))
             yield from ("", *table(("field", "type"), rows))
-        members = [f"`{member}`" for member in vars(kind) if not member.startswith("_") and _is_extra(kind, member)]
+        own = [one for one in reversed(kind.__mro__) if one.__module__ == kind.__module__]
+        members = [
+            f"`{name}`" for one in own for name in vars(one) if not name.startswith("_") and _is_extra(one, name)
+        ]
         if members:
             yield from ("", f"Also {', '.join(members)}.")
 
@@ -93,14 +96,20 @@ def _function(name: str, function: Any, prefix: str, level: int = 3) -> Iterator
 
 def _signature(name: str, function: Any) -> list[str]:
     """How it is called, in one line where that is short."""
-    whole = inspect.signature(inspect.unwrap(function))
-    shown = [_plain(str(one)) for one in whole.parameters.values() if one.name != "self"]
-    star = next((at for at, one in enumerate(whole.parameters.values()) if one.kind is one.KEYWORD_ONLY), None)
-    if star is not None and not any(one.kind is one.VAR_POSITIONAL for one in whole.parameters.values()):
-        shown.insert(star - ("self" in whole.parameters), "*")
-    answer = "" if whole.return_annotation is whole.empty else f" -> {_plain(str(whole.return_annotation))}"
-    line = f"{name}({', '.join(shown)}){answer}"
-    return [line] if len(line) <= 100 else [f"{name}(", *(f"    {one}," for one in shown), f"){answer}"]
+    answer = inspect.signature(inspect.unwrap(function)).return_annotation
+    said = "" if answer is inspect.Signature.empty else f" -> {_plain(str(answer))}"
+    return as_called(name, function, lambda one: _plain(str(one)), said)
+
+
+def as_called(name: str, function: Any, shown: Callable[[inspect.Parameter], str], answer: str) -> list[str]:
+    """*name* with its arguments, each as it is *shown*, and the *answer*; an argument a line where that is long."""
+    parameters = [one for one in inspect.signature(inspect.unwrap(function)).parameters.values() if one.name != "self"]
+    given = [shown(one) for one in parameters]
+    named = [at for at, one in enumerate(parameters) if one.kind is one.KEYWORD_ONLY]
+    if named and not any(one.kind is one.VAR_POSITIONAL for one in parameters):
+        given.insert(named[0], "*")
+    line = f"{name}({', '.join(given)}){answer}"
+    return [line] if len(line) <= 100 else [f"{name}(", *(f"    {one}," for one in given), f"){answer}"]
 
 
 def _plain(text: str) -> str:
