@@ -10,7 +10,7 @@ from pathlib import Path
 from dvtcli.device.change.private_file import file_name
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, plan_pdo
-from dvtcli.domain.script_line import REMARKS, identity_line
+from dvtcli.domain.script_line import REMARKS, identity_line, serial_line
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,16 @@ def backups(folder: Path, bus: str, node_id: int, identity: Mapping[str, int | N
     head, needed = f"{file_name(bus)}-{node_id}-", identity_line(identity)
     found = [Backup(path, path.name.removeprefix(head).removesuffix(".dvt")) for path in folder.glob(f"{head}*.dvt")]
     return sorted((one for one in found if _pins(one.lines()) == needed), key=lambda one: one.stamp)
+
+
+def of_this_device(found: Iterable[Backup], identity: Mapping[str, int | None]) -> list[Backup]:
+    """Those of *found* that were made of the very device of this *identity*, by its serial number, or do not say."""
+    line = serial_line(identity)
+    return [one for one in found if line in (lines := one.lines()) or not any(map(_tells_serial, lines))]
+
+
+def _tells_serial(line: str) -> bool:
+    return line.startswith("# serial number") or line == serial_line({})
 
 
 def _pins(lines: Sequence[str]) -> str | None:

@@ -148,6 +148,11 @@ def _chain(session: Session, node_id: int, selected: int | None) -> Remembered |
     entries = keeper.past.entries(node_id, identity, selected)
     if not entries and node_id == selected:
         entries = _moved(session, keeper, identity)
+        if entries:
+            was = entries[-1].plan.node_id
+            session.tell.note(
+                f"node {node_id} was node {was} when it was changed: what depends on that, as COB-IDs, may differ"
+            )
     return Remembered(node, keeper, entries) if entries else None
 
 
@@ -191,6 +196,14 @@ def _time(entry: Recorded) -> str:
 
 def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError:
     """That there is nothing to undo of the *selected* node, or of any of the bus."""
+    others = sorted({one.plan.node_id for one in keeping.past().tops(None)})
+    if selected is None and others:
+        return UsageError(
+            f"nothing to undo: no change of the devices that are there as node {', '.join(map(str, others))} now is "
+            "remembered",
+            why="what is remembered of these node-IDs was changed on other devices (0x1018)",
+            hint="where these have other node-IDs now: `-n ID undo`",
+        )
     if selected is None:
         return UsageError("nothing to undo: no change on this bus is remembered")
     error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)

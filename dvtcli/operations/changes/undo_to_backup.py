@@ -11,13 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.backups import backups, remarks, way_to
+from dvtcli.device.backups import backups, of_this_device, remarks, way_to
 from dvtcli.device.wish import Wish
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.script_line import backup_of
-from dvtcli.errors import UsageError
+from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.changes.undo_remembered import nothing_remembered
 from dvtcli.operations.results import Changed
@@ -37,7 +37,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     keeper = _keeper(session)
     node = session.node(keeper.node_id)
     found = node.claim()
-    file = _backup_file(keeper, node, when)
+    file = _backup_file(keeper, node, when, force=session.options.force)
     session.tell.note(f"this puts {file} back")
     said = remarks(Path(file))
     for remark in said:
@@ -85,9 +85,22 @@ def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
             yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
 
 
-def _backup_file(keeper: Keeper, node: Node, when: str | None) -> str:
-    """The newest backup of the node, or the newest of those made at *when*; UsageError lists what there is."""
-    found = backups(keeper.folder / "backups", keeper.bus, node.node_id, node.identity())
+def _backup_file(keeper: Keeper, node: Node, when: str | None, *, force: bool) -> str:
+    """The newest backup of the device, or the newest of those made at *when*; UsageError lists what there is.
+
+    SafetyRefusal where those of its node-ID are of another device of its kind, unless *force* says that it counts.
+    """
+    kind = backups(keeper.folder / "backups", keeper.bus, node.node_id, node.identity())
+    found = kind if force else of_this_device(kind, node.identity())
+    if kind and not found:
+        other = SafetyRefusal(
+            f"no backup of the device that is node {node.node_id} now: those of node {node.node_id} are another one's",
+            node=node.node_id,
+            why="its serial number (0x1018:04) is another one",
+            hint="--force puts one back all the same, as on a spare device that takes its place",
+        )
+        other.details += [("backup", f"{one.stamp}  {one.path}") for one in kind]
+        raise other
     fitting = found if when is None else [one for one in found if one.was_made(when)]
     if fitting:
         return str(fitting[-1].path)

@@ -172,3 +172,5 @@ def forget(session: Session, given: LssGiven) -> None:
         if node is not None:
             node.let_go()
         network.files.forget(node_id)
+        # what was done to it is remembered of the device, whatever node-ID that has
+        network.order[:] = [one for one in network.order if one != node_id]
