@@ -318,6 +318,37 @@ def test_what_tests_a_proof_is_never_stored_by_recover(chain: Chain, home: Path,
     killed_while_proved(chain, home, at, look)
 
 
+@pytest.mark.parametrize("only_stores", [5, 9])
+@pytest.mark.parametrize("at", [1, 2, 3])
+def test_nor_where_a_node_only_stores(chain: Chain, home: Path, at: int, only_stores: int) -> None:
+    chain.apply(file(home, "before", a=False, b=False))
+    silent(14 - only_stores)(chain)  # the other one holds what is wanted, and has not stored it
+
+    def look(after: Chain) -> None:
+        with after.session(node=None) as session:
+            assert recover(session, finish=True)
+        for node_id in (5, 9):
+            assert after.stored()[node_id][TYPE] == b"\x01"
+            assert after.devices[node_id].value(*TEST_VALUE) == b"\0\0", node_id
+        assert after.journals() == []
+
+    killed_while_proved(chain, home, at, look)
+
+
+@pytest.mark.parametrize("at", [1, 2, 3])
+def test_and_finish_looks_at_all_of_a_node_that_only_stores(chain: Chain, home: Path, at: int) -> None:
+    chain.apply(file(home, "before", a=False, b=False))
+    silent(5)(chain)
+
+    def look(after: Chain) -> None:
+        after.devices[9].download(*TYPE, b"\x07")
+        with after.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 9"):
+            recover(session, finish=True)
+        assert stored_type(after, 9) in (None, b"\x01")
+
+    killed_while_proved(chain, home, at, look)
+
+
 @pytest.mark.parametrize("at", [1, 2, 3])
 def test_and_goes_with_everything_else(chain: Chain, home: Path, at: int) -> None:
     before = chain.held()

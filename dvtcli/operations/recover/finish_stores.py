@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 def may_finish(journals: Sequence[Journal]) -> bool:
     """Whether *journals* are all of one whole, each of whose nodes had been verified before the stores began."""
-    parts = [journal.part for journal in journals]
-    return bool(parts) and bool(parts[0].stores) and len({one.whole for one in parts}) == 1
+    wholes = {journal.part.whole for journal in journals}
+    return len(wholes) == 1 and bool(furthest(journals).stores)  # one that only tests a proof says of no stores
 
 
 def finish(session: Session, journals: Sequence[Journal]) -> Facts:
@@ -60,7 +60,11 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     tests = {
         one.plan.node_id: one.part.tests for one in journals if holds_test(nodes[one.plan.node_id], one.part.tests)
     }
-    with_tests = {one.plan.node_id: one.plan.changes for one in journals if one.plan.node_id in tests}
+    with_tests = {
+        one.plan.node_id: _tested(verified.changes[one.plan.node_id], one)
+        for one in journals
+        if one.plan.node_id in tests
+    }
     for node_id in nodes:
         _refuse_unlike(replace(verified, changes={**verified.changes, **with_tests}), node_id)
     ids = ", ".join(map(str, waiting(part)))
@@ -72,9 +76,14 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
 
 
 def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> Verified:
-    """What every node was verified to hold, as the journals say; a node that only stores has none of its own."""
+    """What every node was verified to hold, as the journals say.
+
+    A node that only stores has none of its own, or one that only tests a proof.
+    """
     changes = {one.node_id: one.holds for one in part.stores}
-    changes |= {journal.plan.node_id: _wanted(journal) for journal in journals}
+    changes |= {
+        journal.plan.node_id: (*changes.get(journal.plan.node_id, ()), *_wanted(journal)) for journal in journals
+    }
     identities = {one.node_id: one.identity for one in part.stores if one.identity is not None}
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
@@ -89,6 +98,13 @@ def _wanted(journal: Journal) -> tuple[Change, ...]:
         replace(one, after=tested[one.pdo]) if isinstance(one, PdoChange) and one.pdo in tested else one
         for one in journal.plan.changes
     )
+
+
+def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
+    """What a node *holds* while it still holds what *journal* says that tested a store."""
+    tested = {one.pdo for one in journal.part.tests if isinstance(one, PdoChange)}
+    others = (one for one in holds if not (isinstance(one, PdoChange) and one.pdo in tested))
+    return (*others, *(one for one in journal.plan.changes if isinstance(one, PdoChange) and one.pdo in tested))
 
 
 def _store(
