@@ -116,10 +116,10 @@ class Listener:
 
     def _keep(self, frame: Frame, _sent: bool) -> None:
         """Called by whichever thread reads or sends, with every frame: it only dates and keeps it."""
+        frame, _ = self._secret.without(frame)  # also of what is not kept: a transfer goes on in the next frame
         if len(self._frames) >= self._most:
             self._overflowed += 1
             return
-        frame, _ = self._secret.without(frame)
         self._frames.append(self._dated(frame))
         if not self._arrived.is_set():  # to set it again costs as much as all the rest of this
             self._arrived.set()

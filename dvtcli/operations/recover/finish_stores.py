@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.canary import holds_test, put_test_back
 from dvtcli.device.change.accepted_state import refuse_other_device
+from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.several import several
@@ -133,7 +134,8 @@ def _store(
                 keeper.own_journal.complete_whole()
         except LeftChanged as left:
             if not course.lost:
-                left.hint = "recover --finish goes on with those that are missing; recover puts every node back"
+                first = f"{BUS_BACK}; then " if (left.hint or "").startswith(BUS_BACK) else ""
+                left.hint = f"{first}recover --finish goes on with those that are missing; recover puts every node back"
             raise
         finally:
             session.whole.end()

@@ -35,8 +35,9 @@ class SteadyListener:
         self.gaps_s: list[float] = []
         self._bus, self._listener = self._on_wire()
 
-    def _on_wire(self) -> tuple[CanopenBus, Listener]:
-        return self._session.wire, Listener(self._session.wire, self._session.secrets.in_frames())
+    def _on_wire(self, *, after_gap: bool = False) -> tuple[CanopenBus, Listener]:
+        secret = self._session.secrets.in_frames(unknown=after_gap)  # how a transfer began nobody heard
+        return self._session.wire, Listener(self._session.wire, secret)
 
     def __enter__(self) -> SteadyListener:
         self._listener.__enter__()
@@ -91,7 +92,7 @@ class SteadyListener:
         finally:
             self.gaps_s.append(monotonic() - gone_s)
         self._before = self.overflowed, self.dropped
-        self._bus, self._listener = self._on_wire()
+        self._bus, self._listener = self._on_wire(after_gap=True)
         self._listener.__enter__()
         self.is_gone = False
         return True

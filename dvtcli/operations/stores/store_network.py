@@ -165,7 +165,7 @@ def _store_one(
             raise
         course.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
     except (SafetyRefusal, LeftChanged) as other:  # another device, or what tested the store is left on it
-        course.lost = [other]
+        course.lost = [other, *(one for one in course.lost if one is not other)]
         raise
     course.states[one.node_id] = replace(one, is_done=True)
     _say_too_late(session, course)

@@ -43,14 +43,30 @@ class Replayed:
     def drain(self) -> None:
         """Nothing has arrived before."""
 
+    def pass_on(self, frame: Frame) -> None:
+        self._callback(frame, False)
+
     def idle(self, duration_s: float) -> None:
         assert duration_s > 0
         for frame in self._frames:
-            self._callback(frame, False)
+            self.pass_on(frame)
         self._frames = ()
 
     def lost_frame_count(self) -> int:
         return 0
+
+
+def test_a_transfer_whose_beginning_found_no_room_is_followed_all_the_same() -> None:
+    bus = Replayed()
+    with Listener(bus, Secrets.known().in_frames(), waiting=2) as listener:
+        listener.take(1.0)
+        for data in ("01 00 00 00 00 00 00 00", "02 00 00 00 00 00 00 00"):
+            bus.pass_on(Frame(0x185, bytes.fromhex(data), timestamp_s=1.0))
+        bus.pass_on(Frame(0x601, bytes.fromhex("21 00 50 02 04 00 00 00"), timestamp_s=1.0))
+        assert [frame.can_id for frame in listener.take()] == [0x185, 0x185]
+        bus.pass_on(Frame(0x601, bytes.fromhex("07 44 44 44 44 00 00 00"), timestamp_s=1.0))
+        (kept,) = listener.take()
+    assert kept.data[1:] == bytes(7)
 
 
 def test_the_value_is_kept_as_zeros_and_nothing_else_is_touched() -> None:

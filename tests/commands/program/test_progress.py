@@ -6,7 +6,6 @@ import io
 import os
 import re
 import time
-from itertools import pairwise
 from typing import TextIO
 
 import pytest
@@ -95,12 +94,10 @@ def test_without_a_terminal_lines_are_as_far_apart_as_the_first_one_is_late() ->
     output = Output(io.StringIO(), stderr)
     output.progress_line = ProgressLine(stderr, pipe_s=0.1)
     began_s = time.monotonic()
-    said: list[float] = []
-    while len(said) < 3:
+    while stderr.getvalue().count("\n") < 3:
         for done in range(11):
             output.progress(f"at {time.monotonic()}", done, 10)
-        said = [float(line.split()[1]) - began_s for line in stderr.getvalue().splitlines()]
-    assert all(later - earlier >= 0.09 for earlier, later in pairwise([0.0, *said]))
+    assert stderr.getvalue().count("\n") * 0.1 <= time.monotonic() - began_s  # however slow the machine is
 
 
 def test_what_is_done_at_once_is_no_progress() -> None:
