@@ -62,13 +62,9 @@ class MillisecondsType(CanopenType):
 
     def parse(self, text: str, ctx: click.Context | None) -> int:
         """The number of counts."""
-        from dvtcli.domain.milliseconds import counts
+        from dvtcli.domain.milliseconds import counts, milliseconds
 
-        try:
-            time_ms = float(text)
-        except ValueError:
-            raise ValueError(f"{text!r} is not a time in milliseconds") from None
-        return counts(time_ms, self.unit_us, self.most)
+        return counts(milliseconds(text), self.unit_us, self.most)
 
 
 class TextType(CanopenType):

@@ -2,6 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
+_TIME = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?) ?(ms|s|)")
+
+
+def milliseconds(text: str) -> float:
+    """The time that *text* says, `20`, `20ms` or `0.02 s`, in milliseconds; ValueError where it says none."""
+    found = _TIME.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"{text!r} is not a time in milliseconds, such as 20, 20ms or 0.02s")
+    return float(found[1]) * (1000 if found[2] == "s" else 1)
+
 
 def counts(time_ms: float, unit_us: int, most: int = 0xFFFF) -> int:
     """*time_ms* as a whole number of counts of *unit_us* µs; ValueError where it is none, or more than *most*."""

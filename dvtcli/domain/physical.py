@@ -19,11 +19,11 @@ from dvtcli.domain.unit import scale_text, spelled, times, with_prefixes
 #: the most digits behind the point
 _MOST_DECIMALS = 12
 _QUANTITY = re.compile(
-    r"(?P<number>[+-]?(?:\d{1,30}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*(?P<unit>[^\s\d(,][^()]*?)?"
-    r"(?:\s*\((?P<raw>-?(?:\d{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
+    r"(?P<number>[+-]?(?:[0-9]{1,30}(?:\.[0-9]{0,30})?|\.[0-9]{1,30})(?:[eE][+-]?[0-9]{1,2})?)\s*(?P<unit>[^\s\d(,][^()]*?)?"
+    r"(?:\s*\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
 )
 #: a word as `text` shows it, raw in parentheses
-_WITH_RAW = re.compile(r"(?P<word>.*?)\s*\((?P<raw>-?(?:\d{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)
+_WITH_RAW = re.compile(r"(?P<word>.*?)\s*\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)
 #: blanks, marks of a sentence, brackets, and the hyphen within a word
 _LEFT_OUT = re.compile(r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+")
 

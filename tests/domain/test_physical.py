@@ -185,3 +185,8 @@ def test_any_text_is_a_unit_or_a_factor_or_refused(text: str) -> None:
 @given(st.integers(0, 0xFFFF_FFFF))
 def test_every_bit_that_is_set_has_a_name(raw: int) -> None:
     assert len(ERRORS.set_bits(raw)) == raw.bit_count()
+
+
+@pytest.mark.parametrize("text", ["٣", "٣ V", "3٣ V", "3 V (٣)"])
+def test_digits_of_other_scripts_are_no_number(text: str) -> None:
+    assert VOLT.to_raw(text) is None

@@ -20,7 +20,7 @@ from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_
 from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.operations.eds_library.sought_files import Sought, sought_files
 from dvtcli.operations.results.library_files import ADDED, REFUSED, REPLACED, THERE, AddedFile, LibraryAdded
-from dvtcli.operations.session.save_script import write_bytes
+from dvtcli.operations.session.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -158,7 +158,7 @@ def _keep(target: StoredFile, data: bytes, known: Remembered, dictionary: Object
         where.mkdir(parents=True, exist_ok=True)
     except OSError as failed:
         raise UsageError(f"{where}: {failed.strerror or failed}", place=str(where)) from failed
-    write_bytes(target.path, data)
+    write_whole(target.path, data)
     put_first(target)
     remember(target, known, dictionary)
 
@@ -202,4 +202,4 @@ def write_note(one: StoredFile, known: Remembered, found: Described) -> None:
         text = note_about(one, known, found)
     except OSError as failed:
         raise UsageError(f"{place.parent}: {failed.strerror or failed}", place=str(place)) from failed
-    write_bytes(place, text.encode())
+    write_whole(place, text.encode())

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.sdo.client import MOST_BYTES
-from dvtcli.device.change.private_file import put_in_place
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.operations.meanings.named_objects import object_at, refuse_whole
 from dvtcli.operations.objects.transfer_progress import transfer_progress
 from dvtcli.operations.objects.write_object import write_bytes
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
+from dvtcli.operations.session.whole_file import write_whole
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -34,7 +33,7 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
     place = f"{index:04X}:{sub_index:02X}"
     with transfer_progress(session, node.node_id, f"node {node.node_id}: reading 0x{place}"):
         data = node.upload(index, sub_index)
-    _write_bytes(path, data)
+    write_whole(path, data)
     session.made.append(file)
     rows = (("node", node.node_id), ("object", place), ("file", file), ("bytes", len(data)))
     return Facts("object-file", rows, (f"{file}: {len(data):,} bytes of 0x{place} of node {node.node_id}",))
@@ -63,15 +62,3 @@ def file_bytes(file: str) -> bytes:
     if len(data) > MOST_BYTES:
         raise InputFileError(f"{file} is larger than {MOST_BYTES:,} bytes", place=file)
     return data
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    try:
-        made = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            made.write_bytes(data)
-            put_in_place(made, path)
-        finally:
-            made.unlink(missing_ok=True)
-    except OSError as failed:
-        raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed

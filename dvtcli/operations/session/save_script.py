@@ -7,10 +7,8 @@ import shlex
 from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
-from stat import S_IMODE
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.private_file import put_in_place
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.end_state import end_state, left_out_stores, touched
 from dvtcli.domain.plan import PdoChange
@@ -18,6 +16,7 @@ from dvtcli.domain.script_line import backup_lines
 from dvtcli.domain.several import several
 from dvtcli.errors import UsageError
 from dvtcli.operations.results import Facts
+from dvtcli.operations.session.whole_file import write_whole
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -188,31 +187,8 @@ def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
 
 def make_file(session: Session, path: Path, content: str | bytes) -> None:
     """Write the file whole or not at all, which the session then knows; UsageError where that cannot be."""
-    write_bytes(path, content.encode() if isinstance(content, str) else content)
+    write_whole(path, content.encode() if isinstance(content, str) else content)
     session.made.append(str(path))
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write the file whole or not at all, for others to read, too; UsageError where that cannot be."""
-    made = path.parent / f".{os.urandom(8).hex()}.new"
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    try:
-        try:
-            with os.fdopen(os.open(made, flags, _mode(path)), "wb") as file:
-                file.write(data)
-            put_in_place(made, path)
-        finally:
-            made.unlink(missing_ok=True)
-    except OSError as failed:
-        raise UsageError(f"{path}: {failed.strerror}", place=str(path)) from failed
-
-
-def _mode(path: Path) -> int:
-    """Who may read the file at *path*: who may already; others, too, where it is new, but for the umask."""
-    try:
-        return S_IMODE(path.stat().st_mode)
-    except FileNotFoundError:
-        return 0o644
 
 
 _SECTIONS: dict[Saved, Callable[[Session], list[Section]]] = {ENDS: ended_lines, STEPS: _steps, EVERYTHING: _everything}

@@ -5,6 +5,7 @@ Does not know faults that happen at one transfer (`faulty`).
 
 from __future__ import annotations
 
+from dvtcli.errors import UsageError
 from dvtcli.simulator.device.fault_kinds import FaultKind
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -54,5 +55,5 @@ def _break_memory(device: StrictDevice, kind: FaultKind) -> None:
 def _break_flash(device: StrictDevice, kind: FaultKind) -> None:
     loader = device.loader
     if loader is None:
-        raise ValueError(f"{kind}: the node has no boot loader: no program can be downloaded")
+        raise UsageError(f"{kind}: the node has no boot loader: no program can be downloaded")
     loader.fails, loader.alters = kind is FaultKind.FLASH_FAILS, kind is FaultKind.FLASH_ALTERS

@@ -14,6 +14,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal
 from dvtcli.simulator.device.boot_loader import FACTORY_PROGRAM
 from dvtcli.simulator.device.simulated_faults import read_faults
+from tests import process
 from tests.bus.devices import device
 from tests.commands.bench import Bench, Ran
 from tests.virtual_time import VirtualTimeBus
@@ -260,3 +261,10 @@ def test_from_python(tmp_path: Path) -> None:
         loaded = bus.node().download(tmp_path / "fw.bin", expect="crc32", yes=True)
         assert (loaded.after, loaded.restarted) == (crc32(PROGRAM), True)
         assert bus.node().read("1F51:1").value == 1
+
+
+@pytest.mark.parametrize("fault", ["flash-fails", "flash-alters"])
+def test_a_node_without_a_boot_loader_has_no_flash_that_fails(fault: str) -> None:
+    ran = process.dvtcli("--sim", "generic", "--fault", fault, "pdo")
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert "has no boot loader" in ran.stderr
