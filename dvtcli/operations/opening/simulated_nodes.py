@@ -129,6 +129,7 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
         return ()
     if not simulated:
         raise UsageError("--fault is for simulated nodes", hint="give --sim too: --sim gen4 --fault lose-response@3")
+    from dvtcli.simulator.device.broken_device import break_device
     from dvtcli.simulator.device.faulty import altered
     from dvtcli.simulator.device.simulated_faults import own_of, read_faults
 
@@ -138,6 +139,8 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
             for fault in own_of(one.node_id, simulated[0].node_id, faults):
                 if fault.place is not None:
                     altered(simulated_device(one), fault)
+                elif fault.kind.of_flash:
+                    break_device(simulated_device(one), fault)
     except ValueError as wrong:
         raise UsageError(f"--fault {wrong}") from wrong
     return faults

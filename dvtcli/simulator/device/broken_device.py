@@ -5,7 +5,6 @@ Does not know faults that happen at one transfer (`faulty`).
 
 from __future__ import annotations
 
-from dvtcli.errors import UsageError
 from dvtcli.simulator.device.fault_kinds import FaultKind
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -17,7 +16,7 @@ def break_device(device: StrictDevice, fault: Fault) -> None:
         _mistime(device, fault)
     elif fault.kind is FaultKind.IGNORES_NMT:
         device.ignores_nmt = True
-    elif fault.kind in (FaultKind.FLASH_FAILS, FaultKind.FLASH_ALTERS):
+    elif fault.kind.of_flash:
         _break_flash(device, fault.kind)
     else:
         _break_memory(device, fault.kind)
@@ -55,5 +54,5 @@ def _break_memory(device: StrictDevice, kind: FaultKind) -> None:
 def _break_flash(device: StrictDevice, kind: FaultKind) -> None:
     loader = device.loader
     if loader is None:
-        raise UsageError(f"{kind}: the node has no boot loader: no program can be downloaded")
+        raise ValueError(f"{kind}: the node has no boot loader: no program can be downloaded")
     loader.fails, loader.alters = kind is FaultKind.FLASH_FAILS, kind is FaultKind.FLASH_ALTERS

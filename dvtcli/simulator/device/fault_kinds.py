@@ -59,6 +59,11 @@ class FaultKind(StrEnum):
         return self in (FaultKind.REFUSE_READ, FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
 
     @property
+    def of_flash(self) -> bool:
+        """Whether it is of the memory that a boot loader writes."""
+        return self in (FaultKind.FLASH_FAILS, FaultKind.FLASH_ALTERS)
+
+    @property
     def of_bit_rate(self) -> bool:
         """Whether it is about the node's bit rate."""
         return self in (
