@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import socket
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.gateway.gateway_answers import Dialect, Failed, format_answer
 from dvtcli.domain.gateway.line_words import LONGEST_LINE
-from dvtcli.errors import BusUnavailable, SafetyRefusal
+from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.gateway.serve_gateway import gateway
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -22,6 +23,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.gateway.clients import BridgedNode, Client, Heard, served
 from tests.gateway.networks import FAMILIES, everything, network_file, wishes
+from tests.process import PATIENCE_S
 
 
 def test_it_reads_writes_and_commands() -> None:
@@ -430,3 +432,28 @@ def test_a_signal_ends_it_at_once_also_after_a_change() -> None:
         ):
             client.ask(words)
             assert session.cancellation.asked(130, insists=True), words
+
+
+@pytest.mark.parametrize(
+    ("fault", "told", "state"),
+    [(("4:bus-error@2",), LeftChanged, "left_changed"), ((), BusUnavailable, "unknown")],
+)
+def test_a_bus_that_is_gone_after_a_write_is_not_said_to_have_changed_nothing(
+    fault: tuple[str, ...], told: type[DvtcliError], state: str
+) -> None:
+    with (
+        Session(Options(sim=("generic@4",), fault=fault, yes=True)) as session,
+        gateway(session, ("127.0.0.1", 0), allow_changes=True) as running,
+        ThreadPoolExecutor() as pool,
+    ):
+        ran = pool.submit(running.run)
+        with Client(running) as client:
+            assert client.ask("4 w 0x1017 0 u16 700") == "OK"
+            if fault:
+                assert client.ask("4 w 0x1017 0 u16 800").startswith("ERROR:102 #")
+            else:
+                session.bus.close()
+            client.say(b"[9] 4 r 0x1017 0 u16\r\n")
+            with pytest.raises(told) as ended:
+                ran.result(PATIENCE_S)
+    assert ended.value.state == state

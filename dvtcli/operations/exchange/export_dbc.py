@@ -58,8 +58,9 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes =
 def _tell_guessed(session: Session, source: str, node: NodeState, *, everything: bool) -> None:
     """Say of which PDOs that get a message *source* does not say what they map."""
     pdos = [pdo for pdo in node.guessed if node.pdos[pdo].enabled or everything]
-    for whose in dict.fromkeys(node.guessed[pdo] for pdo in pdos):
+    if pdos:
         names = f"{', '.join(pdo.label for pdo in pdos)} of node {node.node_id} map{'s' if len(pdos) == 1 else ''}"
+        whose = node.guessed[pdos[0]]  # one file, or family, describes the node
         session.tell.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
 
 

@@ -59,7 +59,7 @@ def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcW
     *twice* and *wishes*, and what is raised for them, as of `export_file`. NoAnswer where no node answers.
     """
     if not is_of_all_nodes(file):
-        others = " or ".join(sorted((suffix for suffix, one in export_formats().items() if one.is_of_all)))
+        others = " or ".join(sorted(suffix for suffix, one in export_formats().items() if one.is_of_all))
         raise UsageError(f"{file}: what format is that?", hint=f"a name that ends in {others}")
     return export_file(session, file, twice=twice, wishes=wishes)
 

@@ -45,11 +45,23 @@ class GatewayWork:
         self._pdos = GatewayPdos(session, allow_changes=allow_changes)
         self.heartbeats = HeartbeatWatches(session)
         self._resets: list[_Reset] = []
+        #: whether a line wrote or commanded anything, and what the last one of those could not put back
+        self._wrote = False
+        self._left: LeftChanged | None = None
 
     def close(self) -> None:
         """Listen no longer."""
         self._pdos.close()
         self.heartbeats.close()
+
+    def ended_by(self, gone: BusUnavailable) -> DvtcliError:
+        """What to say where the bus is *gone*: what a client's line could not put back, else how the nodes are."""
+        if self._left is not None:
+            self._left.details.append(("then", str(gone)))
+            return self._left
+        if self._wrote and gone.state == "unchanged":
+            gone.state, gone.state_text = "unknown", "what clients wrote is as their answers said; nobody read it again"
+        return gone
 
     def answer(self, client: LineClient, request: Request) -> Answer | None:
         """What *client* is answered, None where `later` says it; BusUnavailable and Interrupted end the gateway."""
@@ -90,12 +102,14 @@ class GatewayWork:
             raise
         except DvtcliError as failed:
             if isinstance(failed, LeftChanged):
+                self._left = failed
                 self._session.tell.warning(failed.text)
             return failure(failed)
 
     def _done(self, client: LineClient, request: Request) -> Answer | None:
         match request.command:
             case Order(name, numbers) if name in LSS:
+                self._wrote |= self._allow_changes
                 return self._lss.answer(client, name, numbers)
             case Order(name, numbers) if name in HEARTBEATS:
                 return self.heartbeats.answer(client, _node_of(client, request), numbers)
@@ -133,10 +147,10 @@ class GatewayWork:
     @contextmanager
     def _line(self) -> Iterator[None]:
         """A block that changes something: nodes go back to where they were at its end."""
-        code = 1
+        code, self._wrote = 1, True
         try:
             yield
-            code = 0
+            code, self._left = 0, None
         except DvtcliError as failed:
             code = failed.exit_code
             raise

@@ -114,7 +114,19 @@ class Gateway:
         self.hub.wake()
 
     def run(self) -> None:
-        """Serve until `stop`; raises where the bus is gone, KeyboardInterrupt for a Ctrl-C that came during a write."""
+        """Serve until `stop`; raises where the bus is gone, KeyboardInterrupt for a Ctrl-C that came during a write.
+
+        BusUnavailable says how the nodes are then, LeftChanged what a client's last change left.
+        """
+        try:
+            self._serve()
+        except BusUnavailable as gone:
+            told = self._work.ended_by(gone)
+            if told is gone:
+                raise
+            raise told from gone
+
+    def _serve(self) -> None:
         while not self._stopping:
             if self._session.cancellation.requested:
                 raise KeyboardInterrupt
