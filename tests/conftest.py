@@ -19,7 +19,7 @@ from tests.surroundings import Places, clean_environment, own_ground, own_place,
 
 #: a machine under load is slow, and no less right for it
 _UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("unhurried", max_examples=12, **_UNHURRIED)
+settings.register_profile("unhurried", max_examples=10, **_UNHURRIED)
 settings.load_profile("unhurried")
 #: `pytest --hypothesis-profile=thorough` looks at as many times more examples of every law.
 settings.register_profile("many", max_examples=200, **_UNHURRIED)

@@ -16,9 +16,9 @@ import pytest
 One = TypeVar("One")
 
 #: so many cases of a test a whole run takes, where the test says nothing else
-CASES = 8
+CASES = 5
 #: What takes a second of processor time or more by itself: a whole run takes some of all of them.
-heavy = pytest.mark.drawn(14, "heavy")
+heavy = pytest.mark.drawn(8, "heavy")
 
 
 def turn(config: pytest.Config) -> int:
