@@ -48,7 +48,7 @@ def calls() -> Iterator[Any]:
                     yield pytest.param(owner, name, argument, id=f"{owner}.{name}-{argument}")
 
 
-@pytest.mark.drawn(60)
+@pytest.mark.drawn(20)
 @pytest.mark.parametrize(("owner", "name", "argument"), list(calls()))
 def test_only_documented_errors_come_out(
     owner: str, name: str, argument: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dvtcli_state: Path

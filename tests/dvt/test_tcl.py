@@ -24,7 +24,7 @@ pytestmark = [
     pytest.mark.skipif(
         importlib.util.find_spec("_tkinter") is None, reason="Python has no _tkinter here (Debian: python3-tk)"
     ),
-    pytest.mark.drawn(15, "tcl"),
+    pytest.mark.drawn(7, "tcl"),
 ]
 
 

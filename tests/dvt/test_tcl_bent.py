@@ -31,7 +31,7 @@ CORE = [
 HELPERS = ["dvt_call", "dvt_word", "dvt_here", "dvt_frame", "dvt_tick", "dvt_refuse", "dvt_source", "dvt_open"]
 
 
-@pytest.mark.drawn(20)
+@pytest.mark.drawn(8)
 @pytest.mark.parametrize("name", [*CORE, *HELPERS])
 @pytest.mark.parametrize("how", ["proc {name} args {{error bent}}", "catch {{rename {name} {{}}}}"])
 def test_a_redefined_command_breaks_nothing_of_ours(name: str, how: str, tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ def failed(bench: Bench, folder: Path, body: str, seconds: float = PATIENCE_S) -
     raise AssertionError("nothing was said of it")
 
 
-@pytest.mark.drawn(12)
+@pytest.mark.drawn(6)
 @pytest.mark.parametrize(("body", "says"), BROKEN)
 def test_rubbish_ends_the_script(body: str, says: str, tmp_path: Path) -> None:
     with Bench() as bench:

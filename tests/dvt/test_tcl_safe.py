@@ -64,7 +64,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.drawn(15)
+@pytest.mark.drawn(6)
 @pytest.mark.parametrize(("text", "line", "says"), REFUSED)
 def test_what_reaches_outside_or_is_wrong_is_refused_with_its_line(
     text: str, line: int, says: str, tmp_path: Path

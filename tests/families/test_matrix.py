@@ -7,7 +7,7 @@ import pytest
 from tests.families.matrix import ABORTED, CONFIGURATIONS, NOWHERE, REFUSED, TAKEN, cell, cells, table
 
 
-@pytest.mark.drawn(14)
+@pytest.mark.drawn(6)
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_a_configuration_is_the_same_on_every_family_or_refused_beforehand(name: str) -> None:
     found = {cell.family: cell for cell in cells([name])}

@@ -16,7 +16,7 @@ from tests.serve.served import Served, served
 
 pytestmark = pytest.mark.skipif(not (BINARIES / "ansible-playbook").exists(), reason="ansible-core is not here")
 #: each of them starts Ansible, which takes two seconds of a processor to begin
-by_lot = pytest.mark.drawn(2, "ansible")
+by_lot = pytest.mark.drawn(1, "ansible")
 
 NETWORK = """\
 nodes:

@@ -193,7 +193,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize("case", chosen, ids=lambda case: case.name)
 
 
-@pytest.mark.drawn(5)
+@pytest.mark.drawn(2)
 @pytest.mark.counted
 def test_a_hostile_size_ends_in_time_and_in_memory(case: Case, tmp_path: Path) -> None:
     code, said, seconds, megabytes = run(case, tmp_path)

@@ -24,7 +24,7 @@ HOUSE = SourceTree.of_the_package()
 WHOLE = {"direction", "folders", "independence", "laziness", "errors", "results"}
 
 
-@pytest.mark.drawn(20)
+@pytest.mark.drawn(8)
 @pytest.mark.parametrize("way", BREAKS, ids=lambda way: f"{way.law}-{way.file}")
 def test_it_bites(way: Break) -> None:
     broken = HOUSE.altered(way.file, with_text(HOUSE.texts.get(way.file, '"""New."""\n'), way.text))

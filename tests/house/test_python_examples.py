@@ -35,7 +35,7 @@ def programs(kind: str, *, titled: bool = False) -> list[object]:
     return [pytest.param(code, id=f"{Path(page).stem}-{number}") for number, (page, code) in enumerate(found)]
 
 
-@pytest.mark.drawn(5)
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("code", programs("pycon"))
 def test_sessions_answer_what_they_show(code: str) -> None:
     test = doctest.DocTestParser().get_doctest(code, {}, "session", None, 0)
@@ -44,7 +44,7 @@ def test_sessions_answer_what_they_show(code: str) -> None:
     assert not failures, "".join(failures)
 
 
-@pytest.mark.drawn(3)
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("code", programs("python"))
 def test_programs_run(code: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     (tmp_path / "drive.eds").write_bytes(family_eds("gen4").read_bytes())

@@ -142,7 +142,7 @@ FAULTS: list[tuple[Fault, type[BaseException]]] = [
 ]
 
 
-@pytest.mark.drawn(12)
+@pytest.mark.drawn(6)
 @families
 @pytest.mark.parametrize(("fault", "error"), FAULTS, ids=[fault.__name__ for fault, _ in FAULTS])
 @laws

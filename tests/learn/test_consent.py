@@ -19,7 +19,7 @@ from tests.commands.bus import device
 from tests.learn.cells import some
 from tests.learn.virtual import VirtualWire, own
 
-pytestmark = pytest.mark.drawn(16, "consent")
+pytestmark = pytest.mark.drawn(6, "consent")
 
 DOWNLOAD, NMT = range(0x20, 0x30), 0x000
 

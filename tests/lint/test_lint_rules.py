@@ -28,7 +28,7 @@ def expected_line(case: Planted) -> int:
     return case.text[: case.text.index(part, start)].count("\n") + 1
 
 
-@pytest.mark.drawn(80)
+@pytest.mark.drawn(20)
 @pytest.mark.parametrize("case", PLANTED, ids=str)
 def test_a_planted_fault_is_found_in_its_line(case: Planted) -> None:
     (rule,) = [rule for rule in RULES if rule.name == case.rule]
@@ -39,7 +39,7 @@ def test_a_planted_fault_is_found_in_its_line(case: Planted) -> None:
     assert case.said in mine[0].text
 
 
-@pytest.mark.drawn(50)
+@pytest.mark.drawn(12)
 @pytest.mark.parametrize("case", PLANTED, ids=str)
 def test_where_it_is_sound_the_rule_is_silent(case: Planted) -> None:
     name = NAME if case.name in ELSEWHERE or case.twin is SOUND else case.name

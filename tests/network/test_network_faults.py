@@ -13,7 +13,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from tests.network.bench import CHAIN, FILE, Chain
 from tests.surroundings import HOMES
 
-pytestmark = pytest.mark.drawn(13, "network faults")
+pytestmark = pytest.mark.drawn(7, "network faults")
 
 OPERATIONAL = dict.fromkeys(CHAIN, NmtState.OPERATIONAL)
 

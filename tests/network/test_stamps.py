@@ -31,7 +31,7 @@ from tests.network.killed import Watched, afterwards
 from tests.sample import part
 from tests.surroundings import HOMES
 
-pytestmark = pytest.mark.drawn(24, "stamps")
+pytestmark = pytest.mark.drawn(10, "stamps")
 
 NODES = {1: "generic", 5: "generic"}
 FILE = """

@@ -22,7 +22,7 @@ from tests.commands.bus import Wire, device
 from tests.recovery.bench import MAP, Bench
 from tests.serve.served import served
 
-pytestmark = pytest.mark.drawn(6, "undo between processes")
+pytestmark = pytest.mark.drawn(3, "undo between processes")
 
 
 def _changes() -> Path:

@@ -52,7 +52,7 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fresh]:
         yield link
 
 
-@pytest.mark.drawn(40)
+@pytest.mark.drawn(12)
 @pytest.mark.parametrize("row", ROWS, ids=str)
 @pytest.mark.parametrize("segmented", [False, True], ids=["expedited", "segmented"])
 def test_download(fresh: Fresh, row: Row, segmented: bool) -> None:
@@ -136,7 +136,7 @@ def test_f3_rpdos_of_another_length(fresh: Fresh) -> None:
     assert link.client.number(0x6040) == 0x0F
 
 
-@pytest.mark.drawn(30)
+@pytest.mark.drawn(10)
 @pytest.mark.parametrize(("stack", "case", "wanted"), CELLS)
 def test_cell(fresh: Fresh, stack: Stack, case: Callable[[Probe], str], wanted: str) -> None:
     assert case(Probe(stack, fresh(stack.family, stack.node_id))) == wanted

@@ -22,7 +22,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.process import dvtcli, environment
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, state_folder, wait_for
 
-pytestmark = pytest.mark.drawn(14, "processes")
+pytestmark = pytest.mark.drawn(8, "processes")
 
 VENDOR = "0x1018:01  Identity object.Vendor-ID = "
 #: what pdo_config.dvt puts into the frames, as the simulated controller's values are

@@ -10,7 +10,7 @@ from tests.simulator.bench import InProcess, booted
 from tests.simulator.stack_rows import CELLS, ROWS, Probe, Stack
 
 
-@pytest.mark.drawn(60)
+@pytest.mark.drawn(20)
 @pytest.mark.parametrize(("stack", "case", "wanted"), CELLS)
 def test_cell(stack: Stack, case: Callable[[Probe], str], wanted: str) -> None:
     assert case(Probe(stack, InProcess(booted(stack.family, stack.node_id)))) == wanted

@@ -27,7 +27,7 @@ from tests.simulator.rows import (
 )
 
 
-@pytest.mark.drawn(80)
+@pytest.mark.drawn(25)
 @pytest.mark.parametrize("row", ROWS, ids=str)
 @pytest.mark.parametrize("segmented", [False, True], ids=["expedited", "segmented"])
 def test_download(row: Row, segmented: bool) -> None:

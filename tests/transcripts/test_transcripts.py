@@ -14,7 +14,7 @@ from tests.console import compare, rewritten, workplace
 FILES = sorted(Path(__file__).parent.glob("*.txt"))
 
 
-@pytest.mark.drawn(12)
+@pytest.mark.drawn(8)
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_session(file: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     lines = file.read_text("utf-8").splitlines()

@@ -21,7 +21,7 @@ from tests.commands.bench import Bench
 from tests.small_eds import U16, U32, communication, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
-pytestmark = pytest.mark.drawn(12, "apply file")
+pytestmark = pytest.mark.drawn(6, "apply file")
 
 CHANGES = ("set tpdo1 --timer 70", "write 1017 700")
 

@@ -26,7 +26,7 @@ from tests.whole_device.test_export_dcf import FAMILIES, odd
 FORMS = ["dcf", "jsonl", "xdc"]
 
 
-@pytest.mark.drawn(12)
+@pytest.mark.drawn(6)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_device_is_as_its_backup_says_until_a_setting_changes(family: str, form: str, tmp_path: Path) -> None:

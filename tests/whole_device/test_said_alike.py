@@ -16,7 +16,7 @@ from tests.small_eds import U16, U32, Section, plain, var
 from tests.whole_device.test_apply_file import made
 from tests.whole_device.test_export_dcf import FAMILIES
 
-pytestmark = pytest.mark.drawn(12, "said alike")
+pytestmark = pytest.mark.drawn(5, "said alike")
 
 LINES = ("compare {}", "diff {}", "verify {}", "plan {} --exit-code")
 #: one of each kind: of a PDO, of communication, of the mapping's count and entry

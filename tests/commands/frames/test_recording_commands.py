@@ -23,7 +23,7 @@ from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
-pytestmark = pytest.mark.drawn(18, "recording commands")
+pytestmark = pytest.mark.drawn(8, "recording commands")
 
 GEN4 = str(family_eds("gen4"))
 DBC = """VERSION ""

@@ -23,7 +23,7 @@ from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import address_of, unconfigured
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
-pytestmark = pytest.mark.drawn(33, "lss")
+pytestmark = pytest.mark.drawn(14, "lss")
 
 
 def bench(*nodes: StrictDevice, **options: Any) -> Bench:

@@ -23,7 +23,7 @@ from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import address_of, unconfigured
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
-pytestmark = pytest.mark.drawn(20, "lss bit rate")
+pytestmark = pytest.mark.drawn(8, "lss bit rate")
 
 OLD, NEW = 250_000, 500_000
 

@@ -127,7 +127,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.drawn(40)
+@pytest.mark.drawn(12)
 @pytest.mark.parametrize(("line", "code", "text"), WRONG, ids=[line for line, _, _ in WRONG])
 def test_one_clear_error_and_the_device_unchanged(gen4: Bench, line: str, code: int, text: str) -> None:
     before = gen4.run("pdo --all --json").document

@@ -90,7 +90,7 @@ def test_nothing_is_said_of_examples_that_are_gone() -> None:
     assert len(kind("why_not")) <= 3
 
 
-@pytest.mark.drawn(80)
+@pytest.mark.drawn(25)
 @pytest.mark.parametrize("line", [line for line in EXAMPLES if line not in kind("until") + kind("why_not")])
 def test_an_example_does_what_it_says(line: str, folder: Path) -> None:
     needs = NEEDS.get(line, {})

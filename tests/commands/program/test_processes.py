@@ -15,7 +15,7 @@ import pytest
 
 from tests.process import PATIENCE_S, ROOT, documents, dvtcli, environment, run
 
-pytestmark = pytest.mark.drawn(18, "processes")
+pytestmark = pytest.mark.drawn(8, "processes")
 
 PDO_FIELDS = {
     "pdo", "enabled", "cob_id", "extended", "rtr_allowed", "transmission_type", "inhibit_ms", "event_timer_ms",
