@@ -61,7 +61,7 @@ WRONG = [
     ("map tpdo1 6041 --sync 1 --event", 2, "exclude each other"),
     ("map tpdo1 6041 --inhibit 0.05", 2, "no multiple of 0.1 ms"),
     ("map tpdo1 6041 --inhibit -1", 2, "not within"),
-    ("map tpdo1 6041 --inhibit nan", 2, "not within"),
+    ("map tpdo1 6041 --inhibit nan", 2, "not a time in milliseconds"),
     ("map tpdo1 6041 --timer 40000", 1, "32767"),
     ("map tpdo1 6041 --timer 70000", 2, "not within"),
     ("set tpdo1 --sync-start 3", 1, "has no SYNC start value"),
