@@ -22,7 +22,7 @@ _UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("unhurried", max_examples=10, **_UNHURRIED)
 settings.load_profile("unhurried")
 #: `pytest --hypothesis-profile=thorough` looks at as many times more examples of every law.
-settings.register_profile("many", max_examples=100, **_UNHURRIED)
+settings.register_profile("many", max_examples=200, **_UNHURRIED)
 settings.register_profile("thorough", max_examples=3000, **_UNHURRIED)
 
 

@@ -73,6 +73,8 @@ class _Way:
         self._counts = unknown
         #: in a block transfer the number of the segment that comes next, and whether the last one was there; 0: in none
         self._next, self._is_last = 0, False
+        #: what began that: the same frame once more, before any segment, begins it again
+        self._beginning = b""
         #: whether something said that the block transfer is over
         self._over = False
         #: the first bytes of parts that went by: who takes one for a request aborts that, and repeats them
@@ -96,7 +98,7 @@ class _Way:
 
     def _found(self, data: bytes) -> slice | None:
         command = data[0]
-        if self._in_block(command):
+        if self._in_block(data):
             self._next, self._is_last = (command & 0x7F) + 1, bool(command & _LAST)
             return _OF_PART if self._counts else self._of_named(data)
         if command == _ABORT:
@@ -115,13 +117,13 @@ class _Way:
         found = self._of_named(data)
         if kind == _BLOCK or not data[0] & _EXPEDITED:
             self._counts, self._over, self._is_last = found is not None, False, False
-            self._next = 1 if kind == _BLOCK else 0
+            self._next, self._beginning = int(kind == _BLOCK), data
         return found
 
-    def _in_block(self, command: int) -> bool:
+    def _in_block(self, data: bytes) -> bool:
         """Whether a frame is a segment of a block; while one of the objects is under way anything but its end is."""
-        number = command & 0x7F
-        if not self._next or not number:
+        command, number = data[0], data[0] & 0x7F
+        if not self._next or not number or (self._next == 1 and data == self._beginning):
             return False
         if self._counts and not self._over:
             return not (self._is_last and command >> 5 == _BLOCK and command & _ENDS_BLOCK)
