@@ -146,7 +146,7 @@ def _library(
 
 
 def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversion) -> Facts:
-    from dvtcli.operations.exchange.convert_file import convert_file
+    from dvtcli.operations.conversions.convert_file import convert_file
 
     if len(files) != 2:
         raise UsageError("eds convert takes two files", hint="eds convert drive.eds drive.xdd")
@@ -154,10 +154,10 @@ def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversi
 
 
 def _show(session: Conversation, file: str) -> Facts:
-    from dvtcli.operations.exchange.convert_file import CONCISE_SUFFIX
+    from dvtcli.domain.network.concise_dcf import SUFFIX
     from dvtcli.operations.known_devices.eds_files import show_eds
 
-    if not file.lower().endswith(CONCISE_SUFFIX):
+    if not file.lower().endswith(SUFFIX):
         return show_eds(file)
     from dvtcli.operations.network.concise_network import show_concise
     from dvtcli.operations.opening.device_files import offline_dictionaries

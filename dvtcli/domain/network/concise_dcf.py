@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+#: how names of such files end
+SUFFIX = ".cdcf"
 _COUNT, _HEAD = 4, 7
 
 

@@ -34,7 +34,7 @@ def convert(
     answer is what *target* does not say. Writing over a file needs *yes*. UsageError for another suffix, where a file
     cannot be read or written, or where a recording says no mapping; InputFileError where *file* is none.
     """
-    from dvtcli.operations.exchange.convert_file import convert_file
+    from dvtcli.operations.conversions.convert_file import convert_file
     from dvtcli.operations.session.session import Session
 
     source, chosen = str(path("file", file)), str(path("target", target))

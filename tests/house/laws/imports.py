@@ -78,6 +78,7 @@ _MAY_NAME = {
     "__init__.py": "its own table of names",
     "files/recording_formats.py": "the files in recordings/",
     "files/extras.py": "an extra that a caller names, below",
+    "operations/conversions/convert_file.py": "the files beside it",
     "operations/exports/export_file.py": "the files beside it",
     "operations/results/__init__.py": "the files beside it",
 }

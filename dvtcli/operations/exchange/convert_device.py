@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.dictionary_difference import Difference, differences, without_values
+from dvtcli.domain.network.concise_dcf import SUFFIX as CONCISE_SUFFIX
 from dvtcli.domain.object_dictionary import Commissioning
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.carried_over import not_held
-from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
 from dvtcli.files.device_file import (
     DEVICE_SUFFIXES,
     VALUE_SUFFIXES,
@@ -24,15 +24,15 @@ from dvtcli.files.device_file import (
     read_device_file,
 )
 from dvtcli.files.file_info import NO_DATE, file_info
-from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
-from dvtcli.operations.results import Facts
+from dvtcli.operations.results.files import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+    from dvtcli.files.eds.reader import EdsFile
+    from dvtcli.files.xdd.xdd_reader import XddFile
     from dvtcli.operations.session.session import Session
 
 #: What the parts of a dictionary are called in a message.
@@ -41,9 +41,7 @@ _WORDS = {
     "name": "name", "access": "access type", "pdo_mapping": "PDO mapping", "unit": "unit", "denotation": "denotation",
     "object_flags": "ObjFlags", "object": "object", "node_id": "node-ID", "bit_rate_kbit": "bit rate of the bus",
 }  # fmt: skip
-CONCISE_SUFFIX = ".cdcf"
 _NO_DATE_NOTE = f"{{}} does not say when it was made: {NO_DATE} stands there, since an XDD must have a date"
-DBC_OPTIONS = "--with, --split-bits and --all"
 #: What belongs to one node, and not to every device of its kind.
 _OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
 #: What every file says about itself that is written anew.
@@ -52,45 +50,17 @@ _OF_EVERY_FILE = (("FileRevision", "0"), ("FileRevision", "0x0"), ("EDSVersion",
 _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
 
 
-def convert_file(
-    session: Session, file: str, target: str, node: str | int | None = None, wishes: DbcWishes | None = None
-) -> Facts:
+def convert_device_file(session: Session, file: str, target: str) -> Facts:
     """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
 
-    An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file, a .dbc of all
-    its nodes, or of those in a recording, by *wishes*. Asks before it overwrites.
-    UsageError where *target* has another suffix, or a file cannot be read or written; InputFileError where *file* is
-    none.
+    An EDS or XDD holds no values of one node. Asks before it overwrites. UsageError where *target* has another suffix,
+    or a file cannot be read or written; InputFileError where *file* is none.
     """
-    if wishes and not target.lower().endswith(DBC_SUFFIX):
-        raise UsageError(f"{target}: {DBC_OPTIONS} are for a DBC file", hint="eds convert net.yaml net.dbc --with emcy")
-    if target.lower().endswith(CONCISE_SUFFIX):
-        from dvtcli.operations.network.concise_network import convert_network
-
-        return convert_network(session, file, target, node)
-    if target.lower().endswith(DBC_SUFFIX):
-        from dvtcli.operations.exchange.dbc_wishes import DbcWishes
-        from dvtcli.operations.exchange.export_dbc import convert_to_dbc, recording_to_dbc
-
-        if node is not None:
-            raise UsageError("--for is for a concise DCF", hint="a DBC file has all nodes of a network file")
-        to_dbc = recording_to_dbc if _is_recording(file) else convert_to_dbc
-        return to_dbc(session, file, target, wishes or DbcWishes())
-    if node is not None:
-        raise UsageError("--for chooses a node of a network file", hint="eds convert net.yaml node5.cdcf --for 5")
     path = place_of(target, "eds convert FILE {}/NAME.xdd")
     suffix = path.suffix.lower()
     if suffix not in DEVICE_SUFFIXES:
         raise UsageError(f"{target}: what format is that?", hint=f"a name that ends in {', '.join(DEVICE_SUFFIXES)}")
-    if file.lower().endswith(CONCISE_SUFFIX):
-        raise UsageError(
-            f"{file} is a concise DCF: what a manager (0x1F22) writes to one node, and no description of a device",
-            place=file, hint=f"`eds show {file}` shows it; `write 1F22:5 @{file}` gives node 5's to the manager",
-        )  # fmt: skip
-    try:
-        read = read_device_file(Path(file))
-    except OSError as failed:
-        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    read = _read(file)
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
     said = file_info(read)
     data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", None, said)
@@ -102,20 +72,22 @@ def convert_file(
     return _answer(file, target, len(again.dictionary), losses, notes)
 
 
+def _read(file: str) -> EdsFile | XddFile:
+    if file.lower().endswith(CONCISE_SUFFIX):
+        raise UsageError(
+            f"{file} is a concise DCF: what a manager (0x1F22) writes to one node, and no description of a device",
+            place=file, hint=f"`eds show {file}` shows it; `write 1F22:5 @{file}` gives node 5's to the manager",
+        )  # fmt: skip
+    try:
+        return read_device_file(Path(file))
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+
+
 def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
     """What the file said about itself *before*, and does not say *after*."""
     gone = [one for one in before.items() if after.get(one[0]) != one[1] and one not in _OF_EVERY_FILE]
     return [f"FileInfo: {', '.join(f'{key} ({value})' for key, value in gone)}"] if gone else []
-
-
-def _is_recording(file: str) -> bool:
-    """Whether *file* has the suffix of a recording of frames."""
-    suffix = Path(file).suffix.lower()
-    if suffix in NETWORK_SUFFIXES:
-        return False
-    from dvtcli.files.recording_formats import formats
-
-    return suffix in formats()
 
 
 def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:

@@ -1,0 +1,45 @@
+"""What a format says of itself that files are converted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results.files import Facts
+    from dvtcli.operations.session.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """What is wanted: *source* as *target*; of a network file its *node*, by name or node-ID; a *dbc* how."""
+
+    source: str
+    target: str
+    node: str | int | None = None
+    dbc: DbcWishes = field(default_factory=DbcWishes)
+
+
+class ConversionFormat:
+    """A format, found by the *suffixes* of its files."""
+
+    suffixes: ClassVar[tuple[str, ...]]
+    #: why no node of a network file can be chosen for it, and what to write instead; none where one can
+    not_of_a_node: ClassVar[tuple[str, str] | None] = (
+        "--for chooses a node of a network file", "eds convert net.yaml node5.cdcf --for 5",
+    )  # fmt: skip
+    #: whether it can be wanted otherwise than by default, as a DBC file can
+    has_wishes: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        if "suffixes" not in vars(cls):
+            raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".xdd", ".xdc")')
+
+    def write(self, session: Session, wanted: Converted) -> Facts:
+        """Write what is *wanted*, and ask before a file is overwritten.
+
+        What the new file does not hold stands in the answer's row `losses`, or `left_out`.
+        """
+        raise NotImplementedError

@@ -1,0 +1,56 @@
+"""A file as one of another format, which its suffix says: every one that a file beside this has as its `FORMAT`.
+
+Needs no bus, and does not know what is in the files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+from dvtcli.operations.conversions.conversion_format import Converted
+from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+
+if TYPE_CHECKING:
+    from dvtcli.operations.conversions.conversion_format import ConversionFormat
+    from dvtcli.operations.results.files import Facts
+    from dvtcli.operations.session.session import Session
+
+_OF_DBC = "--with, --split-bits and --all"
+
+
+@cache
+def conversion_formats() -> Mapping[str, ConversionFormat]:
+    """Every format by its suffixes."""
+    names = sorted(file.stem for file in Path(__file__).parent.glob("to_*.py"))
+    found: list[ConversionFormat] = [import_module(f"{__package__}.{name}").FORMAT for name in names]
+    return {suffix: one for one in found for suffix in one.suffixes}
+
+
+def convert_file(
+    session: Session, file: str, target: str, node: str | int | None = None, wishes: DbcWishes | None = None
+) -> Facts:
+    """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
+
+    An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file, a .dbc of all
+    its nodes, or of those in a recording, by *wishes*. Asks before it overwrites.
+    UsageError where *target* has another suffix, or a file cannot be read or written; InputFileError where *file* is
+    none.
+    """
+    kind = _format_of(target)
+    if wishes and not kind.has_wishes:
+        raise UsageError(f"{target}: {_OF_DBC} are for a DBC file", hint="eds convert net.yaml net.dbc --with emcy")
+    if node is not None and kind.not_of_a_node:
+        why, instead = kind.not_of_a_node
+        raise UsageError(why, hint=instead)
+    return kind.write(session, Converted(file, target, node, wishes or DbcWishes()))
+
+
+def _format_of(target: str) -> ConversionFormat:
+    """The format of *target*; that of device files, which says what there is, where nobody knows the suffix."""
+    known, name = conversion_formats(), target.lower()
+    return next((one for suffix, one in known.items() if name.endswith(suffix)), known[".eds"])
