@@ -53,6 +53,10 @@ class SignalRows:
         self.decoder = decoder
         return True
 
+    def layout(self, frame: Frame) -> Layout:
+        """The layout of *frame*; another one where it was decoded anew meanwhile."""
+        return self.decoder.layout(frame)
+
     def row(self, frame: Frame) -> list[Value | None] | None:
         """The cells of one frame, None where it has none of the signals."""
         address = frame.can_id, frame.extended

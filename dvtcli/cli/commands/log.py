@@ -58,7 +58,6 @@ def command(
     log speed.csv --decode --filter velocity
     """
     from dvtcli.errors import UsageError
-    from dvtcli.operations.frames.record_frames import record_frames, record_values
 
     path = Path(file)
     words = [one for one in filters if isinstance(one, str)]
@@ -71,5 +70,9 @@ def command(
             hint="with --decode one --filter may be a text that names of signals have",
         )
     if decode:
+        from dvtcli.operations.frames.record_values import record_values
+
         return record_values(session, path, masks, duration, **sources, text="".join(words).lower())
+    from dvtcli.operations.frames.record_frames import record_frames
+
     return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, live_decoders, open_wire
+from dvtcli.operations.frames.listening_time import ListeningTime
 from dvtcli.operations.session.steady_listener import SteadyListener
 from dvtcli.watch.decoder import Decoder, Layout
 from dvtcli.watch.layout_fit import Misfits
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.opening.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.session.session import Session
-
-#: how long frames are gathered before they are shown (s)
-_BATCH_S = 0.05
 
 
 @dataclass(slots=True)
@@ -41,6 +38,10 @@ class Watched:
         """The bus's bit rate (bit/s), None where it is not known or has no meaning."""
         wire = self.session.wire
         return None if wire.simulated else wire.bitrate
+
+    def layout(self, frame: Frame) -> Layout:
+        """The layout of *frame*; another one after the bus was gone."""
+        return self.decoder.layout(frame)
 
     def decoders(self) -> Iterator[tuple[int | None, Decoder]]:
         """Read the nodes' mappings and names, node by node; see `layouts.live_decoders`."""
@@ -86,24 +87,14 @@ def stream(
     With *changes* only what says something new. The drops are said at the end, however it comes. *tell* hears of a bus
     that is gone, or back; BusUnavailable where it is not waited for, or not back in time.
     """
-    listener, store = watched.listener, FrameStore(watched.decoder)
-
-    def layout_of(frame: Frame) -> Layout:
-        return watched.decoder.layout(frame)  # another one after the bus was gone
-
-    misfits = Misfits(layout_of, watched.session.tell.warning)
-    until_s = None if duration_s is None else monotonic() + duration_s
-
-    def is_over() -> bool:
-        return until_s is not None and monotonic() >= until_s
-
+    listener, store, time = watched.listener, FrameStore(watched.decoder), ListeningTime(duration_s)
+    misfits = Misfits(watched.layout, watched.session.tell.warning)
     try:
-        while not is_over():
-            left_s = _BATCH_S if until_s is None else min(_BATCH_S, max(0.0, until_s - monotonic()))
+        while not time.is_over():
             try:
-                taken = listener.take(left_s)
+                taken = listener.take(time.batch_s)
             except BusUnavailable as failed:
-                if not watched.come_back(failed, is_over, tell):
+                if not watched.come_back(failed, time.is_over, tell):
                     raise
                 store = FrameStore(watched.decoder)
                 continue
@@ -111,7 +102,4 @@ def stream(
             seen = (frame_seen(frame, watched.decoder) for frame in fresh)
             show(one.chosen(text) for one in seen if not text or one.matches(text))
     finally:
-        if listener.overflowed:
-            watched.session.tell.warning(
-                f"{listener.overflowed} frames were dropped: they came faster than they were written"
-            )
+        listener.tell_overflow()

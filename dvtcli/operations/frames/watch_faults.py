@@ -9,15 +9,13 @@ from dvtcli.bus.node_watch import read_emergency
 from dvtcli.domain.node_events import Emergency, HeardEmergency
 from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.operations.frames.layouts import open_wire
+from dvtcli.operations.frames.listening_time import ListeningTime
 from dvtcli.operations.nodes.show_faults import ErrorWords
 from dvtcli.operations.results.node_errors import FaultSeen
 from dvtcli.operations.session.steady_listener import SteadyListener
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
-
-#: how long messages are gathered before they are shown (s)
-_BATCH_S = 0.05
 
 
 def watch_faults(
@@ -41,9 +39,9 @@ def watch_faults(
 
 def _waits(now_s: Callable[[], float], duration_s: float | None) -> Iterator[float]:
     """How long to wait for messages each time (s) until *duration_s* is over; then for those that are there by then."""
-    until_s = None if duration_s is None else now_s() + duration_s
-    while until_s is None or now_s() < until_s:
-        yield _BATCH_S if until_s is None else min(_BATCH_S, max(0.0, until_s - now_s()))
+    time = ListeningTime(duration_s, now_s)
+    while not time.is_over():
+        yield time.batch_s
     yield 0.0
 
 

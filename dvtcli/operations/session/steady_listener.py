@@ -65,6 +65,13 @@ class SteadyListener:
         """Frames that are missing, as far as anybody knows."""
         return self._before[1] + self._listener.dropped
 
+    def tell_overflow(self) -> None:
+        """Warn of frames that came while too many waited to be taken, if any did."""
+        if self.overflowed:
+            self._session.tell.warning(
+                f"{self.overflowed} frames were dropped: they came faster than they were written"
+            )
+
     def take(self, wait_s: float = 0.0) -> list[Frame]:
         """What came since the last call; waits up to *wait_s* (s) for the first one.
 

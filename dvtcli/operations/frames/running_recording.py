@@ -1,0 +1,106 @@
+"""A recording as it runs: what passes is handed on until its time is over, also where the bus goes and comes back.
+
+Does not know what is written, nor where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import BusUnavailable
+from dvtcli.operations.frames.listening_time import ListeningTime
+from dvtcli.operations.results.files import Facts
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.steady_listener import SteadyListener
+
+#: CAN-IDs with the bits of them that count
+Filters = tuple[tuple[int, int], ...]
+#: exit code of a recording that ended while its bus was gone
+_GONE = BusUnavailable.exit_code
+
+
+@dataclass(slots=True)
+class RunningRecording:
+    """What *session* hears by *listener*: each frame that passes one of *filters* (none: every frame) is for *write*.
+
+    *flush* is called behind each batch, *on_back* where the bus was gone, and is back.
+    """
+
+    session: Session
+    listener: SteadyListener
+    filters: Filters
+    write: Callable[[Frame], None]
+    flush: Callable[[], None]
+    on_back: Callable[[], None]
+
+    def run(self, duration_s: float | None) -> float:
+        """Write frames until Ctrl-C or *duration_s* is over; the seconds that were listened. A frame is written whole.
+
+        What came until then is written after it: on a busy bus that takes its time.
+        """
+        began_s = self.listener.began_s
+        time = ListeningTime(duration_s, began_s=began_s)
+        self.session.tell.note("recording; Ctrl-C ends it")
+
+        def is_over() -> bool:
+            return self.session.cancellation.requested or time.is_over()
+
+        with self.session.cancellation.guard():
+            while not is_over():
+                failed = self._write_batch(time.batch_s)
+                if failed is not None and self._is_back(failed, is_over):
+                    self.on_back()
+            seconds = monotonic() - began_s
+            self.listener.stop()
+            self._write_batch(0.0)
+        return seconds
+
+    def _write_batch(self, wait_s: float) -> BusUnavailable | None:
+        """Write what came, and what comes first within *wait_s*; how the bus failed, if it did."""
+        failure: BusUnavailable | None = None
+        taken: list[Frame] = []
+        try:
+            if not self.listener.is_gone:
+                taken = self.listener.take(wait_s)
+        except BusUnavailable as failed:
+            failure = failed
+        for frame in self._chosen(taken):
+            self.write(frame)
+        self.flush()
+        return failure
+
+    def _chosen(self, taken: Iterable[Frame]) -> Iterable[Frame]:
+        if not self.filters:
+            return taken
+        return (one for one in taken if any(one.can_id & mask == can_id & mask for can_id, mask in self.filters))
+
+    def _is_back(self, failed: BusUnavailable, is_over: Callable[[], bool]) -> bool:
+        """Wait for the bus, which *failed*, until *is_over*() or Ctrl-C, which ends it all; whether it is back."""
+        try:
+            with self.session.cancellation.released():
+                return self.listener.come_back(failed, is_over)
+        except KeyboardInterrupt:
+            self.session.cancellation.requested = True
+            return False
+
+    def facts(self, path: Path, frames: int, seconds: float, size: int, more: str) -> Facts:
+        """What was recorded: *frames* in *seconds*, *size* bytes in the file at *path*, and *more* in words."""
+        session, listener = self.session, self.listener
+        session.made.append(str(path))
+        listener.tell_overflow()
+        rows = (
+            ("file", str(path)), ("frames", frames), ("seconds", round(seconds, 3)), ("dropped", listener.dropped),
+            ("bytes", size), ("gaps", len(listener.gaps_s)), ("gone_s", round(sum(listener.gaps_s), 3)),
+        )  # fmt: skip
+        text = f"{path}: {frames} frames in {seconds:.2f} s, {listener.dropped} dropped, {size} bytes{more}"
+        if listener.gaps_s:
+            text += f"; the bus was gone {len(listener.gaps_s)}x, for {sum(listener.gaps_s):.1f} s in all"
+        code = session.cancellation.exit_code if session.cancellation.requested else _GONE if listener.is_gone else 0
+        return Facts("log", rows, (text,), exit_code=code)
