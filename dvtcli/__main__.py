@@ -8,12 +8,12 @@ from collections import namedtuple
 
 #: How many new objects bring the collector of cycles. A command makes 60,000, nearly all of them code that stays; with
 #: Python's own 700 it looks through them 80 times.
-_NEW_OBJECTS = 100_000
+NEW_OBJECTS = 100_000
 
 
 def entry() -> None:
     """Run dvtcli and end the process with its exit code."""
-    gc.set_threshold(_NEW_OBJECTS)
+    gc.set_threshold(NEW_OBJECTS)
     try:
         if None in (sys.stdin, sys.stdout, sys.stderr):
             from dvtcli.cli.view.streams import open_missing

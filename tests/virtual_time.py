@@ -163,7 +163,9 @@ class VirtualTimeBus(WatchedBus):
 
     def drain(self) -> None:
         """Deliver what has arrived by now (SdoLink)."""
-        self.sleep(0.0)
+        self._use()
+        while (self._coming and self._coming[0][0] <= self._now_s) or self._roster.next_s() <= self._now_s:
+            self._step(self._now_s)
 
     def _use(self) -> None:
         """Raise BusUnavailable where the bus was closed, or a fault has killed it."""

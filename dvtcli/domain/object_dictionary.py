@@ -206,6 +206,9 @@ class ObjectDictionary(Mapping[int, OdObject]):
             found = self._objects[index] = found()
         return found
 
+    def __contains__(self, index: object) -> bool:
+        return index in self._objects  # a Mapping's own builds the object to know that
+
     def __iter__(self) -> Iterator[int]:
         return iter(self._objects)
 
@@ -214,9 +217,12 @@ class ObjectDictionary(Mapping[int, OdObject]):
 
     def entry(self, index: int, sub_index: int) -> OdEntry | None:
         """The entry at *index*:*sub_index*, or None."""
-        if index not in self._objects:
+        found = self._objects.get(index)
+        if found is None:
             return None
-        return self[index].entries.get(sub_index)
+        if not isinstance(found, OdObject):
+            found = self[index]
+        return found.entries.get(sub_index)
 
     def entries(self) -> Iterator[OdEntry]:
         """Every entry, ascending by index and sub-index."""

@@ -6,6 +6,7 @@ import ast
 
 import pytest
 
+from tests.house.draw import nodes
 from tests.house.source import modules
 
 pytestmark = pytest.mark.together
@@ -21,7 +22,7 @@ MODULES = modules()
 @pytest.mark.together
 def test_files_and_functions_are_short() -> None:
     for module in MODULES:
-        for node in ast.walk(module.tree):
+        for node in nodes(module.tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
                 assert lines <= MOST_FUNCTION_LINES, f"{module.name}:{node.lineno} {node.name} has {lines} lines"
@@ -32,7 +33,7 @@ def test_files_and_functions_are_short() -> None:
 @pytest.mark.together
 def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
     for module in MODULES:
-        for node in ast.walk(module.tree):
+        for node in nodes(module.tree):
             if not isinstance(node, ast.Call):
                 continue
             called = ast.unparse(node.func)

@@ -71,7 +71,8 @@ class Heard(VirtualTimeBus):
 def pdos(held: StrictDevice, *, tpdo: bool) -> list[tuple[int, tuple[int, ...]]]:
     """CAN-ID and layout of each enabled PDO of one direction."""
     found = []
-    for pdo in (pdo for pdo in map(Pdo.at, held.dictionary) if pdo is not None and pdo.is_tpdo is tpdo):
+    described = (Pdo.at(index) for index in held.dictionary if 0x1400 <= index <= 0x1BFF)
+    for pdo in (pdo for pdo in described if pdo is not None and pdo.is_tpdo is tpdo):
         cob_id = CobId.from_raw(int.from_bytes(held.value(pdo.communication_index, 1), "little"))
         if cob_id.valid:
             count = held.value(pdo.mapping_index, 0)[0]

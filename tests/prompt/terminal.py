@@ -117,11 +117,15 @@ class Terminal:
         self.screen.child = self.child
         self._stream = pyte.ByteStream(self.screen)
         self.written = b""
+        #: what `lines` gave; None where the screen has changed since
+        self._lines: list[str] | None = None
 
     @property
     def lines(self) -> list[str]:
         """The screen's rows, without blanks at their ends."""
-        return [row.rstrip() for row in self.screen.display]
+        if self._lines is None:
+            self._lines = [row.rstrip() for row in self.screen.display]
+        return self._lines
 
     @property
     def text(self) -> str:
@@ -158,6 +162,7 @@ class Terminal:
         while self._read():
             pass
         self.screen.resize(rows, columns)
+        self._lines = None
         self.child.setwinsize(rows, columns)
         self.child.kill(signal.SIGCONT)
 
@@ -221,6 +226,7 @@ class Terminal:
             return False
         self.written += data
         self._stream.feed(data)
+        self._lines = None
         return True
 
     def close(self) -> None:

@@ -6,8 +6,7 @@ Does not know how an answer is checked (see sdo_client), nor what an object mean
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TypeVar
 
 from canopen.sdo.exceptions import SdoError
@@ -42,10 +41,14 @@ class SdoChannel:
         *timeout_s* for each answer and *retries* override the bus's. Raises SdoAborted, NoAnswer, SdoProtocolError,
         BusUnavailable.
         """
-        with self._alone():
+        link = self._client.link
+        link.begin_transfer(self._turn)
+        try:
             data = self._run(lambda: self._client.upload(index, sub_index), timeout_s, retries)
             self._note(index, sub_index, data)
             return data
+        finally:
+            link.end_transfer(self._turn)
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
         """Write an object; a request is never repeated, since the device may have taken it.
@@ -53,27 +56,23 @@ class SdoChannel:
         *timeout_s* for each answer overrides the bus's (a store takes seconds). Raises SdoAborted; and NoAnswer,
         SdoProtocolError, BusUnavailable with the state "unknown" once the request was sent.
         """
-        with self._alone():
-            try:
-                self._run(lambda: self._client.download(index, sub_index, data), timeout_s, 0)
-            except (NoAnswer, SdoProtocolError, BusUnavailable) as error:
-                if self._client.requested:
-                    error.state = "unknown"
-                raise
+        link = self._client.link
+        link.begin_transfer(self._turn)
+        try:
+            self._run(lambda: self._client.download(index, sub_index, data), timeout_s, 0)
+        except (NoAnswer, SdoProtocolError, BusUnavailable) as error:
+            if self._client.requested:
+                error.state = "unknown"
+            raise
+        else:
             self._note(index, sub_index, data)
+        finally:
+            link.end_transfer(self._turn)
 
     def _note(self, index: int, sub_index: int, data: bytes) -> None:
         """Tell the bus of a consumer that expects heartbeats: whoever is late stops its machine."""
         if index == _HEARTBEAT_CONSUMERS and sub_index:
             self._client.link.consumes_heartbeat(self._client.node_id, sub_index, consumes=any(data))
-
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        self._client.link.begin_transfer(self._turn)
-        try:
-            yield
-        finally:
-            self._client.link.end_transfer(self._turn)
 
     def _run(self, transfer: Callable[[], T], timeout_s: float | None, retries: int | None) -> T:
         client = self._client

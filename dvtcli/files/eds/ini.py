@@ -133,11 +133,10 @@ def _read_lines(section: IniSection, values: Values, findings: Findings) -> None
         if key in own:
             findings.add(DUPLICATE_KEY, line, f"{name} was given in line {own[key]} too; this one counts")
         own[key] = line
-        values[key] = _given(name, value.strip(), line, values.get(key))
+        given, before = IniValue(name, value.strip(), line), values.get(key)
+        values[key] = given if before is None else _after(before, given)
 
 
-def _given(name: str, value: str, line: int, before: IniValue | None) -> IniValue:
-    """A line of a key that the line *before* may have said already."""
-    if before is not None and before.value == value:
-        before = before.other
-    return IniValue(name, value, line, before)
+def _after(before: IniValue, given: IniValue) -> IniValue:
+    """The line *given* of a key that the line *before* has said already."""
+    return given._replace(other=before.other if before.value == given.value else before)

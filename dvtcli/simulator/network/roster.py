@@ -48,7 +48,7 @@ class Roster:
     @property
     def bus_failed(self) -> bool:
         """Whether a fault has killed the bus."""
-        return any(node.bus_failed for node in self._breakable)
+        return bool(self._breakable) and any(node.bus_failed for node in self._breakable)
 
     def listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
         """The nodes that *frame* may mean something to, in their order; remembered by CAN-ID.
