@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdObject
@@ -104,6 +104,12 @@ def parse_eds(data: bytes, source: str) -> EdsFile:
 
     InputFileError where it is none: no section of an EDS in it, or more than any device describes.
     """
+    return _parsed(data, source)
+
+
+#: the nodes of a machine often have copies of one file, and a session reads its files with each command
+@lru_cache(maxsize=8)
+def _parsed(data: bytes, source: str) -> EdsFile:
     if excess := too_much(data):
         raise InputFileError(f"{source} is {excess}", place=f"{source}:1", why="an EDS or DCF is some 100 kB")
     text = split_sections(data)

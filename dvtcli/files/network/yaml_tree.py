@@ -6,6 +6,7 @@ Values stay as they are written, with the type that YAML 1.2 gives them. Knows n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.wanted_state import Mark
@@ -68,14 +69,13 @@ def overlaid(base: Branch, own: Branch, instead: dict[str, str]) -> Branch:
 
 def read_tree(text: str, log: FileLog) -> Tree | None:
     """The tree of *text*; None where it is empty, or no YAML, which *log* hears."""
-    from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
     if len(text) > MOST_CHARACTERS:
         log.complain(Mark(1, 1), f"{len(text)} characters are no network file")
         return None
     try:
-        root = YAML(typ="safe", pure=True).compose(text)
+        root = _composed(text)
         return None if root is None else _Grower(log).tree(root)
     except MarkedYAMLError as wrong:
         mark = wrong.problem_mark or wrong.context_mark
@@ -85,6 +85,15 @@ def read_tree(text: str, log: FileLog) -> Tree | None:
         said = "nested too deep" if isinstance(wrong, RecursionError) else f"{wrong} ".splitlines()[0].strip()
         log.complain(Mark(1, 1), f"no YAML: {said}")
     return None
+
+
+@lru_cache(maxsize=4)
+def _composed(text: str) -> Node | None:
+    """ruamel's node of *text*, which nobody changes: `plan`, `apply` and `verify` of a session read the same file."""
+    from ruamel.yaml import YAML
+
+    root: Node | None = YAML(typ="safe", pure=True).compose(text)
+    return root
 
 
 class _Grower:

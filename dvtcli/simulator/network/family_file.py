@@ -26,6 +26,7 @@ def family_names() -> tuple[str, ...]:
     return families_with(_FILE)
 
 
+@cache
 def family_eds(name: str) -> Path:
     """The EDS file of family *name*, or of the family it is `like`; KeyError where there is no such family."""
     like = next((item for item in _read(name).items() if item.key == "like"), None)
