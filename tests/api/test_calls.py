@@ -8,21 +8,23 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import can
 import pytest
 
 import dvtcli
-from dvtcli import errors, results
+from dvtcli import errors
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
+from dvtcli.operations import results as room
 from dvtcli.operations.api.hints import answer_in_python
 from dvtcli.operations.api.told import Told
 from dvtcli.operations.results import NetworkApplied
-from dvtcli.operations.results.documents import Answer
 from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import Serve
@@ -551,12 +553,26 @@ def test_questions_speak_of_calls() -> None:
     assert asked == ["put it back with `node.undo()`, and force=True?"]
 
 
-def test_a_notebook_shows_every_answer_in_short() -> None:
+def test_a_notebook_shows_every_answer_and_its_rows_in_short() -> None:
     """IPython asks the class itself before the ones above it, and takes its repr: every dataclass has one."""
-    answers = [one for one in vars(results).values() if isinstance(one, type) and issubclass(one, Answer)]
-    assert len(answers) > 20
-    assert [one.__name__ for one in answers if "_repr_pretty_" not in vars(one)] == []
+    names = [f"{room.__name__}.{one.name}" for one in iter_modules(room.__path__)]
+    kinds = [one for name in names for one in vars(import_module(name)).values() if is_dataclass(one)]
+    own = [one for one in kinds if isinstance(one, type) and one.__module__ in names]
+    assert len(own) > 60
+    assert [one.__name__ for one in own if "_repr_pretty_" not in vars(one)] == []
     pretty = pytest.importorskip("IPython.lib.pretty")
     with dvtcli.simulate("gen4") as bus:
-        found = bus.scan()
+        found, row = bus.scan(), bus.node(1).pdos()[0]
     assert pretty.pretty(found) == str(found)
+    assert pretty.pretty(row) == str(row)
+
+
+def test_a_row_by_itself_is_short() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node(1)
+        rows = node.pdos()[0], node.objects("velocity")[0], bus.scan()[0]
+    assert str(rows[0]) == "TPDO1 0x181 enabled, type 255: 6041:00/16"
+    assert str(rows[1]).startswith("ObjectRow(object=2020:03, name=Motor drive left.Target velocity left, ")
+    for row in rows:
+        assert len(str(row)) < len(repr(row)), repr(row)
+        assert "\n" not in str(row)

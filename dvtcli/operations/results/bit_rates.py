@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 
 
 @dataclass(frozen=True, slots=True)
-class HeardAt:
+class HeardAt(Short):
     """How many *frames* and *error_frames* came while a bus was listened to at *bit_rate* (bit/s)."""
 
     bit_rate: int

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 
 #: From bad to harmless.
 SEVERITIES = ("error", "warning", "note")
 
 
 @dataclass(frozen=True, slots=True)
-class FileRule:
+class FileRule(Short):
     """A rule that was asked: its *name* and *severity*, what it says (*sense*), and who says so (*source*)."""
 
     name: str
@@ -24,7 +24,7 @@ class FileRule:
 
 
 @dataclass(frozen=True, slots=True)
-class FileFinding:
+class FileFinding(Short):
     """Something that *rule* found in a file, with its line (1 and up) and its first and last *column*, 0 for none.
 
     *object* as it is printed (`6C01:01`), empty for the file as a whole.

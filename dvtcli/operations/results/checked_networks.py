@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileRule, Judged
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
@@ -38,7 +38,7 @@ class NetworkFinding(FileFinding):
 
 
 @dataclass(frozen=True, slots=True)
-class NetworkReport(Judged):
+class NetworkReport(Short, Judged):
     """What the *rules* found in the network of a file, or on a bus where *is_live*; with *bus*, of a file on a bus.
 
     *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,

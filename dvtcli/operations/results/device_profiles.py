@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document, Rows
+from dvtcli.operations.results.documents import Answer, Document, Rows, Short
 
 
 @dataclass(frozen=True, slots=True)
-class ProfileRow:
+class ProfileRow(Short):
     """One profile: its identities (0x1018) by vendor, and its file; *own* where it is the user's."""
 
     name: str

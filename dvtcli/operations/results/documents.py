@@ -19,7 +19,26 @@ Document = dict[str, Any]
 CASES = {"github": "github_case_lines:github_case_lines", "junit": "junit_case_lines:junit_case_lines"}
 
 
-class Answer:
+class Short:
+    """An answer, or a part of one: short where it is printed or shown by itself, with every field in its `repr`."""
+
+    __slots__ = ()
+
+    def __init_subclass__(cls) -> None:
+        # IPython asks each class by itself, the last one first, and takes a dataclass's own repr where it finds one
+        if "_repr_pretty_" not in vars(cls):
+            cls._repr_pretty_ = Short._repr_pretty_  # type: ignore[method-assign]
+
+    def __str__(self) -> str:
+        """In one line: what is not as it always is."""
+        return brief(self)
+
+    def _repr_pretty_(self, page: Any, _cycle: bool) -> None:
+        """A notebook shows the short text."""
+        page.text(str(self))
+
+
+class Answer(Short):
     """What an answer says of how it is shown, said in its own class: a `text` of its lines, or a `renderer`."""
 
     __slots__ = ()
@@ -31,11 +50,6 @@ class Answer:
     at_leisure: ClassVar[bool] = False
     #: whether its findings are said beside it, and not in its own text
     remarked: ClassVar[bool] = False
-
-    def __init_subclass__(cls) -> None:
-        # IPython asks each class by itself, the last one first, and takes a dataclass's own repr where it finds one
-        if "_repr_pretty_" not in vars(cls):
-            cls._repr_pretty_ = Answer._repr_pretty_  # type: ignore[method-assign]
 
     @property
     def remark(self) -> str:
@@ -50,14 +64,10 @@ class Answer:
         """What stands below the first line of its short text."""
         return getattr(self, "rows", ())
 
-    def _repr_pretty_(self, page: Any, _cycle: bool) -> None:
-        """A notebook shows the short text."""
-        page.text(str(self))
-
 
 def brief(value: object) -> str:
     """A dataclass in one line: what is not as it always is, of collections how many; its own text where it has one."""
-    is_short = type(value).__str__ not in (object.__str__, Answer.__str__)
+    is_short = type(value).__str__ not in (object.__str__, Short.__str__, Answer.__str__)
     if is_short or not is_dataclass(value):
         return str(value)
     told = ((field, getattr(value, field.name)) for field in fields(value))

@@ -8,7 +8,7 @@ from typing import ClassVar
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.domain.wall_clock import utc
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, Short, hex_bytes
 from dvtcli.watch.explain.parts import FramePart
 
 #: what is in a frame for the protocol's sake
@@ -81,7 +81,7 @@ class FrameExplained(Answer):
 
 
 @dataclass(frozen=True, slots=True)
-class TracedFrame:
+class TracedFrame(Short):
     """One frame of an exchange, explained; *sent* says that it is one of ours, *secret* that its value is not shown."""
 
     frame: FrameExplained

@@ -10,7 +10,7 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.wall_clock import utc
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value, physical_document
+from dvtcli.operations.results.documents import Answer, Document, Short, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class FrameSeen(Answer):
 
 
 @dataclass(frozen=True, slots=True)
-class PlottedSignal:
+class PlottedSignal(Short):
     """One signal of a plot: what it is, its samples' *count*, least and most (raw), and its *drawing*, if any."""
 
     name: str

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Wanted(Short):
     """A parameter, by its sub-index, of the PDOs of one *direction* (`tpdo`, `rpdo`).
 
     It was refused with *abort* so many *times* while its PDO was on, and taken once it was off; *counts* says whether
@@ -28,7 +28,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class HabitRow:
+class HabitRow(Short):
     """What devices of one identity want; *name* is vendor, product and revision, *problem* why that is not known."""
 
     name: str

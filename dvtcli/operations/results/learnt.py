@@ -9,11 +9,11 @@ from typing import ClassVar
 from dvtcli.domain.learning.learnt_value import Conclusions, Learnt, Value
 from dvtcli.domain.learning.probe import Answer, Probe
 from dvtcli.operations.results.documents import Answer as Answered
-from dvtcli.operations.results.documents import Document
+from dvtcli.operations.results.documents import Document, Short
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class Difference(Short):
     """A value of the profile that *name* says otherwise than the device: *key*, what it says, what was learnt."""
 
     key: str

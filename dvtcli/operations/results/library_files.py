@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document, Rows
+from dvtcli.operations.results.documents import Answer, Document, Rows, Short
 
 ADDED, THERE, REPLACED, REFUSED = "added", "already there", "replaced", "refused"
 
 
 @dataclass(frozen=True, slots=True)
-class AddedFile:
+class AddedFile(Short):
     """What became of one *file*: its *outcome*, the identity it is found by, and where it is kept.
 
     Of one that was refused *why*, *place* (`FILE:LINE`) and *hint* say what is wrong; *note* is what to know of the
@@ -88,7 +88,7 @@ class LibraryAdded(Answer, Rows[AddedFile]):
 
 
 @dataclass(frozen=True, slots=True)
-class LibraryRow:
+class LibraryRow(Short):
     """A file of the library, by its *number* in the list: what it is found by, what it is, and where it came from.
 
     *revision* 0 is none. *by_hand*: it does not name that identity itself. *problem*: why it cannot be read.

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.network.bus_need import most_frames
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 from dvtcli.watch.service import service_of
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Measured(Short):
     """What was heard: the frames that were counted in so many *seconds*, and what was not whole or got lost."""
 
     count: FrameCount
@@ -41,7 +41,7 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True)
-class FrameLoad:
+class FrameLoad(Short):
     """One CAN-ID: *needs* are what is computed of it, none where it was only heard; *heard* is what was."""
 
     identifier: Identifier

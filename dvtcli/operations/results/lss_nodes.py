@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 
 
 def _identity(address: LssAddress) -> Document:
@@ -20,7 +20,7 @@ def _identity(address: LssAddress) -> Document:
 
 
 @dataclass(frozen=True, slots=True)
-class LssNode:
+class LssNode(Short):
     """A node that an LSS master found by its *address*; *node_id* is None where it was not told.
 
     *confirmed* says whether exactly one node answered to that address; *profile* is the family that it is of.
@@ -78,7 +78,7 @@ class LssFound(Answer):
 
 
 @dataclass(frozen=True, slots=True)
-class LssGiven:
+class LssGiven(Short):
     """A node by its *address* that had node-ID *before* (255: none) and has *node_id* now; *name* is a file's for it.
 
     *stored* says whether it answered that it keeps the node-ID, *proved* whether it came back with it after a reset.

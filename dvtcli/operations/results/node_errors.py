@@ -7,11 +7,11 @@ from typing import ClassVar
 
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.wall_clock import utc
-from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes
 
 
 @dataclass(frozen=True, slots=True)
-class FaultRow:
+class FaultRow(Short):
     """One error, by its *code*, with what that means and what helps (empty where nobody says).
 
     *source* says who told it: `active` the family's own list, `history` 0x1003, `heard` EMCY messages. *information* is

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
 
 
 @dataclass(frozen=True, slots=True)
-class NodeRow:
+class NodeRow(Short):
     """What a node says of itself; None where it does not answer or has no such object."""
 
     node: int

@@ -11,11 +11,11 @@ from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.physical import Physical
 from dvtcli.errors import UsageError
-from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes, json_value, physical_document
+from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
-class MappedName:
+class MappedName(Short):
     """What a mapped object is called, which type it has and what its values mean; empty where nobody says."""
 
     name: str = ""
@@ -29,7 +29,7 @@ class MappedName:
 
 
 @dataclass(frozen=True, slots=True)
-class LastFrame:
+class LastFrame(Short):
     """The last frame that was heard of a PDO, *age_s* seconds ago.
 
     *values* stand for the mapping's entries, None for what is skipped or was not in the frame.
@@ -51,7 +51,7 @@ class LastFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class PdoRow:
+class PdoRow(Short):
     """One PDO with the names of what it maps."""
 
     pdo: Pdo

@@ -7,12 +7,12 @@ from typing import ClassVar
 
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.datatypes import Value
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 from dvtcli.operations.results.values import ValueRead
 
 
 @dataclass(frozen=True, slots=True)
-class EntryUnread:
+class EntryUnread(Short):
     """An entry that was not read: the device refused it with *abort*, None: nobody asked, as *why* says."""
 
     object: str

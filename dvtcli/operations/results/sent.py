@@ -8,7 +8,7 @@ from typing import ClassVar
 from dvtcli.domain.several import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 from dvtcli.operations.results.explained import FrameExplained
 
 #: as many wanted frames, or more, are sent until somebody breaks it off: nobody is told their number
@@ -16,7 +16,7 @@ NO_END = 10**9
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Outcome(Short):
     """What became of *wanted* frames: *handed* to the interface within *seconds*, how late, and what went wrong.
 
     *late_s* is the most, 99 % were at most *nearly_s* late; None where none had a time. *interrupted* is the exit code
@@ -105,7 +105,7 @@ class OfFrames(Answer):
 
 
 @dataclass(frozen=True, slots=True)
-class FrameToSend:
+class FrameToSend(Short):
     """One frame, with what it may do to nodes (*effects*, empty where nobody is known to act on it).
 
     Of a *secret* one the value, a passcode, is left out.
@@ -156,7 +156,7 @@ class FramesSent(OfFrames):
 
 
 @dataclass(frozen=True, slots=True)
-class FramesToReplay:
+class FramesToReplay(Short):
     """All frames of a recording with one CAN-ID that do the same: what they are, how many, and what nodes make of them.
 
     *effects* is empty where nobody is known to act on them.

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.rules import Finding
-from dvtcli.operations.results.documents import Answer, Document, finding_document
+from dvtcli.operations.results.documents import Answer, Document, Short, finding_document
 
 #: Bit 30 of 0x1005: this node produces SYNC.
 _PRODUCES = 1 << 30
 
 
 @dataclass(frozen=True, slots=True)
-class SyncSource:
+class SyncSource(Short):
     """What one node says of SYNC: *cob_id* is its 0x1005, *period_us* its 0x1006; None where it has no such object."""
 
     node: int

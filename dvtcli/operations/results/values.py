@@ -8,7 +8,7 @@ from typing import ClassVar
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.physical import Physical
-from dvtcli.operations.results.documents import Answer, Document, Rows, hex_bytes, json_value, physical_document
+from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class ValueRead(Answer):
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectRow:
+class ObjectRow(Short):
     """One dictionary entry as `objects` shows it."""
 
     object: str

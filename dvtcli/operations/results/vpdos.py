@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.documents import Answer, Document, Short
 
 
 @dataclass(frozen=True, slots=True)
-class PinRow:
+class PinRow(Short):
     """One pin with the object it is tied to: its index and name, None where it is tied to nothing."""
 
     pin: int
@@ -18,7 +18,7 @@ class PinRow:
 
 
 @dataclass(frozen=True, slots=True)
-class VpdoRow:
+class VpdoRow(Short):
     """One group: its object, how many pins the device has, and the active ones."""
 
     name: str

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document, json_value, physical_document
+from dvtcli.operations.results.documents import Answer, Document, Short, json_value, physical_document
 from dvtcli.operations.results.records import RecordRead
 from dvtcli.operations.results.values import ValueRead
 
@@ -33,7 +33,7 @@ class ValuesRead(Answer):
 
 
 @dataclass(slots=True)
-class ObjectCourse:
+class ObjectCourse(Short):
     """What an object held over a while: how often it was read, its least and most, the last values."""
 
     samples: int = 0

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.physical import Physical
-from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes, json_value, physical_document
+from dvtcli.operations.results.documents import CASES, Answer, Document, Short, hex_bytes, json_value, physical_document
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectDifference:
+class ObjectDifference(Short):
     """One *object* with its *name*: what it held *before*, by the first side, and *after*, by the second one.
 
     None where a side does not know, or maps nothing there: *unread* says why of that side. *apart* says why it is no
