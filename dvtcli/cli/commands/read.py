@@ -59,18 +59,22 @@ def command(
     read 6041 606C --every 100ms --for 300ms
     read 606C --every 50ms --for 200ms -o speed.csv
     """
-    if for_s is not None and every_s is None:
-        raise click.UsageError("--for belongs to --every")
     if every_s is not None:
         from dvtcli.cli.each_node import objects_meant
         from dvtcli.operations.objects.watch_objects import watch_objects
 
-        show = session.output.stream
-        return watch_objects(
-            session, objects_meant(session, objects), every_s, for_s, show, data_type=data_type, file=output
-        )
+        meant, show = objects_meant(session, objects), session.output.stream
+        return watch_objects(session, meant, every_s, for_s, show, data_type=data_type, file=output)
+    if for_s is not None:
+        raise click.UsageError("--for belongs to --every")
     if output is not None:
         return _to_file(session, objects, data_type, output)
+    return _once(session, objects, data_type)
+
+
+def _once(
+    session: Conversation, objects: tuple[ObjectWord, ...], data_type: DataType | None
+) -> ValueRead | RecordRead | ValuesRead:
     if len(objects) > 1:
         from dvtcli.cli.each_node import objects_meant
         from dvtcli.operations.objects.watch_objects import read_objects

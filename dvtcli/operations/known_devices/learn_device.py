@@ -56,6 +56,11 @@ class _Prepared:
     def pdos(self) -> tuple[str, ...]:
         return tuple(str(subject.pdo) for subject in self.subjects)
 
+    def forecast(self, likely: int) -> LearnForecast:
+        """What would be asked, of which *likely* writes came on the node's twin."""
+        probes = [*self.probes, *self.saves]
+        return LearnForecast(self.node.node_id, self.pdos, probes, self.limit, likely, self.storage.wears)
+
 
 def learn(
     session: Session,
@@ -85,9 +90,8 @@ def learn(
     heard = frozenset[int]() if session.dry_run else _heard(session)
     prepared = _prepared(node, subjects(node, pdos, heard), found.state, isolated=isolated, with_store=with_store)
     if session.dry_run:
-        likely = ask_safely(node, prepared.subjects, pdos, found, Terms(prepared.limit, isolated)).writes  # of its twin
-        probes = [*prepared.probes, *prepared.saves]
-        return LearnForecast(node.node_id, prepared.pdos, probes, prepared.limit, likely, prepared.storage.wears)
+        on_twin = ask_safely(node, prepared.subjects, pdos, found, Terms(prepared.limit, isolated))
+        return prepared.forecast(on_twin.writes)
     if prepared.saves:
         may_store(node, force=session.options.force)
     _consent(session, prepared, found.state, isolated=isolated)

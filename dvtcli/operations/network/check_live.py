@@ -101,11 +101,7 @@ def check_live(
     ids = {node.node_id for network in networks.values() for node in network.nodes}
     live, bus = live_state(session, traffic, ids), session.wire
     if not live.nodes:
-        frames = 0 if traffic is None else traffic.frames
-        raise NoAnswer(
-            f"no node answers on {bus.name}: nothing was checked", why=f"{plural(frames, 'frame')} heard",
-            hint="is it the right bus, and are its nodes on? `scan` asks every node-ID; `bitrate` listens",
-        )  # fmt: skip
+        raise _nobody(bus.name, traffic)
     bit_rate = _bit_rate(session, wishes)
     of_bus = NetworkReport(
         bus.name,
@@ -118,6 +114,14 @@ def check_live(
     )
     against = [_against(file, state, live, wishes, bit_rate) for file, state in networks.items()]
     return NetworksChecked((of_bus, *(replace(one, bus=bus.name) for one in against)))
+
+
+def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:
+    frames = 0 if traffic is None else traffic.frames
+    return NoAnswer(
+        f"no node answers on {name}: nothing was checked", why=f"{plural(frames, 'frame')} heard",
+        hint="is it the right bus, and are its nodes on? `scan` asks every node-ID; `bitrate` listens",
+    )  # fmt: skip
 
 
 def _seconds(session: Session, wishes: CheckWishes) -> float:
