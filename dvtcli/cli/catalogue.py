@@ -28,8 +28,13 @@ TASKS = (
 
 def command_names() -> list[str]:
     """Names of all commands, sorted."""
+    return list(_command_names())
+
+
+@cache
+def _command_names() -> tuple[str, ...]:
     names = (name for name in os.listdir(_COMMANDS) if name.endswith(".py"))  # noqa: PTH208
-    return sorted(name.removesuffix(".py") for name in names if not name.startswith("_"))
+    return tuple(sorted(name.removesuffix(".py") for name in names if not name.startswith("_")))
 
 
 def summary(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Every reader, the SDO client and server, and the views: 5,000 hostile inputs, or as many as `--fuzz` says.
+"""Every reader, the SDO client and server, and the views: as many hostile inputs as `--fuzz` says.
 
 Most are made from a fixed seed, the rest by Hypothesis, which finds the smallest one that fails.
 """

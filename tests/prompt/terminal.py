@@ -124,8 +124,15 @@ class Terminal:
     def lines(self) -> list[str]:
         """The screen's rows, without blanks at their ends."""
         if self._lines is None:
-            self._lines = [row.rstrip() for row in self.screen.display]
+            self._lines = [self._row(number) for number in range(self.screen.lines)]
         return self._lines
+
+    def _row(self, number: int) -> str:
+        """One row of the screen: what was written to it; the right half of a wide character holds nothing."""
+        cells = [" "] * self.screen.columns
+        for column, cell in self.screen.buffer[number].items():
+            cells[column] = cell.data
+        return "".join(cells).rstrip()
 
     @property
     def text(self) -> str:
