@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from dvtcli.cli.lexer import split
 from dvtcli.errors import UsageError
 
+#: What stands before a line that a backslash continues.
+CONTINUED = "  ... "
 #: What sends results elsewhere, where it begins a word.
 _SIGNS = (">>", ">", "|")
 
