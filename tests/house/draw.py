@@ -117,6 +117,10 @@ class House:
         found = {arrow for arrows in self._arrows_by_file().values() for arrow in arrows}
         return tuple(sorted(found, key=lambda arrow: (arrow.source, arrow.line, arrow.target, arrow.how)))
 
+    def arrows_of(self, file: str) -> tuple[Arrow, ...]:
+        """The imports of one file."""
+        return self._arrows_by_file()[file]
+
     def outward(self) -> list[Arrow]:
         """The arrows that run against the order of the rooms."""
         return [arrow for arrow in self.arrows if arrow.outward]

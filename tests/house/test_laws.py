@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections import Counter
+from collections import Counter, defaultdict
+from functools import cache
 
 import pytest
 
 from tests.house.draw import nodes
 from tests.house.laws import LAWS
+from tests.house.laws.askers import ASKED_BY, HARMLESS, is_sender
 from tests.house.laws.breaks import BREAKS, Break
+from tests.house.laws.effects import MAY_READ_AND_SEND
 from tests.house.laws.failures import INNER
-from tests.house.laws.imports import DOORS, ONLY_IN
+from tests.house.laws.imports import DOORS, ONLY_IN, by_name
 from tests.house.laws.makers import names, numbers
-from tests.house.laws.senders import ASKED_BY, MAY_SEND
-from tests.house.laws.source_tree import SourceTree
+from tests.house.laws.senders import MAY_SEND
+from tests.house.laws.source_tree import SourceTree, imported
+from tests.house.laws.uses import taken
 
 pytestmark = pytest.mark.together
 
 HOUSE = SourceTree.of_the_package()
 #: laws about how files hang together: the others look at one file at a time
-WHOLE = {"direction", "folders", "independence", "laziness", "errors", "results"}
+WHOLE = {"direction", "folders", "independence", "laziness", "errors", "results", "effects"}
 
 
 @pytest.mark.drawn(8)
@@ -56,10 +60,38 @@ def test_no_permission_is_left_over() -> None:
     classes = {f"{file}:{node.name}" for file, tree in HOUSE for node in nodes(tree) if isinstance(node, ast.ClassDef)}
     assert classes >= INNER
     for library, places in (ONLY_IN | DOORS).items():
-        assert all(any(library in HOUSE.texts[file] for file in HOUSE.texts if file.startswith(at)) for at in places)
+        assert [at for at in places if not any(file.startswith(at) for file in importers()[library])] == [], library
+
+
+def test_each_that_sends_has_its_askers() -> None:
+    """None is without, and none who stands there does without, or without what is said to send nothing."""
+    assert ASKED_BY.keys() == MAY_SEND.keys() - {"domain/ports.py"}
+    asked = {(top[0], file) for file, tree in HOUSE for _, _, top in taken(HOUSE, file, tree) if is_sender(top)}
     for target, askers in ASKED_BY.items():
-        sources = {arrow.source for arrow in HOUSE.house.arrows if arrow.target == target and arrow.how != "type"}
-        assert all(any(source.startswith(asker) for source in sources) for asker in askers), target
+        assert [
+            one for one in askers if not any((target, file) in asked for file in HOUSE.texts if file.startswith(one))
+        ] == []
+    took = {top for file, tree in HOUSE for _, _, top in taken(HOUSE, file, tree) if file != top[0]}
+    assert {(file, name) for file, names in HARMLESS.items() for name in names} <= took
+
+
+@pytest.mark.parametrize("command", MAY_READ_AND_SEND)
+def test_a_command_that_reads_and_sends_needs_its_permission(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(MAY_READ_AND_SEND, command)
+    said = list(LAWS["effects"](HOUSE))
+    assert said
+    assert all(line.startswith(f"cli/commands/{command}.py") for line in said)
+
+
+@cache
+def importers() -> dict[str, set[str]]:
+    """Who imports each module, by the first part of its name."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for file, tree in HOUSE:
+        for node in nodes(tree):
+            for name in [by_name(tree, node), *imported(node)]:
+                found[name.partition(".")[0]].add(file)
+    return found
 
 
 @pytest.mark.parametrize(("law", "table"), [

@@ -45,14 +45,14 @@ def test_a_read_waits_once_more() -> None:
     assert bus.now_s() - started_s == pytest.approx(1.0, abs=1e-9)
 
 
-def test_time_outs_take_no_time_of_the_clock_on_the_wall() -> None:
+def test_time_outs_take_no_time_of_the_clock_on_the_wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    for waits in ("sleep", "monotonic", "time", "perf_counter"):
+        monkeypatch.delattr(time, waits)
     bus = VirtualTimeBus([device(1)], timeout_s=10, retries=0)
-    started = time.monotonic()
     for _ in range(100):
         with pytest.raises(NoAnswer):
             bus.sdo(7).upload(0x1000, 0)
     assert bus.now_s() > 1000
-    assert time.monotonic() - started < bus.now_s()
 
 
 def test_the_same_calls_see_the_same() -> None:

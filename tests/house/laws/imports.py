@@ -14,7 +14,6 @@ from tests.house.laws.source_tree import SourceTree, dotted, imported, parsed, t
 ONLY_IN: dict[str, tuple[str, ...]] = {
     "can": (
         "bus/",
-        "simulator/network/",
         "files/recorder.py",
         "files/recording.py",
         "files/recordings/",
@@ -134,7 +133,7 @@ def libraries(tree: SourceTree) -> Iterator[str]:
         for_types = typing_only(module)
         for node in nodes(module):
             names = {name.partition(".")[0] for name in imported(node)} if id(node) not in for_types else set()
-            names |= _handed_on(node) | {_by_name(module, node)} - {""}
+            names |= _handed_on(node) | {by_name(module, node)} - {""}
             for name in names:
                 line = f"{file}:{getattr(node, 'lineno', 0)}"
                 if name not in _KNOWN:
@@ -158,10 +157,10 @@ def _handed_on(node: ast.AST) -> set[str]:
     return set()
 
 
-def _by_name(module: ast.Module, node: ast.AST) -> str:
+def by_name(module: ast.Module, node: ast.AST) -> str:
     """The library that `import_module("x")`, `__import__("x")` or `sys.modules["x"]` names."""
     named: ast.expr | None = None
-    if isinstance(node, ast.Call) and _is_by_name(module, node) and dotted(node.func).rpartition(".")[2] not in _RUNS:
+    if isinstance(node, ast.Call) and _reads_name(module, node) and dotted(node.func).rpartition(".")[2] not in _RUNS:
         named = next(iter([*node.args, *(word.value for word in node.keywords if word.arg == "name")]), None)
     elif isinstance(node, ast.Subscript) and "sys.modules" in origins(module, node.value):
         named = node.slice
@@ -170,14 +169,14 @@ def _by_name(module: ast.Module, node: ast.AST) -> str:
     return ""
 
 
-def _is_by_name(module: ast.Module, node: ast.Call) -> bool:
+def _reads_name(module: ast.Module, node: ast.Call) -> bool:
     return any(name.rpartition(".")[2] in _BY_NAME for name in origins(module, node.func))
 
 
 def _unreadable(file: str, module: ast.Module) -> Iterator[tuple[int, str]]:
     """Imports by a name that nobody can read: neither a string, nor one that begins with one of our folders."""
     for node in nodes(module):
-        if not isinstance(node, ast.Call) or not _is_by_name(module, node) or file in _MAY_NAME:
+        if not isinstance(node, ast.Call) or not _reads_name(module, node) or file in _MAY_NAME:
             continue
         called = dotted(node.func)
         if called.rpartition(".")[2] in _RUNS:

@@ -14,6 +14,8 @@ from tests.house.laws.source_tree import dotted
 
 #: how many names may stand for one another in a row
 _MOST = 4
+#: what has a name, or was made by what has one: `stop = KeyboardInterrupt()`
+_NAMED = ast.Name | ast.Attribute | ast.Call
 
 
 @cache
@@ -32,10 +34,12 @@ def _bound(node: ast.AST) -> Iterator[tuple[str, str]]:
         yield from ((alias.asname, alias.name) for alias in node.names if alias.asname)
     elif isinstance(node, ast.ImportFrom):
         yield from ((alias.asname or alias.name, f"{node.module}.{alias.name}") for alias in node.names)
+    elif isinstance(node, ast.AnnAssign | ast.NamedExpr) and isinstance(node.target, ast.Name) and node.value:
+        yield from ((node.target.id, dotted(one)) for one in [node.value] if isinstance(one, _NAMED))
     elif isinstance(node, ast.Assign):
         names = [target.id for target in node.targets if isinstance(target, ast.Name)]
         values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
-        said = [dotted(value) for value in values if isinstance(value, ast.Name | ast.Attribute)]
+        said = [dotted(value) for value in values if isinstance(value, _NAMED)]
         yield from ((name, one) for name in names for one in said)
 
 

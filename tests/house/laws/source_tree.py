@@ -34,10 +34,14 @@ class SourceTree:
     def __iter__(self) -> Iterator[tuple[str, ast.Module]]:
         return ((file, parsed(text)) for file, text in self.texts.items())
 
+    def parsed(self, file: str) -> ast.Module:
+        """The tree of one file."""
+        return parsed(self.house.files[file])
+
     @cached_property
     def modules(self) -> dict[str, str]:
         """Each file by its dotted name."""
-        return {_dotted(file): file for file in self.texts}
+        return {_dotted(file): file for file in self.house.files}
 
 
 def _dotted(file: str) -> str:

@@ -1,0 +1,55 @@
+"""Law 2 for commands: one that says it only reads asks, by however many steps, for nothing that sends."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from tests.house.laws.askers import ASKED_BY, is_sender
+from tests.house.laws.source_tree import SourceTree
+from tests.house.laws.uses import ALL, Top, Uses
+
+#: commands that only read, but for what stands here, with why that is no change of a node, or who consents
+MAY_READ_AND_SEND: dict[str, dict[str, str]] = {
+    "faults": {"device/error_history.py": "--clear empties the history, which is said, and no `undo` reverts it"},
+    "gateway": {"": "what its clients ask for, under consent"},
+    "help": {"": "names the DVT's words, each with its function, and calls none"},
+    "import": {"device/quirks/": "the order of old firmware, over a file"},
+    "pdo": {"operations/changes/change.py": "`pdo edit` shows its plan, and `undo` reverts it"},
+    "sync": {"operations/sync/produce_sync.py": "SYNC changes nothing that a node holds"},
+    "verify": {"operations/pdos/look_at_frames.py": "the same, and the NMT state goes back to what it was"},
+}
+#: what carries plans out by a method of the node, which imports do not show
+_CARRIES_OUT = ("operations/changes/change.py", "changed")
+_ROOM = "cli/commands/"
+
+
+def who_only_reads_sends_nothing(tree: SourceTree) -> Iterator[str]:
+    """Nothing that sends is reached by name from a command whose effect is READS."""
+    uses = Uses(tree)
+    for file in tree.house.files:
+        name = file.removeprefix(_ROOM).removesuffix(".py")
+        if file.startswith(_ROOM) and re.search(r"effect=Effect\.READS\b", tree.house.files[file]):
+            may = tuple(MAY_READ_AND_SEND.get(name, ()))
+            reached = uses.reached((file, ALL), lambda top, may=may: top[0].startswith(may) or _is_end(top))
+            for top in reached:
+                if _sends(top) and not top[0].startswith(may):
+                    yield f"{file} says it only reads, and asks for {_way(reached, top)}"
+
+
+def _is_end(top: Top) -> bool:
+    """Whether nothing more is to be found behind it: it sends, or is known to send nothing."""
+    return _sends(top) or top[0] in ASKED_BY
+
+
+def _sends(top: Top) -> bool:
+    return is_sender(top) or top == _CARRIES_OUT
+
+
+def _way(reached: dict[Top, Top | None], top: Top) -> str:
+    steps = []
+    one: Top | None = top
+    while one is not None:
+        steps.append(":".join(one))
+        one = reached[one]
+    return " < ".join(steps)
