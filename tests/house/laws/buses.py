@@ -16,7 +16,7 @@ _MAKERS = ("bus/", "simulator/network/")
 _CONTRACT = "domain/ports.py"
 _TELLS = ("isinstance", "issubclass", "type")
 #: what finds out by a name whether a bus can do something, instead of asking it
-_PEEKS = ("hasattr", "getattr")
+_PEEKS = ("hasattr", "getattr", "dir")
 _ANCESTOR = "HeardNodes"
 
 
@@ -54,13 +54,24 @@ def _asks(module: ast.Module, node: ast.AST, kinds: frozenset[str]) -> str:
         called = {name.rpartition(".")[2] for name in origins(module, node.func)}
         if called & {*_TELLS} and _named(module, node.args[1:]) & kinds:
             return f"asks of which kind a bus is: {ast.unparse(node)}"
-        if called & {*_PEEKS} and node.args and _last(node.args[0]).lstrip("_") in ("bus", "wire"):
+        if called & {*_PEEKS} and node.args and _is_bus(module, node.args[0]):
             return f"looks through a bus for what it has: {ast.unparse(node)}"
+        if called & {"register"} and _named(module, node.args) & kinds:
+            return f"does another thing for each kind of bus: {ast.unparse(node)}"
+    if (
+        isinstance(node, ast.Dict)
+        and _named(module, [key for key in node.keys if isinstance(key, ast.Name | ast.Attribute)]) & kinds
+    ):
+        return f"has something for each kind of bus: {ast.unparse(node)}"
     if isinstance(node, ast.MatchClass) and _named(module, [node.cls]) & kinds:
         return f"asks of which kind a bus is: case {ast.unparse(node)}"
     if isinstance(node, ast.Compare) and _of_type(node) and _named(module, [node.left, *node.comparators]) & kinds:
         return f"asks of which kind a bus is: {ast.unparse(node)}"
     return ""
+
+
+def _is_bus(module: ast.Module, node: ast.expr) -> bool:
+    return any(name.rpartition(".")[2].lstrip("_") in ("bus", "wire") for name in origins(module, node))
 
 
 def _of_type(node: ast.Compare) -> bool:

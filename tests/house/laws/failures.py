@@ -71,6 +71,8 @@ _OURS = {"DvtcliError"}
 _STOPS = {"KeyboardInterrupt", "SystemExit"}
 #: builtin exceptions that say nothing of what failed
 _BARE = frozenset({"Exception", "BaseException", "RuntimeError", "SystemError"})
+#: what makes a class without `class`
+_MAKES = frozenset({"type", "types.new_class"})
 _BUILTIN = {name for name, one in vars(builtins).items() if isinstance(one, type) and issubclass(one, BaseException)}
 
 
@@ -84,22 +86,22 @@ def ends_nowhere_else(tree: SourceTree) -> Iterator[str]:
             if names & _ENDS and id(node) not in harmless:
                 yield f"{file}:{node.lineno} {ast.unparse(node)}"
         for one in nodes(module):
-            if _ends(one) or (file not in MAY_INTERRUPT and _interrupts(one)):
+            if _ends(module, one) or (file not in MAY_INTERRUPT and _interrupts(module, one)):
                 yield f"{file}:{getattr(one, 'lineno', 0)} {ast.unparse(one)}"
 
 
-def _ends(node: ast.AST) -> bool:
+def _ends(module: ast.Module, node: ast.AST) -> bool:
     """Whether it imports an end under whatever name, or asks click for one."""
     match node:
-        case ast.ImportFrom(module=module, names=names):
-            return bool({f"{module}.{one.name}" for one in names} & _ENDS)
+        case ast.ImportFrom(module=of, names=names):
+            return bool({f"{of}.{one.name}" for one in names} & _ENDS)
         case ast.Attribute(attr="exit" | "abort", value=value):
-            return dotted(value) in _CONTEXTS
+            return bool(origins(module, value) & {*_CONTEXTS})
     return False
 
 
-def _interrupts(node: ast.AST) -> bool:
-    return isinstance(node, ast.Raise) and _raised(node) == "KeyboardInterrupt"
+def _interrupts(module: ast.Module, node: ast.AST) -> bool:
+    return isinstance(node, ast.Raise) and "KeyboardInterrupt" in _raised(module, node)
 
 
 def _in_handlers(module: ast.Module) -> set[int]:
@@ -108,8 +110,8 @@ def _in_handlers(module: ast.Module) -> set[int]:
     return {id(inner) for kind in kinds for inner in ast.walk(kind)}
 
 
-def _raised(node: ast.Raise) -> str:
-    return "" if node.exc is None else dotted(node.exc)
+def _raised(module: ast.Module, node: ast.Raise) -> frozenset[str]:
+    return frozenset() if node.exc is None else origins(module, node.exc)
 
 
 def errors_stand_in_one_tree(tree: SourceTree) -> Iterator[str]:
@@ -131,9 +133,14 @@ def errors_stand_in_one_tree(tree: SourceTree) -> Iterator[str]:
             yield f"{file}:{node.lineno} class {node.name}"
     for file, module in tree:
         for one in nodes(module):
-            if isinstance(one, ast.Raise) and _raised(one).removeprefix("builtins.") in _BARE:
+            if isinstance(one, ast.Raise) and _raised(module, one) & _BARE:
                 yield f"{file}:{one.lineno} {ast.unparse(one)}"
-            elif isinstance(one, ast.Call) and dotted(one.func) == "type" and len(one.args) > 1 and file != "errors.py":
+            elif (
+                isinstance(one, ast.Call)
+                and origins(module, one.func) & _MAKES
+                and len(one.args) > 1
+                and file != "errors.py"
+            ):
                 yield f"{file}:{one.lineno} makes a class without `class`"
 
 
@@ -193,9 +200,17 @@ def _raises(body: list[ast.stmt]) -> bool:
 
 def _says_nothing(node: ast.ExceptHandler) -> bool:
     """Whether the error goes nowhere: nothing is called, raised or kept."""
-    kept = (ast.Raise, ast.Call, ast.Assign, ast.AugAssign, ast.Yield)
+    kept = (ast.Raise, ast.Call, ast.AugAssign, ast.Yield)
     named = any(isinstance(inner, ast.Name) and inner.id == node.name for one in node.body for inner in ast.walk(one))
-    return not named and not any(isinstance(inner, kept) for one in node.body for inner in ast.walk(one))
+    return not named and not any(
+        isinstance(inner, kept) or _keeps(inner) for one in node.body for inner in ast.walk(one)
+    )
+
+
+def _keeps(node: ast.AST) -> bool:
+    """Whether *node* gives something a name that is read: not `_`."""
+    names = [one.id if isinstance(one, ast.Name) else "" for one in getattr(node, "targets", ())]
+    return isinstance(node, ast.Assign) and names != ["_"]
 
 
 def _leaving(body: list[ast.stmt]) -> Iterator[ast.stmt]:

@@ -50,9 +50,78 @@ DOORS: dict[str, tuple[str, ...]] = {
         "cli/stop_signals.py",
         "operations/api/ctrl_c.py",
     ),
+    "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`
+    "tkinter": ("cli/dvt/tcl_interp.py",),
+    "winreg": ("bus/discover.py",),
+    "getpass": ("cli/passcode.py",),
+    "termios": ("cli/view/typed_ahead.py",),
     **dict.fromkeys(("asyncio", "http", "socketserver", "ssl", "smtplib", "ftplib", "xmlrpc", "pickle"), ()),
     **dict.fromkeys(("multiprocessing", "ctypes", "pty", "runpy", "pkgutil", "webbrowser", "_thread"), ()),
 }
+#: what else of the standard library may be imported, anywhere: what stands in neither table may not
+PLAIN = frozenset(
+    [
+        "__future__",
+        "abc",
+        "base64",
+        "binascii",
+        "bisect",
+        "codecs",
+        "collections",
+        "concurrent",
+        "contextlib",
+        "copy",
+        "csv",
+        "dataclasses",
+        "datetime",
+        "difflib",
+        "enum",
+        "errno",
+        "fcntl",
+        "fractions",
+        "functools",
+        "gc",
+        "glob",
+        "hashlib",
+        "heapq",
+        "importlib",
+        "inspect",
+        "io",
+        "ipaddress",
+        "itertools",
+        "json",
+        "math",
+        "msvcrt",
+        "os",
+        "pathlib",
+        "platform",
+        "pwd",
+        "queue",
+        "random",
+        "re",
+        "reprlib",
+        "resource",
+        "select",
+        "selectors",
+        "shlex",
+        "shutil",
+        "stat",
+        "statistics",
+        "struct",
+        "sys",
+        "tempfile",
+        "threading",
+        "time",
+        "tomllib",
+        "types",
+        "typing",
+        "unicodedata",
+        "uuid",
+        "weakref",
+        "xml",
+        "zlib",
+    ]
+)
 #: rooms that need nothing but the standard library
 _GROUND = ("version.py", "domain/", "device/", "simulator/device/", "errors.py")
 #: what decides, and is no vocabulary
@@ -60,7 +129,8 @@ _JUDGEMENT = ("domain/rules/", "domain/plan.py")
 #: what `--help` must not pay for: every library but click, and what of the standard library is large
 _HEAVY = (
     *ONLY_IN.keys() - {"click"}, "matplotlib", "pyarrow", "asammdf", "intelhex", "asyncio", "multiprocessing",
-    "subprocess", "xml", "http", "urllib", "email", "ssl", "unittest", "pydoc", "sqlite3", "concurrent", "logging",
+    "subprocess", "xml", "http", "urllib", "email", "ssl", "unittest", "pydoc", "sqlite3", "concurrent",
+    "tkinter", "logging",
     "dvtcli.simulator", "dvtcli.cli.prompt", "dvtcli.bus.python_can",
 )  # fmt: skip
 #: what opens or parses something
@@ -133,7 +203,7 @@ def libraries(tree: SourceTree) -> Iterator[str]:
         for_types = typing_only(module)
         for node in nodes(module):
             names = {name.partition(".")[0] for name in imported(node)} if id(node) not in for_types else set()
-            names |= _handed_on(node) | {by_name(module, node)} - {""}
+            names |= _handed_on(module, node) | {by_name(module, node)} - {""}
             for name in names:
                 line = f"{file}:{getattr(node, 'lineno', 0)}"
                 if name not in _KNOWN:
@@ -145,15 +215,16 @@ def libraries(tree: SourceTree) -> Iterator[str]:
         yield from (f"{file}:{line} {what}" for line, what in _unreadable(file, module))
 
 
-_KNOWN = {*sys.stdlib_module_names, *ONLY_IN, "dvtcli"}
+_KNOWN = {*PLAIN, *DOORS, *ONLY_IN, "dvtcli"}
 
 
-def _handed_on(node: ast.AST) -> set[str]:
+def _handed_on(module: ast.Module, node: ast.AST) -> set[str]:
     """The libraries that one of our modules has imported, and another takes from it."""
     if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("dvtcli"):
         return {alias.name for alias in node.names} & ONLY_IN.keys()
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.attr in ONLY_IN:
-        return {node.attr} if node.value.id in _MODULES else set()
+        ours = any(name.partition(".")[0] in _MODULES for name in origins(module, node.value))
+        return {node.attr} if ours else set()
     return set()
 
 
@@ -162,6 +233,8 @@ def by_name(module: ast.Module, node: ast.AST) -> str:
     named: ast.expr | None = None
     if isinstance(node, ast.Call) and _reads_name(module, node) and dotted(node.func).rpartition(".")[2] not in _RUNS:
         named = next(iter([*node.args, *(word.value for word in node.keywords if word.arg == "name")]), None)
+    elif isinstance(node, ast.Call) and "sys.modules.get" in origins(module, node.func):
+        named = next(iter(node.args), None)
     elif isinstance(node, ast.Subscript) and "sys.modules" in origins(module, node.value):
         named = node.slice
     if isinstance(named, ast.Constant) and isinstance(named.value, str) and not named.value.startswith("."):

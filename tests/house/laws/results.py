@@ -39,7 +39,7 @@ def _documents(module: ast.Module) -> list[ast.ClassDef]:
 
 
 def _schema(source: str) -> bool:
-    return re.search(r"'schema': (f?'dvtcli\.|self\.)", source) is not None
+    return re.search(r"('schema': |\bschema=)(f?'dvtcli\.|self\.)", source) is not None
 
 
 def _is_answer(node: ast.ClassDef) -> bool:

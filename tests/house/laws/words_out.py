@@ -31,7 +31,9 @@ MAY_PRINT = {
 _SAYING = frozenset(
     {
         "print", "input", "pprint", "click.echo", "click.secho", "click.confirm", "click.prompt", "click.pause",
-        "click.getchar", "click.echo_via_pager", "click.edit", "warnings.warn", "os.write", "getpass.getpass",
+        "click.getchar",
+        "os.writev", "sys.displayhook", "breakpoint", "click.echo_via_pager",
+        "click.edit", "warnings.warn", "os.write", "getpass.getpass",
     }
 )  # fmt: skip
 _MODULES = ("logging.", "traceback.print", "pprint.", "contextlib.redirect_", "rich.")
@@ -40,7 +42,7 @@ _STREAMS = frozenset({"sys.stdout", "sys.stderr", "sys.__stdout__", "sys.__stder
 _SILENT = frozenset({"logging.NullHandler", "logging.getLogger", "logging.getLogger.addHandler"})
 #: what only asks what a stream is
 _LOOKING = ("isatty", "fileno", "encoding")
-_TERMINALS = ("/dev/tty", "CON", "CONOUT$")
+_TERMINALS = ("/dev/stdout", "/dev/stderr", "/dev/fd/1", "/dev/fd/2", "/dev/tty", "CON", "CONOUT$")
 
 
 def only_view_prints(tree: SourceTree) -> Iterator[str]:
@@ -62,6 +64,8 @@ def _writes(node: ast.AST) -> TypeGuard[ast.expr]:
     """Whether *node* writes to a stream that somebody else has, or is a terminal's name."""
     match node:
         case ast.Call(func=ast.Attribute(value=ast.Attribute(attr="stdout" | "stderr"), attr="write" | "writelines")):
+            return True
+        case ast.Call(func=ast.Name(id="open") | ast.Attribute(attr="fdopen"), args=[ast.Constant(value=int()), *_]):
             return True
         case ast.Constant(value=str(text)):
             return text in _TERMINALS

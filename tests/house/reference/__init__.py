@@ -41,6 +41,7 @@ PARTS = {
     "simulated": "families:simulated",
     "simulated-values": "families:simulated_values",
     "rooms": "house:rooms",
+    "senders": "house:senders",
     "faults": "faults:faults",
     "signals": "faults:signals",
     "python-calls": "api:calls",
