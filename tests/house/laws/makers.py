@@ -74,7 +74,7 @@ def _pattern() -> re.Pattern[str]:
 
 def _numbers_in(source: str, module: ast.Module) -> Iterator[tuple[int, str]]:
     """Identity numbers: large ones, and any that an identity is compared with, or that is called one."""
-    compared = {id(inner) for node in nodes(module) if _asks_for_identity(node) for inner in ast.walk(node)}
+    compared = {id(inner) for node in nodes(module) if _asks_for_identity(node) for inner in _meant(module, node)}
     for node in nodes(module):
         if isinstance(node, ast.Constant) and type(node.value) is int and node.value in numbers():
             written = ast.get_source_segment(source, node) or ""
@@ -82,11 +82,23 @@ def _numbers_in(source: str, module: ast.Module) -> Iterator[tuple[int, str]]:
                 yield node.lineno, f"{written} is an identity number in families/: what the family does is a key there"
 
 
+def _meant(module: ast.Module, asking: ast.AST) -> Iterator[ast.AST]:
+    """All of what asks, and what the names in it were given: `_FIRST = 0x1E`, `_FAST = {0x1E: 1.0}`."""
+    used = {inner.id for inner in ast.walk(asking) if isinstance(inner, ast.Name)}
+    yield from ast.walk(asking)
+    for node in nodes(module):
+        if isinstance(node, ast.Assign) and any(isinstance(one, ast.Name) and one.id in used for one in node.targets):
+            given = node.value.keys if isinstance(node.value, ast.Dict) else [node.value]
+            yield from (one for one in given if isinstance(one, ast.Constant))
+
+
 def _asks_for_identity(node: ast.AST) -> bool:
     """Whether *node* compares, or sets, something that is called a vendor or a product."""
     match node:
         case ast.Compare():
             asked = [ast.unparse(node)]
+        case ast.Subscript(slice=one) | ast.Call(func=ast.Attribute(attr="get"), args=[one, *_]):
+            asked = [ast.unparse(one)]
         case ast.Match(subject=one) | ast.AnnAssign(target=one):
             asked = [ast.unparse(one)]
         case ast.Assign(targets=several):
