@@ -9,7 +9,7 @@ from dvtcli.device.applied import Applied, refuse
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.plan import Plan, ValueChange
 from dvtcli.domain.vpdo import Pins
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -32,10 +32,10 @@ def group_names(node: Node) -> list[str]:
 
 
 def read_pins(node: Node, name: str) -> Pins:
-    """The pins of the group called *name* as the device holds them; DvtcliError where the node has no such group."""
+    """The pins of the group called *name* as the device holds them; UsageError where the node has no such group."""
     if name not in group_names(node):
         have = ", ".join(node.profile.vpdo)
-        raise DvtcliError(f"node {node.node_id} has no virtual PDOs called {name!r}; it has {have}", node=node.node_id)
+        raise UsageError(f"node {node.node_id} has no virtual PDOs called {name!r}; it has {have}", node=node.node_id)
     group = node.profile.vpdo[name]
     active = int.from_bytes(node.upload(group.index, 0), "little")
     values = tuple(_values(node, group))

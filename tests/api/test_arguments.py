@@ -13,7 +13,7 @@ import pytest
 import dvtcli
 from dvtcli import errors
 from dvtcli.cli.catalogue import command_names
-from dvtcli.operations.api.hints import in_python
+from dvtcli.operations.api.python_hints import in_python
 from dvtcli.testing import Serve, serve
 from tests.process import PATIENCE_S
 

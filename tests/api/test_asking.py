@@ -8,7 +8,7 @@ import pytest
 
 import dvtcli
 from dvtcli import errors
-from dvtcli.operations.api.hints import in_python
+from dvtcli.operations.api.python_hints import in_python
 from dvtcli.results import SyncCheck
 from tests.commands.bench import Bench
 

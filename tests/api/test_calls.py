@@ -513,7 +513,7 @@ def test_the_can_id_of_sync_is_what_its_node_says() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"count": 0}, {"count": True}, {"period_ms": -1}, {"period_ms": "20"}, {"node_id": 128}]
+    "wrong", [{"count": 0}, {"count": True}, {"period_ms": -1}, {"period_ms": 0}, {"period_ms": "20"}, {"node_id": 128}]
 )
 def test_a_wrong_sync_is_told(wrong: dict[str, Any]) -> None:
     with dvtcli.simulate("generic") as bus, pytest.raises(errors.UsageError, match=next(iter(wrong))):

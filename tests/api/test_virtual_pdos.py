@@ -74,3 +74,4 @@ def test_a_node_without_such_a_group_says_which_it_has(family: str, group: str, 
             with pytest.raises(DvtcliError, match=said) as raised:
                 call()
             assert raised.value.state == "unchanged"
+            assert isinstance(raised.value, UsageError) == (group == "nix")

@@ -136,7 +136,7 @@ class ConfiguredNode(ReadNode):
         """Tie *pin* (1 and up) of a group of virtual PDOs to an object, by its name or index; None unties it.
 
         *pin* None, without an object, unties every pin of the group. Where all is so already nothing is written, and
-        the answer is what `vpdo` lists. UsageError for an unknown object, DvtcliError without such a group or pin.
+        the answer is what `vpdo` lists. UsageError for an unknown object or group, DvtcliError without such a pin.
         """
         from dvtcli.operations.pdos.virtual_pdo_ties import tie_pin
 

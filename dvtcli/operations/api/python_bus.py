@@ -124,7 +124,7 @@ class Bus(FrameCalls):
         return self._calls.run(lambda: find_nodes(self._session, answer_s))
 
     def sync(self, count: int = 1, *, period_ms: float = 20.0, node_id: int | None = None) -> Synced:
-        """Send *count* SYNC messages (1…100000), one each *period_ms* (0…1000), and list what synchronous PDOs send.
+        """Send *count* SYNC messages (1…100000), one each *period_ms* (0.1…1000), and list what synchronous PDOs send.
 
         The CAN-ID is what 0x1005 of the node *node_id* says (None: of the first simulated node); 0x080 where there is
         none, or no answer. Frames are listed by CAN-ID: the last one of each, how many came, and whose TPDO it is where
@@ -133,7 +133,7 @@ class Bus(FrameCalls):
         from dvtcli.operations.sync.produce_sync import produce_sync
 
         whole("count", count, "a count", 100_000, low=1)
-        number("period_ms", period_ms, "a number of milliseconds, 0…1000", high=1000)
+        number("period_ms", period_ms, "a number of milliseconds, 0.1…1000", low=0.1, high=1000)
         if node_id is not None:
             whole("node_id", node_id, "a node-ID", 127, low=1)
         return self._calls.run(lambda: produce_sync(self._session, count, period_ms / 1000, node_id))

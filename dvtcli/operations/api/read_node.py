@@ -113,7 +113,7 @@ class ReadNode:
     def vpdo(self, group: str | None = None) -> VpdoListing:
         """What each pin of *group* is tied to inside the node (`digital-in`, `motor`, …), None for all groups.
 
-        DvtcliError where the node has no such group, or no virtual PDOs.
+        UsageError where the node has no such group, DvtcliError where it has no virtual PDOs.
         """
         from dvtcli.operations.pdos.virtual_pdo_ties import list_ties
 

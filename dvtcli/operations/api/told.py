@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from dvtcli.operations.api.hints import in_python
+from dvtcli.operations.api.python_hints import in_python
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame

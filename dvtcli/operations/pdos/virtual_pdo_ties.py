@@ -26,7 +26,7 @@ _NONE = "none"
 def list_ties(session: Session, group: str | None = None, node_id: int | None = None) -> VpdoListing:
     """What each pin of *group* of *node_id*, else of the selected node, is tied to, None for all groups.
 
-    DvtcliError where it has no such group.
+    UsageError where it has no such group, DvtcliError where it has none at all.
     """
     node = session.node(node_id)
     return _listing(node, [group] if group else group_names(node))
@@ -37,7 +37,7 @@ def tie_pin(
 ) -> Changed | VpdoListing:
     """Tie *pin* (1 and up) of *group* to *object_*, None to untie it; pin 0 unties all pins of the group.
 
-    What is as wanted already is listed. UsageError for an unknown object, DvtcliError where there is no such pin.
+    What is as wanted is listed. UsageError for an unknown object or group, DvtcliError where it has no such pin.
     """
     node = session.node(node_id)
     node.claim()

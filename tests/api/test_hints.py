@@ -1,0 +1,81 @@
+"""What errors and findings say to do next is said in calls of this API, whichever room says it."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import dvtcli
+from dvtcli.cli.catalogue import command_names
+from dvtcli.errors import DvtcliError
+from dvtcli.operations.api.python_hints import hint_in_python
+from tests.api.hints_of_the_product import all_hints
+
+_NAMES = "|".join(map(re.escape, command_names()))
+#: calls, and programs of a terminal
+_CALL = re.compile(r"`?(?:(?:node|bus|dvtcli)\.[\w.]+(?:\([^`()]*\))+(?:\.\w+\([^`()]*\))?|dvtcli -*\w[^`]*)`?")
+_OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*|`")
+#: a command with what is typed behind it
+_TYPED = re.compile(rf"\b(?:{_NAMES})(?: [A-Z]{{3,}}\b| \d+\b| [tr]pdo\d| [\w-]+=| --)")
+#: a command that does something, or that stands alone
+_DONE = re.compile(
+    rf"(?:^|[;:,] |\bor |\bthen )(?:{_NAMES})"
+    r"(?: (?:shows?|finds|tells|takes|lists|listens|makes|searches|puts|goes)|[;:,]|$)"
+)
+#: words that are a command's, said as English, or typed in another program's window
+_ENGLISH = re.compile(
+    r"node 5|write 5 or 5/5|ssh -L|vendor-product\[-revision\]|or eds$|eds takes the path|bitrate 5|give dbc, eds,"
+)
+
+
+def not_a_call(hint: str) -> list[str]:
+    """What of a *hint*, as a program is told it, is still typed at a command line."""
+    left = _ENGLISH.sub("", _CALL.sub("", hint_in_python(hint)))
+    return [found[0] for rule in (_OPTION, _TYPED, _DONE) for found in rule.finditer(left)]
+
+
+def test_all_hints_are_found() -> None:
+    assert len(all_hints()) > 300
+    for hint in ("pdo --all lists what it has", "objects TEXT searches the dictionary", "nmt preop 5"):
+        assert hint in all_hints()
+
+
+def test_no_hint_is_a_command_line() -> None:
+    wrong = {
+        f"{place}: {hint_in_python(hint)}": said for hint, place in all_hints().items() if (said := not_a_call(hint))
+    }
+    assert not wrong
+
+
+@pytest.mark.parametrize(
+    "hint", ["frobnicate --nix", "read NAME", "`unknown TEXT`", "map 5 eds=x", "scan shows", "look at -x"]
+)
+def test_what_is_typed_is_noticed(hint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.api.test_hints.hint_in_python", str)
+    assert not_a_call(hint)
+
+
+SAID = {
+    "no such PDO": (lambda node: node.map("tpdo9", "6041"), "`node.pdos()` lists what it has"),
+    "no such object": (lambda node: node.read(0x9999), "`node.objects(TEXT)` searches the dictionary"),
+    "nothing to map": (lambda node: node.map("tpdo1", "9999"), "`node.objects(TEXT)` searches the dictionary"),
+    "no name": (
+        lambda node: node.write("nonsense", 1),
+        "`node.objects(TEXT)` searches the dictionary; eds=FILE gives one",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SAID)
+def test_an_error_says_which_call_helps(case: str) -> None:
+    call, hint = SAID[case]
+    with dvtcli.simulate("gen4") as bus, pytest.raises(DvtcliError) as raised:
+        call(bus.node())
+    said = getattr(raised.value, "findings", None)
+    assert (said[0].hint if said else raised.value.hint) == hint
+
+
+def test_a_period_of_nothing_is_refused() -> None:
+    with dvtcli.simulate("gen4") as bus, pytest.raises(DvtcliError, match="period_ms=0: a number of milliseconds"):
+        bus.sync(3, period_ms=0)
