@@ -27,8 +27,7 @@ _ARGUMENTS = {
 _LETTERS = {"b": "bitrate", "c": "channel", "i": "interface", "n": "node_id", "p": "profile"}
 _SENTENCES = {
     "give -i/--interface and -c/--channel,": "give interface and channel,",
-    "or --sim generic": "or dvtcli.simulate('generic')",
-    "-i socketcan -c can0, or --sim gen4": "dvtcli.connect('socketcan', 'can0'), or dvtcli.simulate('gen4')",
+    "-i socketcan -c can0": "dvtcli.connect('socketcan', 'can0')",
     "scan finds the nodes; `node ID` selects one at the prompt and in scripts, -n ID on the command line":
         "`scan` finds the nodes",
     "pdo, read, node, faults, store, and plan, diff, verify, apply and import of a file take several":
@@ -63,7 +62,6 @@ _SENTENCES = {
     "--listen 127.0.0.1:60000": "`dvtcli gateway --listen 127.0.0.1:60000`",
     "--as os shows": "as_type='os' shows",
     "--for NODE, by": "for=NODE, by",
-    "give --sim too: --sim gen4 ": "with ",
     "--bus bench chooses": "`dvtcli --bus bench` chooses",
     "plan --to-manager makes": "`bus.plan(FILE, to_manager=ID)` makes",
     "plan --include makes": "`bus.plan(FILE, include=…)` makes",
@@ -127,6 +125,8 @@ _ONLY_COMMANDS = "bitrate|decode|doctor|eds|explain|gateway|log|lss|monitor|plot
 _FLAGS = "yes|force|extended|frame|prove|all"
 #: further options of a call that are true or false
 _FLAGS_OF_A_CALL = f"{_FLAGS}|trust-stamp|twice"
+#: simulated nodes, by their family
+_SIMULATED = re.compile(r"(?:(?<=\bor )|(?<=: ))--sim ([a-z]\w*)")
 _OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)(?: (auto|keep|all)\b| (?=[A-Z]|\d|my-|\w[\w-]*[=@(,:]))?")
 _LETTER = re.compile(rf"(?<![\w-])-([{''.join(_LETTERS)}])(?:/--[a-z]+)?(?![\w-])( (?=[A-Z\d]))?")
 #: a command with options that stands in a sentence without marks
@@ -177,6 +177,7 @@ def in_python(text: str) -> str:
 
 
 def _in_python(text: str) -> str:
+    text = _SIMULATED.sub(r"dvtcli.simulate('\1')", text)
     text = _BARE.sub(lambda found: f"`{found[0]}`", text) if "`" not in text else text
     text = _OF_OPTION.sub(lambda found: f"{_ARGUMENTS.get(found[1], found[1])}:", text)
     parts = re.split(r"(`[^`]+`)", text)
