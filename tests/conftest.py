@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from dvtcli.__main__ import NEW_OBJECTS
 from tests import branches, process, sample
 from tests.compiled import compile_share
 from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
@@ -77,6 +76,8 @@ def pytest_collection(session: pytest.Session) -> None:
 
 def pytest_collection_finish() -> None:
     """From here on garbage is looked for as in dvtcli's own process, and not in what was collected."""
+    from dvtcli.__main__ import NEW_OBJECTS  # not sooner: branches of what is imported by then are not counted
+
     gc.freeze()
     gc.set_threshold(NEW_OBJECTS)
     gc.enable()

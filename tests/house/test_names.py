@@ -22,5 +22,6 @@ def test_no_two_files_have_the_same_name() -> None:
     for name, files in places.items():
         commands = [file for file in files if file == f"cli/commands/{name}"]
         things = [file for file in files if file not in commands]
-        assert len(things) <= 1, files
-        assert not commands or all(file.startswith(NAMESAKES) for file in things), files
+        assert len(things) <= 1, f"one name, one thing; rename all but one of {files}"
+        clashing = [file for file in things if commands and not file.startswith(NAMESAKES)]
+        assert not clashing, f"rename {clashing}: of that name is the command's file, {commands[0]}"

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.documents import *  # noqa: F403
     from dvtcli.operations.results.dvt import *  # noqa: F403
     from dvtcli.operations.results.explained import *  # noqa: F403
+    from dvtcli.operations.results.failures import *  # noqa: F403
     from dvtcli.operations.results.files import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
     from dvtcli.operations.results.habit_listing import *  # noqa: F403
