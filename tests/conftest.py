@@ -38,7 +38,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=3, metavar="N", help="rounds of four dvtcli at once [3]")
-    parser.addoption("--fuzz", type=int, default=3000, metavar="N", help="hostile inputs in all [3000]")
+    parser.addoption("--fuzz", type=int, default=2000, metavar="N", help="hostile inputs in all [2000]")
     parser.addoption("--cells", type=int, default=1, metavar="N", help="faults for each sequence of the matrix [1]")
     parser.addoption("--every-size", action="store_true", help="golden screens in each size of terminal, not in one")
     parser.addoption("--hosts", type=int, default=4, metavar="N", help="hosts of a fleet, three of them faulty [4]")

@@ -16,7 +16,7 @@ import pytest
 One = TypeVar("One")
 
 #: so many cases of a test a whole run takes, where the test says nothing else
-CASES = 5
+CASES = 4
 #: What takes a second of processor time or more by itself: a whole run takes some of all of them.
 heavy = pytest.mark.drawn(8, "heavy")
 
