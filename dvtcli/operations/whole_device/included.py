@@ -13,7 +13,7 @@ from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import UsageError
 from dvtcli.operations.meanings.named_objects import is_name, object_at
-from dvtcli.operations.whole_device.compare_device import entry_of
+from dvtcli.operations.whole_device.object_kind import entry_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -16,7 +16,7 @@ from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import BY_SUB_INDEX, PdoConfig
 from dvtcli.domain.rules.mappable import enables_nothing
 from dvtcli.errors import SdoAborted
-from dvtcli.operations.whole_device.compare_device import entry_of
+from dvtcli.operations.whole_device.object_kind import entry_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
