@@ -28,6 +28,7 @@ _FILLED = {
     "kind.suffix": ".dcf",
     "known": "500000",
 }
+_TEXTS = (ast.Constant, ast.JoinedStr)
 
 
 @cache
@@ -41,6 +42,19 @@ def all_hints() -> dict[str, str]:
                     if text:
                         found.setdefault(text, f"{module.name}:{line}")
     return found
+
+
+@cache
+def all_texts() -> frozenset[str]:
+    """Every text of these rooms that is no docstring, hints among them."""
+    found = set(all_hints())
+    for module in modules():
+        if module.room in ROOMS and not module.name.startswith("operations/api/"):
+            said = {id(one.value) for one in ast.walk(module.tree) if isinstance(one, ast.Expr)}
+            found |= {
+                _text(one) or "" for one in ast.walk(module.tree) if isinstance(one, _TEXTS) and id(one) not in said
+            }
+    return frozenset(found)
 
 
 def _asked(module: Module) -> Iterator[ast.expr]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +11,9 @@ import pytest
 
 import dvtcli
 from dvtcli import errors
-from dvtcli.cli.catalogue import command_names
 from dvtcli.operations.api.python_hints import in_python
 from dvtcli.testing import Serve, serve
 from tests.process import PATIENCE_S
-
-#: commands that no hint sends a program to
-FOR_PEOPLE = {"completion", "exit", "help", "report", "replay", "require", "send", "sync", "tcl", "nmt", "lss"}
 
 #: a call -> the argument that its error names
 WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
@@ -174,11 +169,6 @@ def test_hints_are_python() -> None:
         "`statusword` is an object": "`statusword` is an object",
     }  # fmt: skip
     assert {hint: in_python(hint) for hint in hints} == hints
-
-
-@pytest.mark.parametrize("name", sorted(set(command_names()) - FOR_PEOPLE))
-def test_a_command_in_a_hint_is_its_call_or_how_it_is_typed(name: str) -> None:
-    assert re.fullmatch(rf"`((node|bus|dvtcli)\.[\w.]+\(\)|dvtcli {name})`", in_python(f"`{name}`"))
 
 
 #: a call -> its error's text, and what a traceback says besides

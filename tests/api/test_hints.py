@@ -9,8 +9,9 @@ import pytest
 import dvtcli
 from dvtcli.cli.catalogue import command_names
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.api.python_hints import hint_in_python
-from tests.api.hints_of_the_product import all_hints
+from dvtcli.operations.api import python_hints
+from dvtcli.operations.api.python_hints import hint_in_python, in_python
+from tests.api.hints_of_the_product import all_hints, all_texts
 
 _NAMES = "|".join(map(re.escape, command_names()))
 #: calls, and programs of a terminal
@@ -54,6 +55,29 @@ def test_no_hint_is_a_command_line() -> None:
 def test_what_is_typed_is_noticed(hint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.api.test_hints.hint_in_python", str)
     assert not_a_call(hint)
+
+
+@pytest.mark.parametrize(("table", "begins"), [("_SENTENCES", ""), ("_ARGUMENTS", "--")])
+def test_what_is_translated_is_said_somewhere(table: str, begins: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without an entry some text of the product would come out otherwise."""
+    stale = set()
+    entries: dict[str, str] = getattr(python_hints, table)
+    for entry in entries:
+        concerned = {text: hint_in_python(text) for text in all_texts() if f"{begins}{entry}" in text}
+        with monkeypatch.context() as without:
+            without.setattr(python_hints, table, {key: value for key, value in entries.items() if key != entry})
+            if all(hint_in_python(text) == said for text, said in concerned.items()):
+                stale.add(entry)
+    assert not stale, f"{table} of operations/api/python_hints.py: no text of the product needs these"
+
+
+def test_a_command_in_marks_is_its_call_or_how_it_is_typed() -> None:
+    marked = {found for text in all_texts() for found in re.findall(rf"`(?:{_NAMES})`", text)}
+    assert len(marked) > 15
+    left = {
+        one for one in marked if not re.fullmatch(r"`(?:(?:node|bus|dvtcli)\.[\w.]+\(\)|dvtcli .+)`", in_python(one))
+    }
+    assert not left, "operations/api/python_hints.py: say what these are in a program"
 
 
 SAID = {

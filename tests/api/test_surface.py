@@ -13,9 +13,7 @@ import pytest
 
 import dvtcli
 from dvtcli import errors, results, testing
-from dvtcli.cli.catalogue import command_names
 from tests.api.surface import FROZEN, REWRITE, surface
-from tests.house.pages import text
 from tests.process import ROOT, environment
 
 
@@ -59,14 +57,6 @@ def test_every_error_that_a_call_can_raise_is_public() -> None:
     kinds = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, Exception)]
     assert len(kinds) > 10
     assert all(issubclass(kind, errors.DvtcliError) for kind in kinds)
-
-
-def test_every_command_has_its_call_or_is_said_to_have_none() -> None:
-    section = text("docs/how-to/python.md").partition("## Commands and calls")[2].partition("\n## ")[0]
-    said = {word for words in re.findall(r"`([^`]+)`", section) for word in [words.split()[0]]}
-    unsaid = sorted(set(command_names()) - said)
-    where = "docs/how-to/python.md, “Commands and calls”"
-    assert not unsaid, f"{where}: say there which call does what {' '.join(unsaid)} does, or below that it has none"
 
 
 def test_the_import_costs_nothing() -> None:

@@ -37,6 +37,10 @@ class Contract:
     def bus(self) -> Iterator[CanopenBus]:
         raise NotImplementedError
 
+    def test_nothing_of_its_own_hides_a_method(self, bus: CanopenBus) -> None:
+        """As an attribute `_frames` would that of `ReadBus`."""
+        assert [name for name in vars(bus) if callable(getattr(type(bus), name, None))] == []
+
     def test_name(self, bus: CanopenBus) -> None:
         assert bus.name
 

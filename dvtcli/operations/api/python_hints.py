@@ -17,29 +17,24 @@ _ARGUMENTS = {
     "sim": "nodes",
     "all": "everything",
     "as": "as_type",
-    "within": "within_s",
     "for": "for_s",
     "every": "every_s",
-    "wait": "wait_s",
     "with": "services",
 }
 #: options that have one letter -> the argument; the long form may stand beside it
 _LETTERS = {"b": "bitrate", "c": "channel", "i": "interface", "n": "node_id", "p": "profile"}
 _SENTENCES = {
-    "give -i/--interface and -c/--channel,": "give interface and channel,",
     "-i socketcan -c can0": "dvtcli.connect('socketcan', 'can0')",
     "scan finds the nodes; `node ID` selects one at the prompt and in scripts, -n ID on the command line":
         "`scan` finds the nodes",
     "pdo, read, node, faults, store, and plan, diff, verify, apply and import of a file take several":
         "`node ID` gives one",
     "-n 3,4,5 names several": "`node ID` gives each",
-    "-n ID, or `node ID`": "`node ID`",
     "without -n it is": "without `dvtcli -n` it is",
     "lss scan and scan show": "`lss scan` and `scan` show",
     "lss select each node by its address": "`lss select ADDRESS` for each node",
     "lss select vendor=… product=… revision=… serial=…, or name these behind the node-ID":
         "`lss select ADDRESS`, or give the address besides the node-ID",
-    "or open it with -b/--bitrate": "or open it with bitrate",
     "plan again, with -o": "`dvtcli plan -o` again",
     "`save FILE.dvt`": "keep `save`",
     "save NAME.dvt writes a script": "`save` answers a script",
@@ -53,7 +48,6 @@ _SENTENCES = {
     "--identity vendor=…,product=…": "VENDOR PRODUCT",
     "--identity vendor=0x1E,product=0x0705302D": "vendor=0x1E, product=0x0705302D",
     "small letters, digits, - and _: learn --save": "small letters, digits, - and _: `learn` save=",
-    "behind --sim": "behind `sim`",
     "--no-heartbeat leaves": "heartbeat=False leaves",
     "clear a TPDO first, or map into one by name: map tpdo1 …":
         "`clear` a TPDO first, or `map tpdo1 …` into one by name",
@@ -83,15 +77,12 @@ _SENTENCES = {
     "lss assign without --store": "`bus.lss.assign()` without store=True",
     "a profile's `filler` helps": "a profile's filler helps",
     "exit, then dvtcli bitrate": "close the bus, then `dvtcli bitrate`",
-    "this session's changes": "this program's changes",
     "this session": "this program",
 }  # fmt: skip
-#: commands whose call has another name, or another owner than a node
-_CALLS = {
+#: commands whose call has another name, or chooses another call by a word or an option
+CALLS = {
     "pdo": "node.pdos",
     "node": "node.identity",
-    "apply": "bus.apply",
-    "check": "bus.check",
     "diff": "bus.plan",
     "eds add": "dvtcli.add_eds",
     "eds check": "dvtcli.check_eds",
@@ -99,28 +90,25 @@ _CALLS = {
     "eds list": "dvtcli.eds_library",
     "faults --clear": "node.clear_faults",
     "import": "bus.import_network",
-    "link": "bus.link",
-    "load": "bus.load",
+    "lss assign": "bus.lss.assign",
+    "lss bitrate": "bus.lss.bit_rate",
     "lss identify": "bus.lss.identify",
     "lss node-id": "bus.lss.node_id",
     "lss scan": "bus.lss.scan",
     "lss select": "bus.lss.select",
     "lss store": "bus.lss.store",
-    "plan": "bus.plan",
     "profiles": "dvtcli.profiles",
+    "profiles show": "dvtcli.profile",
     "recover --finish": "bus.finish_stores",
-    "replay": "bus.replay",
-    "report": "bus.report",
     "save": "bus.script",
-    "scan": "bus.scan",
-    "send": "bus.send",
     "sync --check": "bus.check_sync",
-    "unlink": "bus.unlink",
 }
+#: commands whose call is the owner's method of that name
 _OF_A_NODE = (
-    "backup|clear|clone|compare|disable|download|enable|export|faults|learn|login|map|nmt|objects|read|recover|restore"
-    "|set|store|undo|verify|vpdo|write"
+    "backup|clear|clone|compare|disable|download|enable|export|faults|learn|login|map|nmt|objects|read|recover|require"
+    "|restore|set|store|undo|verify|vpdo|write"
 )
+_OF_A_BUS = "apply|check|link|load|plan|replay|report|scan|send|sync|unlink"
 _ONLY_COMMANDS = "bitrate|decode|doctor|eds|explain|gateway|log|lss|monitor|plot|run|sim|trace|tour|watch"
 _FLAGS = "yes|force|extended|frame|prove|all"
 #: further options of a call that are true or false
@@ -134,7 +122,7 @@ _BARE = re.compile(rf"\b({_OF_A_NODE}) --(mappable|{_FLAGS})\b(?: (tpdo|rpdo))?|
 #: what a text begins with that is about an option's value
 _OF_OPTION = re.compile(r"^--([a-z]+)(?= [^:]+: )")
 
-_EVERY_NAME = "|".join(sorted({_OF_A_NODE, _ONLY_COMMANDS, *(one.split()[0] for one in _CALLS)}))
+_EVERY_NAME = "|".join(sorted({_OF_A_NODE, _OF_A_BUS, _ONLY_COMMANDS, *(one.split()[0] for one in CALLS)}))
 #: what follows a command in a hint that is not its argument: what it does
 _DOES = (
     "asks|says|brings|chooses|finds|gives|goes|has|keeps|lets|lists|listens|makes|names|puts|sends|sets|shows|searches"
@@ -213,12 +201,10 @@ def _call(command: str) -> str:
         return f"dvtcli {command}"
     if words[0] == "-n" and len(words) > 2:
         owner, words = f"bus.node({words[1]})", words[2:]
-    used = next((count for count in (2, 1) if " ".join(words[:count]) in _CALLS), 1)
-    call = _CALLS.get(" ".join(words[:used]))
-    if call is None and re.fullmatch(_OF_A_NODE, words[0]):
-        if len(words) > 1 and (found := re.fullmatch(r"(\d+):(.+)", words[1])) and words[0] == "disable":
-            owner, words[1] = f"bus.node({found[1]})", found[2]
-        call = f"{owner}.{words[0]}"
+    used = next((count for count in (2, 1) if " ".join(words[:count]) in CALLS), 1)
+    if words[0] == "disable" and len(words) > 1 and (found := re.fullmatch(r"(\d+):(.+)", words[1])):
+        owner, words[1] = f"bus.node({found[1]})", found[2]
+    call = _named(" ".join(words[:used]), owner)
     if call is None:
         return f"dvtcli {command}" if re.fullmatch(_ONLY_COMMANDS, words[0]) else command
     arguments = _arguments(words[used:])
@@ -231,6 +217,15 @@ def _call(command: str) -> str:
     if words[0] == "nmt":
         arguments = arguments[:1]
     return f"{call}({', '.join(arguments)})"
+
+
+def _named(command: str, owner: str) -> str | None:
+    """What is called for a *command* without arguments; None where nothing is."""
+    if command in CALLS:
+        return CALLS[command]
+    if re.fullmatch(_OF_A_BUS, command):
+        return f"bus.{command}"
+    return f"{owner}.{command}" if re.fullmatch(_OF_A_NODE, command) else None
 
 
 def _arguments(words: list[str]) -> list[str] | None:

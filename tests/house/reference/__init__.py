@@ -45,6 +45,7 @@ PARTS = {
     "faults": "faults:faults",
     "signals": "faults:signals",
     "python-calls": "api:calls",
+    "python-commands": "calls:by_command",
     "python-answers": "api:answers",
     "python-fixtures": "api:fixtures",
 }
