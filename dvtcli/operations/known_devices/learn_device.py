@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -33,8 +33,9 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
     from dvtcli.domain.learning.absence import Absence
-    from dvtcli.domain.learning.probe import Probe, Subject
+    from dvtcli.domain.learning.probe import Answer, Probe, Subject
     from dvtcli.domain.learning.storage import Storage
+    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session import Session
 
 #: How long the bus is listened to for CAN-IDs in use, in seconds.
@@ -43,23 +44,36 @@ LISTEN_S = 1.5
 
 @dataclass(frozen=True, slots=True)
 class _Prepared:
-    """What is to be asked of a node, and what has to be said before; *saves* is what 0x1010 is to be asked."""
+    """What is to be asked of a node as it was *found*, at most *limit* writes; *saves* is what 0x1010 is to be asked.
+
+    *pdos* are all that it holds, *isolated* says that nothing else is on its bus.
+    """
 
     node: Node
+    found: Found
+    pdos: Mapping[Pdo, PdoConfig]
     subjects: list[Subject]
     probes: list[Probe]
     limit: int
     storage: Storage
+    isolated: bool
     saves: tuple[Probe, ...] = ()
 
     @property
-    def pdos(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
         return tuple(str(subject.pdo) for subject in self.subjects)
 
-    def forecast(self, likely: int) -> LearnForecast:
-        """What would be asked, of which *likely* writes came on the node's twin."""
+    def forecast(self) -> LearnForecast:
+        """What would be asked: the node's twin, which is not told to save, says how many writes are likely."""
+        terms = Terms(self.limit, self.isolated)
+        likely = ask_safely(self.node, self.subjects, self.pdos, self.found, terms).writes
         probes = [*self.probes, *self.saves]
-        return LearnForecast(self.node.node_id, self.pdos, probes, self.limit, likely, self.storage.wears)
+        return LearnForecast(self.node.node_id, self.names, probes, self.limit, likely, self.storage.wears)
+
+    def ask(self, told: Callable[[], None]) -> Asked:
+        """Ask the node all of it, and put everything back; *told* is called at each write."""
+        terms = Terms(self.limit, self.isolated, self.saves)
+        return ask_safely(self.node, self.subjects, self.pdos, self.found, terms, told)
 
 
 def learn(
@@ -85,28 +99,19 @@ def learn(
     known = None if compare is None else profile_to_compare(compare)
     if save is not None and not session.options.force:
         refuse_other(save, node)
-    found = _claimed(node)
-    pdos = node.pdos()
-    heard = frozenset[int]() if session.dry_run else _heard(session)
-    prepared = _prepared(node, subjects(node, pdos, heard), found.state, isolated=isolated, with_store=with_store)
+    prepared = _prepared(session, node, isolated=isolated, with_store=with_store)
     if session.dry_run:
-        on_twin = ask_safely(node, prepared.subjects, pdos, found, Terms(prepared.limit, isolated))
-        return prepared.forecast(on_twin.writes)
-    if prepared.saves:
-        may_store(node, force=session.options.force)
-    _consent(session, prepared, found.state, isolated=isolated)
+        return prepared.forecast()
+    _consent(session, prepared)
     started = time.monotonic()  # nobody's thinking counts
     lacking = absences(node, prepared.subjects, _looked(session, node))
-    terms = Terms(prepared.limit, isolated, prepared.saves)
-    asked = ask_safely(node, prepared.subjects, pdos, found, terms, _told(session, prepared))
+    asked = prepared.ask(_told(session, prepared))
     _note_saved(node, asked.saved)
-    answers = asked.saved.answers or not_asked(prepared.storage, "only with --with-store")
     learnt = _concluded(node, asked, prepared.storage, lacking)
     return LearntDevice(
-        node.node_id, node.title, prepared.pdos,
-        [*(answer for one in asked.known for answer in one.answers.values()), *answers],
+        node.node_id, node.title, prepared.names, _answers(asked, prepared.storage),
         learnt, asked.writes, asked.saved.writes, time.monotonic() - started,
-        () if save is None else save_learnt(session, node, save, learnt, pdos, asked.known),
+        () if save is None else save_learnt(session, node, save, learnt, prepared.pdos, asked.known),
         None if known is None else (compare or "", differences(known, learnt)),
         save is None or bool(node.identity().get("vendor")),
     )  # fmt: skip
@@ -147,10 +152,12 @@ def _heard(session: Session) -> frozenset[int]:
     return frozenset(frame.can_id for frame in session.bus.receive(LISTEN_S))
 
 
-def _prepared(
-    node: Node, found: list[Subject], state: NmtState | None, *, isolated: bool, with_store: bool
-) -> _Prepared:
-    if not found:
+def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool) -> _Prepared:
+    """What *node*, which no other dvtcli writes to now, can be asked; DeviceRefused where that is nothing."""
+    found = _claimed(node)
+    pdos = node.pdos()
+    asked = subjects(node, pdos, frozenset() if session.dry_run else _heard(session))
+    if not asked:
         raise DeviceRefused(
             f"node {node.node_id} has no PDO that could be asked",
             node=node.node_id,
@@ -158,17 +165,21 @@ def _prepared(
             hint="pdo --all shows them; clear one",
         )
     probes, limit = [], 0
-    for subject in found:
-        own = forecast(subject, isolated=isolated, operational=state is NmtState.OPERATIONAL)
+    for subject in asked:
+        own = forecast(subject, isolated=isolated, operational=found.state is NmtState.OPERATIONAL)
         probes += own
         limit += most_writes(subject, own)
     storage = read_storage(node)
     saves = storage.probes(node.profile.store.sub_indices) if with_store else []
-    return _Prepared(node, found, probes, limit, storage, tuple(saves))
+    return _Prepared(node, found, pdos, asked, probes, limit, storage, isolated, tuple(saves))
 
 
-def _consent(session: Session, prepared: _Prepared, state: NmtState | None, *, isolated: bool) -> None:
-    node = prepared.node
+def _consent(session: Session, prepared: _Prepared) -> None:
+    """Ask, in words that say all that is done to the node; SafetyRefusal where what it holds must not be stored."""
+    node, isolated = prepared.node, prepared.isolated
+    is_operational = prepared.found.state is NmtState.OPERATIONAL
+    if prepared.saves:
+        may_store(node, force=session.options.force)
     labels = several(subject.pdo.label for subject in prepared.subjects)
     enabled = [subject.pdo.label for subject in prepared.subjects if subject.held.enabled]
     verb = "is" if len(enabled) == 1 else "are"
@@ -178,9 +189,9 @@ def _consent(session: Session, prepared: _Prepared, state: NmtState | None, *, i
         prepared.storage.wears,
         _saving_text(prepared),
         "the node is OPERATIONAL, will be PRE-OPERATIONAL meanwhile, and OPERATIONAL again after that"
-        if state is NmtState.OPERATIONAL
+        if is_operational
         else "",
-        "PDOs that are off are written in OPERATIONAL, too" if isolated and state is NmtState.OPERATIONAL else "",
+        "PDOs that are off are written in OPERATIONAL, too" if isolated and is_operational else "",
         "nothing else is on the bus (--isolated)" if isolated else "",
     ]
     session.consent(f"{'; '.join(part for part in parts if part)}; learn?")
@@ -200,6 +211,12 @@ def _note_saved(node: Node, saved: Saved) -> None:
     """Changes of this session that were saved are no longer pending."""
     if saved.sub_index is not None:
         is_stored(node, node.pending.was_stored(saved.sub_index, len(node.history)))
+
+
+def _answers(asked: Asked, storage: Storage) -> list[Answer]:
+    """What the node answered about its PDOs, and about saving, if it was told to save."""
+    about_pdos = [answer for one in asked.known for answer in one.answers.values()]
+    return [*about_pdos, *(asked.saved.answers or not_asked(storage, "only with --with-store"))]
 
 
 def _concluded(node: Node, asked: Asked, storage: Storage, lacking: Sequence[Absence]) -> Conclusions:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from binascii import crc32
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,13 +49,9 @@ def load_program(
     before = _identity(node)
     _consent(session, node, number, file, len(program))
     node.claim()
-    notes = _notes(session)
-    loading = ProgramDownload(
-        session.bus, node.node_id, number,
-        lambda stage: _begins(session, notes, node.node_id, number, file, stage), session.cancellation,
-    )  # fmt: skip
-    was = loading.identification()
-    started_s = time.monotonic()
+    noted = _Noted(session, node.node_id, number, file)
+    loading = ProgramDownload(session.bus, node.node_id, number, noted.begins, session.cancellation)
+    was, started_s = loading.identification(), time.monotonic()
     try:
         node.gate.enter_agreed()
         with transfer_progress(session, node.node_id, f"node {node.node_id}: sending {file}", len(program)):
@@ -62,13 +59,12 @@ def load_program(
         _require_same(node, before)
     except DvtcliError as failed:
         if failed.state == "rolled_back":
-            notes.forget(node.node_id)
-        if by and failed.place == f"{SOFTWARE_IDENTIFICATION:04X}:{number:02X}":
-            failed.hint = f"profile {by} says what is expected; is it the right file? --expect NUMBER says another one"
+            noted.forget()
+        _name_profile(failed, by, number)
         raise
     finally:
         _forget(session, node)
-    notes.forget(node.node_id)
+    noted.forget()
     seconds, now = time.monotonic() - started_s, loading.identification()
     return ProgramLoaded(
         node.node_id, number, file, len(program), was, now, wanted, by, restarted=loading.restarted, seconds=seconds
@@ -121,16 +117,36 @@ def _consent(session: Session, node: Node, number: int, file: str, size: int) ->
     consent_to_reset(session, [node.node_id])
 
 
-def _begins(session: Session, notes: ProgramNotes, node_id: int, number: int, file: str, stage: Stage) -> None:
-    """A stage begins: on a bus whose nodes outlive this process that is noted first."""
-    try:
-        if not session.bus.simulated:
-            notes.write(node_id, str(Path(file).absolute()), number, stage)
-    except OSError as failed:
-        raise SafetyRefusal(
-            f"the download cannot be noted: {failed.strerror or failed}", node=node_id, place=str(notes.folder)
-        ) from failed
-    session.tell.progress(f"node {node_id}: {stage.name.lower()}", 0, 0)
+@dataclass(frozen=True, slots=True)
+class _Noted:
+    """The note of *file* on its way into program *number* of *node_id*, from the first stage until the end is known."""
+
+    session: Session
+    node_id: int
+    number: int
+    file: str
+
+    def begins(self, stage: Stage) -> None:
+        """A stage begins: on a bus whose nodes outlive this process that is noted first."""
+        notes = _notes(self.session)
+        try:
+            if not self.session.bus.simulated:
+                notes.write(self.node_id, str(Path(self.file).absolute()), self.number, stage)
+        except OSError as failed:
+            raise SafetyRefusal(
+                f"the download cannot be noted: {failed.strerror or failed}", node=self.node_id, place=str(notes.folder)
+            ) from failed
+        self.session.tell.progress(f"node {self.node_id}: {stage.name.lower()}", 0, 0)
+
+    def forget(self) -> None:
+        """The node runs a program, the new one or the old one again."""
+        _notes(self.session).forget(self.node_id)
+
+
+def _name_profile(failed: DvtcliError, profile: str, number: int) -> None:
+    """Say that *profile*, where there is one, is who says what 0x1F56 has to be, where that is what *failed*."""
+    if profile and failed.place == f"{SOFTWARE_IDENTIFICATION:04X}:{number:02X}":
+        failed.hint = f"profile {profile} says what is expected; is it the right file? --expect NUMBER says another one"
 
 
 def _require_same(node: Node, before: tuple[int | None, ...]) -> None:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.domain.plan import Plan
     from dvtcli.operations.changes.take_back_network import Course
     from dvtcli.operations.session.session import Session
 
@@ -55,18 +56,13 @@ def apply_network(
     if planned:
         if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
             session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
-        with short_frames(session.bus) as frames:
-            refuse_other_master(session)
-        plan = with_unknown_syncs(session, plan, frames)
+        plan = _listened(session, plan)
     started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
-        for fault in session.bus.side_by_side(
-            [partial(refuse_stale, nodes[one.node_id], one, one.plan.changes) for one in planned]
-        ):
-            raise fault
+        _refuse_any_stale(session, nodes, planned)
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
         findings = {one.node_id: one.findings for one in planned}
@@ -75,14 +71,34 @@ def apply_network(
             stores=any(one.stores for one in planned),
         )  # fmt: skip
         with course:
-            for node_id, done in course.plans.items():
-                nodes[node_id].keep(done)
-                if not session.dry_run:
-                    session.record.add(node_id, change_lines(done))
+            _keep(session, nodes, course.plans)
             stored = store_network(session, course, planned, _verified(session, course, planned, found), prove)
             complete(course)
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
+
+
+def _listened(session: Session, plan: NetworkPlan) -> NetworkPlan:
+    """*plan*, which knows the SYNCs that were heard; SafetyRefusal where another master is."""
+    with short_frames(session.bus) as frames:
+        refuse_other_master(session)
+    return with_unknown_syncs(session, plan, frames)
+
+
+def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list[NodePlan]) -> None:
+    """As `refuse_stale`, for all nodes at once."""
+    for fault in session.bus.side_by_side(
+        [partial(refuse_stale, nodes[one.node_id], one, one.plan.changes) for one in planned]
+    ):
+        raise fault
+
+
+def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan]) -> None:
+    """What was *done* can be undone from now on, and is in the record of the session."""
+    for node_id, plan in done.items():
+        nodes[node_id].keep(plan)
+        if not session.dry_run:
+            session.record.add(node_id, change_lines(plan))
 
 
 def _verified(session: Session, course: Course, planned: list[NodePlan], found: Mapping[int, Found]) -> Verified:
