@@ -47,23 +47,17 @@ def open_bus(
     config = given = given_settings(interface, channel, bitrate, extra or {})
     try:
         config = completed(given)
-        if config["interface"] == "socketcand":
-            probe(config)
-        if config["interface"] == "socketcan":
-            check_link(config.get("channel"))
-        if config["interface"] == "pcan":
-            check_bit_rate(config, bit_rate_of(config))
+        _look_first(config)
         bus = _open(config)
     except OPEN_FAILURES as error:
         raise unavailable(config, error) from error
     carrier = _carrier(config, bus)
-    bit_rate = carrier.bit_rate or bit_rate_of(config)
     opened = CanBus(
         bus,
         bus_name(config),
         timeout_s=timeout_s,
         retries=retries,
-        bitrate=bit_rate,
+        bitrate=carrier.bit_rate or bit_rate_of(config),
         carrier=carrier,
         setter=BitRateSetter(config, _open),
     )
@@ -92,6 +86,16 @@ def open_listening(
     except OPEN_FAILURES as error:
         raise unavailable(config, error) from error
     return CanBus(bus, bus_name(config), bitrate=bit_rate, carrier=_carrier(config, bus), setter=setter)
+
+
+def _look_first(config: Mapping[str, object]) -> None:
+    """What can be seen before it is opened to be of no use; one of OPEN_FAILURES with a better reason."""
+    if config["interface"] == "socketcand":
+        probe(config)
+    if config["interface"] == "socketcan":
+        check_link(config.get("channel"))
+    if config["interface"] == "pcan":
+        check_bit_rate(config, bit_rate_of(config))
 
 
 def _open(config: Mapping[str, object]) -> can.BusABC:

@@ -11,6 +11,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._live_params import DurationType, LogFilterType, NodesType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, NumberType
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -57,22 +58,26 @@ def command(
     log speed.csv --decode --nodes 5
     log speed.csv --decode --filter velocity
     """
-    from dvtcli.errors import UsageError
-
-    path = Path(file)
-    words = [one for one in filters if isinstance(one, str)]
-    masks = tuple(one for one in filters if not isinstance(one, str))
     if decode and (append or size):
         raise UsageError("--decode writes a new file", hint="log run.csv --decode; leave --append and -s out")
+    path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
+    if decode:
+        from dvtcli.operations.frames.record_values import record_values
+
+        return record_values(session, path, masks, duration, **sources, text=text)
+    from dvtcli.operations.frames.record_frames import record_frames
+
+    return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)
+
+
+def _masks_and_text(
+    filters: tuple[tuple[int, int] | str, ...], *, decode: bool
+) -> tuple[tuple[tuple[int, int], ...], str]:
+    """CAN-IDs with their masks, and the text that is sought in names of signals; UsageError where there can be none."""
+    words = [one for one in filters if isinstance(one, str)]
     if len(words) > 1 or (words and not decode):
         raise UsageError(
             f"--filter {words[-1]}: not ID:MASK in hexadecimal, such as 180:780",
             hint="with --decode one --filter may be a text that names of signals have",
         )
-    if decode:
-        from dvtcli.operations.frames.record_values import record_values
-
-        return record_values(session, path, masks, duration, **sources, text="".join(words).lower())
-    from dvtcli.operations.frames.record_frames import record_frames
-
-    return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)
+    return tuple(one for one in filters if not isinstance(one, str)), "".join(words).lower()

@@ -16,34 +16,37 @@ class ThrownAway(Exception):
     """The line was given up; no KeyboardInterrupt, since that would break out of prompt_toolkit's event loop."""
 
 
+@Condition
+def _no_text() -> bool:
+    """A question mark in quotes or in a comment is one; elsewhere no word has any."""
+    text = last_line(get_app().current_buffer.document.text_before_cursor)
+    line = typed(text)
+    return line is not None and not any(quote in text[line.start :] for quote in "\"'")
+
+
+@Condition
+def _continued() -> bool:
+    """A backslash is the last that was typed."""
+    document = get_app().current_buffer.document
+    return document.is_cursor_at_the_end and document.text.endswith("\\")
+
+
 def bindings(show_help: Callable[[str], None]) -> KeyBindings:
     """The keys besides those of a line editor; *show_help* prints help for the line typed so far."""
     keys = KeyBindings()
-
-    @Condition
-    def no_text() -> bool:
-        """A question mark in quotes or in a comment is one; elsewhere no word has any."""
-        text = last_line(get_app().current_buffer.document.text_before_cursor)
-        line = typed(text)
-        return line is not None and not any(quote in text[line.start :] for quote in "\"'")
-
-    @Condition
-    def continued() -> bool:
-        document = get_app().current_buffer.document
-        return document.is_cursor_at_the_end and document.text.endswith("\\")
 
     @keys.add("enter", filter=has_completions & completion_is_selected)
     def _accept(event: KeyPressEvent) -> None:
         """Take the chosen word; the line is run by the next Enter."""
         event.current_buffer.complete_state = None
 
-    @keys.add("enter", filter=continued & has_focus(DEFAULT_BUFFER))
+    @keys.add("enter", filter=_continued & has_focus(DEFAULT_BUFFER))
     def _continue(event: KeyPressEvent) -> None:
         """A backslash at the end: the command goes on in the next line."""
         event.current_buffer.newline(copy_margin=False)
 
     @keys.add("f1")
-    @keys.add("?", filter=no_text)
+    @keys.add("?", filter=_no_text)
     def _help(event: KeyPressEvent) -> None:
         """Print help for the line so far, and keep the line."""
         line = event.current_buffer.text

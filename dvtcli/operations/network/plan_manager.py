@@ -57,14 +57,22 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     wish = read_wish(file)
     found = concise_dcfs(file, session.tell, words_of_present(session, file, wish))
     mine = [one for one in found.nodes if one.node_id != manager]
-    aside = {(one.node_id, one.name): _NOBODY for one in found.untold}
-    aside |= {(one.node_id, one.name): _ITSELF for one in wish.nodes if one.node_id == manager}
-    for (node_id, name), why in sorted(aside.items()):
+    left_out = {(one.node_id, one.name): _NOBODY for one in found.untold}
+    left_out |= {(one.node_id, one.name): _ITSELF for one in wish.nodes if one.node_id == manager}
+    for (node_id, name), why in sorted(left_out.items()):
         session.tell.note(f"{file}: node {node_id} {name} is left out: {why}")
     if not mine:
         raise UsageError(f"{file} has no node that node {manager} could download anything to", place=file)
     node = session.node(manager)
     node.read_anew()
+    planned = _node_plan(session, node, mine)
+    nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
+    untold = tuple(one.node_id for one in found.untold if one.node_id != manager)
+    return NetworkPlan(file, nodes, manager=manager, untold=untold)
+
+
+def _node_plan(session: Session, node: Node, mine: list[ConciseDcf]) -> NodePlan:
+    """What has to be written to the manager *node* for it to hold all of *mine*, of what it has objects for."""
     held = {place: data for one in mine for place, data in _held(node, one)}
     wanted = {place: data for one in mine for place, data in _wanted(one).items() if place in held}
     counts = {one.node_id: len(one.entries) for one in mine}
@@ -73,15 +81,14 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
         if data != held[place]
     )  # fmt: skip
     for index in _lacking(held, mine):
-        session.tell.note(f"node {manager} has no 0x{index:04X}: it downloads at each boot-up, whatever 0x1020 says")
-    plan = Plan(manager, changes)
+        session.tell.note(
+            f"node {node.node_id} has no 0x{index:04X}: it downloads at each boot-up, whatever 0x1020 says"
+        )
     said = tuple(replace(one, text=f"node {each.node_id}: {one.text}") for each in mine for one in each.findings)
-    planned = NodePlan(
-        "manager", plan, node.identity(), node.title, values=wanted, names=names(node, changes), findings=said
-    )
-    nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
-    untold = tuple(one.node_id for one in found.untold if one.node_id != manager)
-    return NetworkPlan(file, nodes, manager=manager, untold=untold)
+    return NodePlan(
+        "manager", Plan(node.node_id, changes), node.identity(), node.title,
+        values=wanted, names=names(node, changes), findings=said,
+    )  # fmt: skip
 
 
 def _wanted(one: ConciseDcf) -> dict[tuple[int, int], bytes]:

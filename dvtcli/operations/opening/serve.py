@@ -30,6 +30,7 @@ from dvtcli.operations.user.options import Options, node_id
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.opening.first_bus import Tell
+    from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.hub import Hub
     from dvtcli.simulator.network.joined_bus import JoinedBus
@@ -110,13 +111,8 @@ def serving(
     devices = [simulated_device(one) for one in nodes]
     keep = _keeper(wanted.state, nodes, devices, warn)
     nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
-    for one, many in Counter(device.node_id for device in devices).items():
-        if many > 1 and one != UNCONFIGURED:
-            warn(f"{many} nodes have node-ID {one}, as --state {wanted.state} keeps it: they will answer as one")
-    faults = simulated_faults(options.fault, nodes)
-    for fault in faults:
-        if fault.kind.of_bit_rate:
-            raise UsageError(f"--fault {fault}: a served bus keeps its one bit rate", hint="it is for --sim")
+    _warn_of_doubles(devices, wanted, warn)
+    faults = _faults(options, nodes)
     signals, rate = simulated_signals(options.signal, nodes), options.bitrate
     latencies_s = _latencies(wanted.latencies, devices)
     with ExitStack() as stack:
@@ -136,6 +132,22 @@ def serving(
             frames_lost=lambda: warn("the nodes have more to say than the bus carries: what does not fit is lost"),
         )
         yield Serving(server, nodes, hub.port, None if joined is None else joined.name)
+
+
+def _warn_of_doubles(devices: list[StrictDevice], wanted: Wanted, warn: Callable[[str], None]) -> None:
+    """Say which of *devices* came up with the same node-ID."""
+    for one, many in Counter(device.node_id for device in devices).items():
+        if many > 1 and one != UNCONFIGURED:
+            warn(f"{many} nodes have node-ID {one}, as --state {wanted.state} keeps it: they will answer as one")
+
+
+def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]:
+    """The faults that *nodes* are to have; UsageError for one that a served bus cannot have."""
+    faults = simulated_faults(options.fault, nodes)
+    for fault in faults:
+        if fault.kind.of_bit_rate:
+            raise UsageError(f"--fault {fault}: a served bus keeps its one bit rate", hint="it is for --sim")
+    return faults
 
 
 def _latencies(wanted: tuple[tuple[int | None, float], ...], devices: list[StrictDevice]) -> list[float]:
