@@ -15,7 +15,8 @@ from tests.house.laws.buses import no_kind_of_bus_is_asked_for
 from tests.house.laws.effects import who_only_reads_sends_nothing
 from tests.house.laws.failures import ends_nowhere_else, errors_stand_in_one_tree, nothing_is_swallowed
 from tests.house.laws.folders import operations_stand_in_folders
-from tests.house.laws.imports import direction, independence, libraries, nothing_heavy_is_eager
+from tests.house.laws.imports import direction, independence, libraries
+from tests.house.laws.laziness import nothing_heavy_is_eager
 from tests.house.laws.makers import behaviours_not_vendors
 from tests.house.laws.results import results_say_all_of_themselves
 from tests.house.laws.senders import few_files_send

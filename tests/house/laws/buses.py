@@ -63,11 +63,21 @@ def _asks(module: ast.Module, node: ast.AST, kinds: frozenset[str]) -> str:
         and _named(module, [key for key in node.keys if isinstance(key, ast.Name | ast.Attribute)]) & kinds
     ):
         return f"has something for each kind of bus: {ast.unparse(node)}"
+    if isinstance(node, ast.Try) and (used := _tried(module, node)):
+        return f"looks through a bus for what it has: {used}, except AttributeError"
     if isinstance(node, ast.MatchClass) and _named(module, [node.cls]) & kinds:
         return f"asks of which kind a bus is: case {ast.unparse(node)}"
     if isinstance(node, ast.Compare) and _of_type(node) and _named(module, [node.left, *node.comparators]) & kinds:
         return f"asks of which kind a bus is: {ast.unparse(node)}"
     return ""
+
+
+def _tried(module: ast.Module, node: ast.Try) -> str:
+    """What of a bus is used where an AttributeError is caught, if that is."""
+    kinds = {_last(one) for each in node.handlers if each.type for one in ast.walk(each.type)}
+    used = [inner for one in node.body for inner in ast.walk(one) if isinstance(inner, ast.Attribute)]
+    found = [one for one in used if _is_bus(module, one.value)]
+    return ast.unparse(found[0]) if found and "AttributeError" in kinds else ""
 
 
 def _is_bus(module: ast.Module, node: ast.expr) -> bool:

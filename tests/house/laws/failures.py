@@ -65,12 +65,14 @@ _ENDS |= {f"os.{how}" for how in ("execv", "execve", "execvp", "execvpe", "execl
 #: click's own ways out of a command
 _CONTEXTS = ("ctx", "context", "click.get_current_context")
 _HOOKS = ("sys.excepthook", "threading.excepthook", "sys.unraisablehook")
+#: what is asked at the end of a `with`
+_EXITS = ("__exit__", "__aexit__")
 _ALL = {"Exception", "BaseException", "BaseExceptionGroup", "ExceptionGroup"}
 _OURS = {"DvtcliError"}
 #: ends of a command or of the program, which are nobody's to stop
 _STOPS = {"KeyboardInterrupt", "SystemExit"}
 #: builtin exceptions that say nothing of what failed
-_BARE = frozenset({"Exception", "BaseException", "RuntimeError", "SystemError"})
+_BARE = frozenset({"Exception", "BaseException", "RuntimeError", "SystemError", "Warning"})
 #: what makes a class without `class`
 _MAKES = frozenset({"type", "types.new_class"})
 _BUILTIN = {name for name, one in vars(builtins).items() if isinstance(one, type) and issubclass(one, BaseException)}
@@ -155,7 +157,7 @@ def nothing_is_swallowed(tree: SourceTree) -> Iterator[str]:
             line = f"{file}:{getattr(node, 'lineno', 0)}"
             if isinstance(node, ast.Try | ast.TryStar):
                 yield from (f"{file}:{left.lineno} leaves `finally`" for left in _leaving(node.finalbody))
-            elif isinstance(node, ast.FunctionDef) and node.name in ("__exit__", "__aexit__") and _answers(node):
+            elif _may_answer(node):
                 yield f"{line} may swallow what its block raises"
             elif isinstance(node, ast.Attribute) and dotted(node) in _HOOKS and file not in MAY_EXIT:
                 yield f"{line} {dotted(node)}"
@@ -220,6 +222,13 @@ def _leaving(body: list[ast.stmt]) -> Iterator[ast.stmt]:
             yield node
         elif not isinstance(node, ast.FunctionDef | ast.For | ast.While | ast.ClassDef):
             yield from _leaving([child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)])
+
+
+def _may_answer(node: ast.AST) -> bool:
+    """Whether *node* makes an `__exit__` that may say so, or one of whatever is at hand."""
+    if isinstance(node, ast.Assign):
+        return bool({dotted(one) for one in node.targets} & {*_EXITS})
+    return isinstance(node, ast.FunctionDef) and node.name in _EXITS and _answers(node)
 
 
 def _answers(node: ast.FunctionDef) -> bool:

@@ -107,7 +107,7 @@ def _asks_for_identity(node: ast.AST) -> bool:
             asked = [name or ""]
         case _:
             return False
-    return any(re.search("vendor|product|identity", one, re.IGNORECASE) for one in asked)
+    return any(re.search("vendor|product|identity|maker", one, re.IGNORECASE) for one in asked)
 
 
 def texts(tree: ast.Module) -> Iterator[tuple[int, str]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from functools import cache
+from typing import TypeGuard
 
 from tests.house.draw import nodes
 from tests.house.laws.source_tree import dotted
@@ -16,6 +17,7 @@ from tests.house.laws.source_tree import dotted
 _MOST = 4
 #: what has a name, or was made by what has one: `stop = KeyboardInterrupt()`
 _NAMED = ast.Name | ast.Attribute | ast.Call
+_LOAD = ast.Load()
 
 
 @cache
@@ -63,7 +65,11 @@ def _replaced(module: ast.Module, name: str) -> Iterator[str]:
 
 
 @cache
-def named(module: ast.Module) -> tuple[tuple[ast.Name | ast.Attribute, frozenset[str]], ...]:
+def named(module: ast.Module) -> tuple[tuple[ast.Name | ast.Attribute | ast.Call, frozenset[str]], ...]:
     """Every name and attribute that is used in a file, called or handed on, with what it may stand for."""
-    used = (node for node in nodes(module) if isinstance(node, ast.Name | ast.Attribute))
-    return tuple((node, origins(module, node)) for node in used if isinstance(node.ctx, ast.Load))
+    used = (node for node in nodes(module) if isinstance(node, ast.Name | ast.Attribute) or _by_getattr(node))
+    return tuple((node, origins(module, node)) for node in used if isinstance(getattr(node, "ctx", _LOAD), ast.Load))
+
+
+def _by_getattr(node: ast.AST) -> TypeGuard[ast.Call]:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "getattr"

@@ -32,10 +32,14 @@ def results_say_all_of_themselves(tree: SourceTree) -> Iterator[str]:
             )
 
 
-def _documents(module: ast.Module) -> list[ast.ClassDef]:
-    """Classes whose document has a schema of ours."""
-    classes = [node for node in module.body if isinstance(node, ast.ClassDef)]
-    return [node for node in classes if "document" in _members(node) and _schema(ast.unparse(node))]
+def _documents(module: ast.Module) -> list[ast.ClassDef | ast.FunctionDef]:
+    """Classes whose document has a schema of ours, and functions that write one."""
+    makers = [node for node in module.body if isinstance(node, ast.ClassDef | ast.FunctionDef)]
+    return [
+        node
+        for node in makers
+        if (isinstance(node, ast.FunctionDef) or "document" in _members(node)) and _schema(ast.unparse(node))
+    ]
 
 
 def _schema(source: str) -> bool:

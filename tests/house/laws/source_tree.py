@@ -69,9 +69,14 @@ def imported(node: ast.AST) -> list[str]:
 
 
 def dotted(node: ast.AST) -> str:
-    """`a.b.c` of a name, an attribute, or a call of one; `?` stands for what is neither."""
+    """`a.b.c` of a name, an attribute (also by `getattr`), or a call of one; `?` stands for what is neither."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute):
         return f"{dotted(node.value)}.{node.attr}"
-    return dotted(node.func) if isinstance(node, ast.Call) else "?"
+    match node:
+        case ast.Call(func=ast.Name(id="getattr"), args=[of, ast.Constant(value=str(name)), *_]):
+            return f"{dotted(of)}.{name}"
+        case ast.Call(func=func):
+            return dotted(func)
+    return "?"

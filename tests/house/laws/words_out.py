@@ -32,7 +32,7 @@ _SAYING = frozenset(
     {
         "print", "input", "pprint", "click.echo", "click.secho", "click.confirm", "click.prompt", "click.pause",
         "click.getchar",
-        "os.writev", "sys.displayhook", "breakpoint", "click.echo_via_pager",
+        "os.writev", "sys.displayhook", "breakpoint", "help", "click.echo_via_pager",
         "click.edit", "warnings.warn", "os.write", "getpass.getpass",
     }
 )  # fmt: skip
