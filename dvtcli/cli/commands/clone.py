@@ -9,7 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._include import include as include_option
-from dvtcli.cli.commands._network_plan import show_plan
+from dvtcli.cli.commands._shown_plan import show_plan
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 

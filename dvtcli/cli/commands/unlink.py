@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._link_ends import endpoints
-from dvtcli.cli.commands._network_plan import show_plan
+from dvtcli.cli.commands._shown_plan import show_plan
+from dvtcli.cli.commands._typed_ends import endpoints
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.pdo_params import PDO, NodePdo
 

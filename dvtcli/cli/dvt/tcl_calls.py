@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.catalogue import command_names
-from dvtcli.cli.dvt.answers import answer
+from dvtcli.cli.dvt.answered_words import answer
 from dvtcli.cli.dvt.notation import decimal, listed
 from dvtcli.cli.dvt.tcl_safe import Commands, refuse_beyond_nodes
 from dvtcli.cli.dvt.word import Word

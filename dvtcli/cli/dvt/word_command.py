@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.dvt.answers import answer
+from dvtcli.cli.dvt.answered_words import answer
 from dvtcli.cli.dvt.word import Word
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dvtcli.cli.dvt import pdo_words, sdo, state
+from dvtcli.cli.dvt import pdo_words, single_sdos, state
 from dvtcli.cli.dvt.word import Argument, Word
 from dvtcli.cli.effect import Effect
 
 #: done by whoever runs lines
 _SOURCE = Word("source", (Argument("FILE", str),), "run a script", "run setup.tcl", Effect.RUNS, None)
 
-WORDS: dict[str, Word] = {word.name: word for word in (*sdo.WORDS, *state.WORDS, *pdo_words.WORDS, _SOURCE)}
+WORDS: dict[str, Word] = {word.name: word for word in (*single_sdos.WORDS, *state.WORDS, *pdo_words.WORDS, _SOURCE)}

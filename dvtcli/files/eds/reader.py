@@ -16,7 +16,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdObject
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.bounds import MOST_BYTES, too_much
 from dvtcli.files.eds.compact import compact_pdo_indices, compact_pdo_object
-from dvtcli.files.eds.device import check_lists, read_device_info
+from dvtcli.files.eds.device_sections import check_lists, read_device_info
 from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniText, IniValue, Values, section_values, split_sections
 from dvtcli.files.eds.keys import number_key

@@ -12,10 +12,10 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import ERROR_HISTORY, Emergencies
-from dvtcli.simulator.device.exchange import PdoExchange
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.heartbeat import CONSUMER_TIMES, Guarded, Heartbeat, HeartbeatConsumer
 from dvtcli.simulator.device.memory import Memory
+from dvtcli.simulator.device.pdos_at_work import PdoExchange
 from dvtcli.simulator.device.sync_producer import SYNC_COB_ID, ServiceCobIds, SyncProducer
 
 if TYPE_CHECKING:
