@@ -18,7 +18,8 @@ from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.last_look import Verified
 from dvtcli.operations.recover.stores_begun import furthest, waiting
 from dvtcli.operations.results import Facts
-from dvtcli.operations.stores.store_network import Stores, store_each
+from dvtcli.operations.stores.store_network import store_each
+from dvtcli.operations.stores.unfinished_stores import Stores
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

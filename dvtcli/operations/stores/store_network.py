@@ -5,25 +5,16 @@ Does not know what was changed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
-from dvtcli.device.change.failed_change import BUS_BACK, beside
 from dvtcli.device.change.whole import Storing
-from dvtcli.domain.who_stored import WhoStored
-from dvtcli.errors import (
-    BusUnavailable,
-    DvtcliError,
-    JournalKept,
-    LeftChanged,
-    NoAnswer,
-    SafetyRefusal,
-    SdoProtocolError,
-)
+from dvtcli.errors import DvtcliError, JournalKept, LeftChanged, SafetyRefusal
 from dvtcli.operations.stores.possible_stores import store_group
 from dvtcli.operations.stores.store_restore import end_stamp, store_settings
+from dvtcli.operations.stores.unfinished_stores import Stores, hint_without_journal, no_longer_held, not_all_stored
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -59,20 +50,10 @@ def store_network(
             _close(course.journals(), fault)
             _end_stamps(session, on_way, verified, fault)
         elif isinstance(fault, LeftChanged) and not course.journals():
-            fault.hint = _without_journal(on_way.lost[0])
+            fault.hint = hint_without_journal(on_way.lost[0])
         for journal in course.journals():
             journal.is_over()
         raise
-
-
-#: What helps where a node lost what was set, and there is no journal.
-AGAIN = "`apply` again sets what is missing, and stores it"
-
-
-def _without_journal(lost: BaseException) -> str | None:
-    if isinstance(lost, LeftChanged):
-        return lost.hint
-    return f"{BUS_BACK}; then {AGAIN}" if isinstance(lost, BusUnavailable) else AGAIN
 
 
 def _close(journals: Sequence[OwnJournal], left: LeftChanged) -> None:
@@ -93,18 +74,6 @@ def _end_stamps(session: Session, course: Stores, verified: Verified, left: Left
             end_stamp(session, verified.nodes[one.node_id], "what is not stored has no stamp")
         except DvtcliError as failed:
             left.details.append(("also", f"0x1020 of node {one.node_id} may say that it is stored: {failed.text}"))
-
-
-@dataclass(slots=True)
-class Stores:
-    """The stores of one whole on their way, by node-ID; *lost*: faults of a node that held something else."""
-
-    states: dict[int, Storing]
-    answers: dict[int, Stored] = field(default_factory=dict)
-    failed: dict[int, BaseException] = field(default_factory=dict)
-    lost: list[BaseException] = field(default_factory=list)
-    #: whether it was said that a request to stop came too late
-    was_late: bool = False
 
 
 def store_each(
@@ -137,9 +106,9 @@ def store_each(
         [node_id for node_id, one in course.answers.items() if one.proof is not None]
     )
     if course.lost:
-        raise _lost(course, course.lost) from course.lost[0]
+        raise no_longer_held(course, course.lost) from course.lost[0]
     if course.failed:
-        raise _not_all(course) from next(iter(course.failed.values()))
+        raise not_all_stored(course) from next(iter(course.failed.values()))
     return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)
 
 
@@ -199,65 +168,3 @@ def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
     done = [str(before.node_id) for before in states if before.is_done]
     stored = f"; stored on node {', '.join(done)}" if done else ""
     return f"{name}: store on node {one.node_id}{stored}"
-
-
-def _not_all(course: Stores) -> LeftChanged:
-    """What is told where stores came to nothing, and every node holds what was planned all the same."""
-    first, fault = next(iter(course.failed.items()))
-    stored = "whether node {} stored it is not known" if _is_unsure(fault) else "node {} did not store it"
-    again = ",".join(str(one.node_id) for one in course.states.values() if not one.is_done)
-    left = LeftChanged(
-        f"every node holds what was planned, and {stored.format(first)}",
-        node=first,
-        place=fault.place if isinstance(fault, DvtcliError) else None,
-        why=str(fault) or "interrupted",
-        hint=f"`-n {again} store` finishes; `undo --all` goes back to what was before, then "
-        "`store` on each that stored",
-        state="left_changed",
-    )
-    _say_who(course, left)
-    left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
-    return left
-
-
-def _lost(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
-    """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
-    first, *others = lost
-    left = LeftChanged(
-        str(first) or "stopped before every node was read once more",
-        node=first.node if isinstance(first, DvtcliError) else None,
-        place=first.place if isinstance(first, DvtcliError) else None,
-        why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
-        hint="recover puts every node back as it was before; then `apply` again",
-        state="left_changed",
-    )
-    if isinstance(first, BusUnavailable):
-        left.text = f"the bus was gone while the nodes stored: {first}"
-        left.hint = f"{BUS_BACK}; then `recover --finish` goes on with the stores, `recover` puts every node back"
-    if isinstance(first, LeftChanged):
-        start = f"{BUS_BACK}; then " if (first.hint or "").startswith(BUS_BACK) else ""
-        left.hint = (
-            f"{start}`recover --finish` puts that back and goes on with the stores, `recover` puts every node back"
-        )
-        left.details += first.details
-    left.details += beside(left, others)
-    _say_who(course, left)
-    left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
-    return left
-
-
-def _say_who(course: Stores, left: LeftChanged) -> None:
-    """Who has stored, who has not, and of whom nobody knows: for a screen, and for a program."""
-    done = tuple(one.node_id for one in course.states.values() if one.is_done)
-    unsure = tuple(node_id for node_id, one in course.failed.items() if _is_unsure(one))
-    missing = tuple(node_id for node_id in course.states if node_id not in {*done, *unsure})
-    left.stores = WhoStored(done, missing, unsure)
-    left.details += left.stores.rows()
-
-
-def _is_unsure(fault: BaseException) -> bool:
-    """Whether nobody knows if the node stored."""
-    if not isinstance(fault, DvtcliError):
-        return True
-    lost = isinstance(fault, BusUnavailable | NoAnswer | SdoProtocolError)
-    return lost or fault.state in ("unknown", "left_changed")

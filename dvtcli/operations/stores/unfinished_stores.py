@@ -1,0 +1,102 @@
+"""What is told of the stores of a network that came to nothing: who has stored, who has not, and what helps.
+
+Asks no node. Does not know how stores are carried out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.failed_change import BUS_BACK, beside
+from dvtcli.domain.who_stored import WhoStored
+from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.whole import Storing
+    from dvtcli.operations.results import Stored
+
+#: What helps where a node lost what was set, and there is no journal.
+_AGAIN = "`apply` again sets what is missing, and stores it"
+
+
+@dataclass(slots=True)
+class Stores:
+    """The stores of one whole on their way, by node-ID; *lost*: faults of a node that held something else."""
+
+    states: dict[int, Storing]
+    answers: dict[int, Stored] = field(default_factory=dict)
+    failed: dict[int, BaseException] = field(default_factory=dict)
+    lost: list[BaseException] = field(default_factory=list)
+    #: whether it was said that a request to stop came too late
+    was_late: bool = False
+
+
+def not_all_stored(course: Stores) -> LeftChanged:
+    """What is told where stores came to nothing, and every node holds what was planned all the same."""
+    first, fault = next(iter(course.failed.items()))
+    stored = "whether node {} stored it is not known" if _is_unsure(fault) else "node {} did not store it"
+    again = ",".join(str(one.node_id) for one in course.states.values() if not one.is_done)
+    left = LeftChanged(
+        f"every node holds what was planned, and {stored.format(first)}",
+        node=first,
+        place=fault.place if isinstance(fault, DvtcliError) else None,
+        why=str(fault) or "interrupted",
+        hint=f"`-n {again} store` finishes; `undo --all` goes back to what was before, then "
+        "`store` on each that stored",
+        state="left_changed",
+    )
+    _say_who(course, left)
+    left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
+    return left
+
+
+def no_longer_held(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
+    """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
+    first, *others = lost
+    left = LeftChanged(
+        str(first) or "stopped before every node was read once more",
+        node=first.node if isinstance(first, DvtcliError) else None,
+        place=first.place if isinstance(first, DvtcliError) else None,
+        why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
+        hint="recover puts every node back as it was before; then `apply` again",
+        state="left_changed",
+    )
+    if isinstance(first, BusUnavailable):
+        left.text = f"the bus was gone while the nodes stored: {first}"
+        left.hint = f"{BUS_BACK}; then `recover --finish` goes on with the stores, `recover` puts every node back"
+    if isinstance(first, LeftChanged):
+        start = f"{BUS_BACK}; then " if (first.hint or "").startswith(BUS_BACK) else ""
+        left.hint = (
+            f"{start}`recover --finish` puts that back and goes on with the stores, `recover` puts every node back"
+        )
+        left.details += first.details
+    left.details += beside(left, others)
+    _say_who(course, left)
+    left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
+    return left
+
+
+def _say_who(course: Stores, left: LeftChanged) -> None:
+    """Who has stored, who has not, and of whom nobody knows: for a screen, and for a program."""
+    done = tuple(one.node_id for one in course.states.values() if one.is_done)
+    unsure = tuple(node_id for node_id, one in course.failed.items() if _is_unsure(one))
+    missing = tuple(node_id for node_id in course.states if node_id not in {*done, *unsure})
+    left.stores = WhoStored(done, missing, unsure)
+    left.details += left.stores.rows()
+
+
+def _is_unsure(fault: BaseException) -> bool:
+    """Whether nobody knows if the node stored."""
+    if not isinstance(fault, DvtcliError):
+        return True
+    lost = isinstance(fault, BusUnavailable | NoAnswer | SdoProtocolError)
+    return lost or fault.state in ("unknown", "left_changed")
+
+
+def hint_without_journal(lost: BaseException) -> str | None:
+    """What helps where *lost* is why a node does not hold what was set, and nothing else remembers that."""
+    if isinstance(lost, LeftChanged):
+        return lost.hint
+    return f"{BUS_BACK}; then {_AGAIN}" if isinstance(lost, BusUnavailable) else _AGAIN
