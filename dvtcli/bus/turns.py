@@ -9,16 +9,60 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from heapq import heappop, heappush
 from math import inf
+from typing import TypeVar
 
 from dvtcli.bus.sdo.sdo_link import Inbox
 from dvtcli.errors import BusUnavailable
 
+T = TypeVar("T")
 Ready = Callable[[], bool]
 #: how long it may take until a Ctrl-C is seen, or an end that was not told (s)
 _LOOK_S = 0.1
+
+
+#: which turns each thread takes that is one of several
+_OF_THREAD: dict[int, Turns] = {}
+
+
+def in_callers_thread(work: Callable[[], T]) -> T:
+    """Do *work* in the thread that asked for what goes on side by side; at once where nothing does."""
+    turns = _OF_THREAD.get(threading.get_ident())
+    if turns is None:
+        return work()
+    answers: list[T] = []
+    turns.in_callers_thread(lambda: answers.append(work()))
+    return answers[0]
+
+
+class _Errand:
+    """*work* that one thread has another one do; neither waits without a time-out, so that Ctrl-C is seen."""
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self.fault: BaseException | None = None
+        self._work = work
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        """Do it, once."""
+        if self._ended.is_set():
+            return
+        try:
+            self._work()
+        except BaseException as fault:  # noqa: BLE001 - it is raised where the work was asked for
+            self.fault = fault
+        finally:
+            self._ended.set()
+
+    def wait(self) -> None:
+        """Wait until it is done; raises what it raised."""
+        while not self._ended.wait(_LOOK_S):
+            pass
+        if self.fault is not None:
+            raise self.fault
 
 
 class _Worker:
@@ -98,8 +142,10 @@ class Turns:
         #: (deadline, number, how often it had waited) of whoever waits; those of the past lie there, too
         self._deadlines: list[tuple[float, int, int]] = []
         self._torn = self._finished = False
-        self._ended = threading.Lock()
-        self._ended.acquire()
+        #: free when the thread that asked for all of them has something to do
+        self._woken = threading.Lock()
+        self._woken.acquire()
+        self._errand: _Errand | None = None
         #: what went wrong, in the order of time
         self.faults: list[BaseException] = []
 
@@ -130,6 +176,16 @@ class Turns:
         finally:
             inbox.on_arrival = None
 
+    def in_callers_thread(self, work: Callable[[], None]) -> None:
+        """Let the thread that asked for all of them do *work*; called by one of them, which keeps the turn."""
+        self._errand = errand = _Errand(work)
+        self._wake()
+        errand.wait()
+
+    def _wake(self) -> None:
+        with suppress(RuntimeError):  # it was woken already
+            self._woken.release()
+
     def _waiting(self, deadline_s: float) -> _Worker:
         """The present thread's piece of work, which waits until *deadline_s* at most."""
         worker = self._by_thread[threading.get_ident()]
@@ -152,7 +208,9 @@ class Turns:
                 # not `join`: a thread whose join is interrupted counts as ended (Python 3.11); and never without a
                 # time-out, since no Ctrl-C ends a wait for a lock on Windows
                 while not self._finished:
-                    self._ended.acquire(timeout=_LOOK_S)
+                    self._woken.acquire(timeout=_LOOK_S)
+                    if self._errand is not None:
+                        self._errand.run()
             except KeyboardInterrupt:
                 self._torn = True
                 if scheduler.ident is None:
@@ -167,7 +225,7 @@ class Turns:
             self.faults.insert(0, fault)
         finally:
             self._finished = True
-            self._ended.release()
+            self._wake()
 
     def _run_all(self) -> None:
         waiting = list(reversed(self._workers))
@@ -235,8 +293,12 @@ class Turns:
                 self.faults.append(worker.fault)
 
     def _begin(self, worker: _Worker) -> None:
-        self._by_thread[threading.get_ident()] = worker
-        worker.run()
+        me = threading.get_ident()
+        self._by_thread[me], _OF_THREAD[me] = worker, self
+        try:
+            worker.run()
+        finally:
+            del _OF_THREAD[me]  # the number may be that of another thread from now on
 
 
 def one_by_one(jobs: Sequence[Callable[[], None]]) -> list[BaseException]:

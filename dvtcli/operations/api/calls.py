@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 #: the buses of this program that are in use
 _OPEN: WeakSet[Calls] = WeakSet()
+_OPEN_LOCK = threading.Lock()
 
 
 class Calls:
@@ -35,7 +36,8 @@ class Calls:
         #: the thread whose dry run is going on
         self.rehearsing: int | None = None
         self.closed = False
-        _OPEN.add(self)
+        with _OPEN_LOCK:
+            _OPEN.add(self)
 
     def run(self, work: Callable[[], T], *, changes: bool = False, yes: bool = False, force: bool = False) -> T:
         """What *work* answers, with *yes* and *force* as a line's own options.
@@ -95,10 +97,14 @@ class Calls:
                 raise BusUnavailable("the bus is closed")
             self._owner = threading.get_ident()
             try:
-                with python_words(others=any(not other.closed for other in list(_OPEN) if other is not self)):
+                with python_words(others=self._are_others_open()):
                     yield
             finally:
                 self._owner = None
+
+    def _are_others_open(self) -> bool:
+        with _OPEN_LOCK:  # other threads open buses meanwhile
+            return any(not other.closed for other in _OPEN if other is not self)
 
     def close(self) -> None:
         """Leave the bus once no call is at work on it; further calls raise BusUnavailable."""

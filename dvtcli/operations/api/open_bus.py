@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dvtcli.bus.turns import in_callers_thread
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.checks import call_back, path, seconds, whole, word, words, wrong
 from dvtcli.operations.api.hints import python_words
@@ -94,5 +95,5 @@ def _opened(given: dict[str, Any], told: Told, on_progress: Callable[[Progress],
         session = Session(options_of({key: value for key, value in given.items() if value is not None}), told)
         network = session.open_network()
     if on_progress is not None:
-        network.on_step = on_progress
+        network.on_step = lambda progress: in_callers_thread(lambda: on_progress(progress))
     return Bus(session)

@@ -201,18 +201,21 @@ class Bus(FrameCalls):
         The twins answer as the devices would, and forget everything at the block's end. Calls of other threads raise
         UsageError meanwhile: what they ask for may be meant for the devices.
         """
-        with self._calls.alone():
-            if self._session.dry_run:
-                raise UsageError("a dry run is going on already")
-            twins = self._session.under(dry_run=True)
-            twins.__enter__()
-            self._calls.rehearsing = threading.get_ident()
+        calls, twins = self._calls, self._session.under(dry_run=True)
+        begun = False
         try:
+            with calls.alone():
+                if calls.rehearsing is not None:
+                    raise UsageError("a dry run is going on already")
+                begun, calls.rehearsing = True, threading.get_ident()
+                twins.__enter__()
             yield self
         finally:
-            with self._calls.alone():
-                self._calls.rehearsing = None
-                twins.__exit__(None, None, None)
+            if begun:  # without a wait for other threads, and on a closed bus, too: a twin must never be left in force
+                try:
+                    twins.__exit__(None, None, None)
+                finally:
+                    calls.rehearsing = None
 
     def close(self) -> None:
         """Leave the bus, and let others write to its nodes; waits for a call that is at work. May be called twice."""

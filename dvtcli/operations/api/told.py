@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+from dvtcli.bus.turns import in_callers_thread
 from dvtcli.operations.api.python_hints import in_python
 
 if TYPE_CHECKING:
@@ -52,13 +53,17 @@ class Told:
 
     def _say(self, message: Message, level: int) -> None:
         message = replace(message, text=in_python(message.text))
+        in_callers_thread(lambda: self._hand_on(message, level))
+
+    def _hand_on(self, message: Message, level: int) -> None:
         LOG.log(level, "%s", message.text)
         if self._on_message is not None:
             self._on_message(message)
 
     def ask(self, question: str) -> bool | None:
         """Whether the answer is yes; None where nobody is there to ask."""
-        return None if self._ask_user is None else bool(self._ask_user(in_python(question)))
+        ask = self._ask_user
+        return None if ask is None else in_callers_thread(lambda: bool(ask(in_python(question))))
 
     def progress(self, text: str, done: int, total: int) -> None:
         """Nothing: a program that wants it has *on_progress*."""
