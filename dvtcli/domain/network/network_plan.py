@@ -93,6 +93,8 @@ class NodePlan:
     lacks: tuple[str, ...] = ()
     #: what is to be asked first, beside whether to write at all
     doubt: str = ""
+    #: boot-ups that had been heard of it before it was read; None where nobody counted
+    boot_ups: int | None = None
 
     @property
     def node_id(self) -> int:

@@ -39,13 +39,15 @@ def carry_out_together(
     findings: Mapping[int, tuple[Finding, ...]],
     *,
     stores: bool = False,
+    beside: Callable[[], None] = lambda: None,
 ) -> Course:
     """Every phase of *plans* on every one of *nodes*, as each was *found*; *name* is what that is called.
 
     With *stores* nothing can be taken back after it: a request to stop that came while all nodes were looked at counts.
 
     Any error of a node with state `rolled_back`: everything is taken back then; LeftChanged where a node could not be.
-    *findings* are what the rules had said of each.
+    *findings* are what the rules had said of each. *beside* looks last at the nodes that nothing is written to, and
+    raises where that ends in a fault of one of them.
     """
     course = Course(session, nodes, name, {node_id: one.boot_ups for node_id, one in found.items()})
     for node_id, plan in plans.items():
@@ -56,7 +58,7 @@ def carry_out_together(
     try:
         with _announced(course):
             faults = run.phases(plans)
-        faults = faults or last_look(session, nodes, course.verified(), boot_ups)
+        faults = faults or last_look(session, nodes, course.verified(), boot_ups, beside)
         if stores:
             faults = faults or one_by_one([partial(_stop_if_cancelled, session, "before any node stored")])
     except BaseException as fault:  # a bug of ours must not leave a network half configured either

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
@@ -23,17 +23,21 @@ Changes = Mapping[int, Sequence["Change"]]
 
 
 def last_look(
-    session: Session, nodes: Mapping[int, Node], changes: Changes, boot_ups: Mapping[int, int]
+    session: Session,
+    nodes: Mapping[int, Node],
+    changes: Changes,
+    boot_ups: Mapping[int, int],
+    beside: Callable[[], None] = lambda: None,
 ) -> list[BaseException]:
     """Faults where one of *nodes* restarted since it had sent *boot_ups*, or does not hold what *changes* made of it.
 
-    A node that restarts does not always say so: each is read back once more.
+    A node that restarts does not always say so: each is read back once more. *beside* looks at the others.
     """
     restarted = partial(_refuse_restarted, nodes, boot_ups)
     return (
         one_by_one([restarted])
         or session.bus.side_by_side([partial(refuse_lost, nodes[node_id], some) for node_id, some in changes.items()])
-        or one_by_one([restarted])  # once more: what was read of the first ones may be lost by now
+        or one_by_one([beside, restarted])  # once more: what was read of the first ones may be lost by now
     )
 
 

@@ -174,10 +174,12 @@ def _known(node: Node, planned: NodePlan) -> NodePlan:
     """*planned* with what is known of *node*; SafetyRefusal where that is not what the plan was made from."""
     from dvtcli.operations.plans.apply_network import refuse_stale
 
+    boot_ups = node.bus.boot_ups(node.node_id)
     node.read_anew()
     refuse_stale(node, planned, (*planned.plan.changes, *planned.holds))
     changes = planned.plan.changes
-    return replace(planned, title=node.title, names=names(node, changes), understood=understood(node, changes))
+    words = names(node, changes), understood(node, changes)
+    return replace(planned, title=node.title, names=words[0], understood=words[1], boot_ups=boot_ups)
 
 
 @contextmanager

@@ -64,8 +64,9 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     if not mine:
         raise UsageError(f"{file} has no node that node {manager} could download anything to", place=file)
     node = session.node(manager)
+    boot_ups = session.bus.boot_ups(manager)
     node.read_anew()
-    planned = _node_plan(session, node, mine)
+    planned = replace(_node_plan(session, node, mine), boot_ups=boot_ups)
     nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
     untold = tuple(one.node_id for one in found.untold if one.node_id != manager)
     return NetworkPlan(file, nodes, manager=manager, untold=untold)

@@ -108,7 +108,10 @@ def _planned_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_st
         met.failures.append(lacking_error(lacked.found))
     met.end()
     planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
-    nodes = sorted((replace(one, lacks=lacked.of(one.node_id)) for one in planned), key=lambda one: one.node_id)
+    nodes = (
+        replace(one, lacks=lacked.of(one.node_id), boot_ups=met.boot_ups[one.node_id])
+        for one in sorted(planned, key=lambda one: one.node_id)
+    )
     return NetworkPlan(log.file, tuple(nodes), lacking=tuple(lacked.found), torn=lacked.torn)
 
 

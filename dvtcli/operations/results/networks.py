@@ -239,7 +239,7 @@ class NetworkApplied(Answer):
             "remaining": self.plan.remains,
             "unknown_syncs": list(self.plan.unknown_syncs),
             "untold": list(self.plan.untold),
-            "verified": True,
+            "verified": not self.plan.unread,
             "dry_run": self.dry_run,
             "seconds": round(self.seconds, 3),
             "nodes": [_node_document(node) for node in self.plan.nodes],

@@ -28,10 +28,14 @@ _ATTACH = "attach the device that is meant, or say in the file which one it is"
 
 @dataclass(slots=True)
 class Met:
-    """The *nodes* that are as the file means them, by node-ID, and what speaks against going on."""
+    """The *nodes* that are as the file means them, by node-ID, and what speaks against going on.
+
+    *boot_ups* are those that were heard of each before anything was read of it.
+    """
 
     nodes: dict[int, Node] = field(default_factory=dict)
     failures: list[DvtcliError] = field(default_factory=list)
+    boot_ups: dict[int, int] = field(default_factory=dict)
 
     def end(self) -> None:
         """One error for all failures, where there is one: what trying again does not mend comes first."""
@@ -49,6 +53,7 @@ def meet(session: Session, file: str, wish: NetworkWish) -> Met:
     met = Met()
     for node in wish.nodes:
         _choose_files(session, file, node)
+        met.boot_ups[node.node_id] = session.bus.boot_ups(node.node_id)
     silent = _ask_all(session, [node.node_id for node in wish.nodes])
     for node in wish.nodes:
         try:

@@ -66,7 +66,10 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     with short_frames(session.bus) as frames:
         met = meet(session, file, wish)
         met.end()
-        planned = _planned(session, met.nodes, held, wish, options)
+        planned = [
+            replace(one, boot_ups=met.boot_ups[one.node_id])
+            for one in _planned(session, met.nodes, held, wish, options)
+        ]
     return with_unknown_syncs(session, NetworkPlan(file, tuple(planned)), frames)
 
 
