@@ -126,18 +126,12 @@ class ScriptChanges:
         """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
         if not self.atomic:
             return
-        from dvtcli.errors import JournalKept
+        from dvtcli.device.change.own_journal import complete_wholes
 
-        kept: list[JournalKept] = []
-        for journal in self._journals():
-            try:
-                journal.complete_whole()
-            except JournalKept as failed:  # the journals of the other nodes are removed all the same
-                kept.append(failed)
+        kept = complete_wholes(self._journals())
         self._session.whole.end()
-        if kept:
-            kept[0].details += [("also", other.text) for other in kept[1:]]
-            raise kept[0]
+        if kept is not None:
+            raise kept
 
     def end(self, *, complete: bool) -> None:
         """The script has ended, *complete* or with an error; what of it could not be taken back waits for `recover`."""

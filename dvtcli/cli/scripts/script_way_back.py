@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.several import several
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
@@ -44,7 +43,9 @@ class NodeTakenBack:
         if not unknown and not self.not_put_back:
             return None
         why = "; ".join(finding.text for finding in (*unknown, *self.not_put_back))
-        left = _left_changed(self.node, self.made, cause, why)
+        from dvtcli.device.change.failed_change import not_taken_back
+
+        left = not_taken_back(self.made, self.node.node_id, cause, why)
         if unknown:
             left.hint = "set it by hand: its value before is not known"
         return left
@@ -82,22 +83,11 @@ def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
 
 def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) -> LeftChanged:
     """Some of *plans* stays on *node*, whose journal `recover` takes, where there is one."""
-    left = _left_changed(node, plans, cause, str(failed) or "interrupted")
+    from dvtcli.device.change.failed_change import BUS_BACK, not_taken_back
+
+    left = not_taken_back(plans, node.node_id, cause, str(failed) or "interrupted")
     path = node.keeper.open_journal() if node.keeper is not None else None
     if path is not None:
-        from dvtcli.device.change.failed_change import BUS_BACK
-
         first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""
         left.place, left.hint = str(path), f"{first}recover finishes it, from {path}"
     return left
-
-
-def _left_changed(node: Node, plans: list[Plan], cause: str, why: str) -> LeftChanged:
-    labels = several(dict.fromkeys(change.label for plan in plans for change in plan.changes))
-    return LeftChanged(
-        f"{labels or 'what this line changed'} of node {node.node_id} could not be taken back",
-        node=node.node_id,
-        why=f"{cause}; then, while taking it back: {why}",
-        hint=f"look at it with `pdo`; `nmt reset-node {node.node_id}` brings the stored settings back",
-        state="left_changed",
-    )

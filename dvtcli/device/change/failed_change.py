@@ -61,6 +61,18 @@ def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> Lef
     )
 
 
+def not_taken_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -> LeftChanged:
+    """What *plans* changed on *node_id* stays, since after *fault* it could not be taken back, and *why*."""
+    labels = several(dict.fromkeys(change.label for plan in plans for change in plan.changes))
+    return LeftChanged(
+        f"{labels or 'what this line changed'} of node {node_id} could not be taken back",
+        node=node_id,
+        why=f"{fault}; then, while taking it back: {why}",
+        hint=f"look at it with `pdo`; `nmt reset-node {node_id}` brings the stored settings back",
+        state="left_changed",
+    )
+
+
 def beside(told: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str, str]]:
     """The labelled lines for *others* beside the one that is *told*: each text once, and none that it says itself.
 

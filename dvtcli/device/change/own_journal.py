@@ -5,7 +5,7 @@ That of a whole grows with each of its changes. Does not know journals that othe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -219,6 +219,23 @@ class OwnJournal:
 
     def _files(self, what: str) -> AbstractContextManager[None]:
         return journal_files(self.journals, self.lock.node_id, what)
+
+
+def complete_wholes(journals: Iterable[OwnJournal]) -> JournalKept | None:
+    """Everything stays: `complete_whole` of all *journals*; the first that cannot be removed, with the others beside.
+
+    Those of the other nodes are removed all the same.
+    """
+    kept: list[JournalKept] = []
+    for journal in journals:
+        try:
+            journal.complete_whole()
+        except JournalKept as failed:
+            kept.append(failed)
+    if not kept:
+        return None
+    kept[0].details += [("also", other.text) for other in kept[1:]]
+    return kept[0]
 
 
 @contextmanager

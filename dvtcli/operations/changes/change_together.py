@@ -12,10 +12,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
+from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.plan import PdoChange
-from dvtcli.errors import Interrupted, JournalKept
+from dvtcli.errors import Interrupted
 from dvtcli.operations.changes.last_look import last_look
 from dvtcli.operations.changes.take_back_network import Course
 
@@ -166,12 +167,6 @@ def _stop_if_cancelled(session: Session, where: str = "before the next part") ->
 
 def complete(course: Course) -> None:
     """Everything stays; JournalKept where a journal cannot be removed."""
-    kept: list[JournalKept] = []
-    for journal in course.journals():
-        try:
-            journal.complete_whole()
-        except JournalKept as failed:  # the journals of the other nodes are removed all the same
-            kept.append(failed)
-    if kept:
-        kept[0].details += [("also", other.text) for other in kept[1:]]
-        raise kept[0]
+    kept = complete_wholes(course.journals())
+    if kept is not None:
+        raise kept

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combined
-from dvtcli.device.change.failed_change import BUS_BACK, beside
+from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
@@ -209,15 +209,8 @@ class Course:
 
     def _left(self, node: Node, fault: BaseException, failed: BaseException) -> LeftChanged:
         """What stays on *node*, whose journal `recover` takes where there is one."""
-        labels = several(change.label for change in self.plans[node.node_id].changes)
         why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
-        left = LeftChanged(
-            f"{labels} of node {node.node_id} could not be taken back",
-            node=node.node_id,
-            why=f"{str(fault) or 'interrupted'}; then, while taking it back: {why}",
-            hint=f"look at it with `pdo`; `nmt reset-node {node.node_id}` brings the stored settings back",
-            state="left_changed",
-        )
+        left = not_taken_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
         path = node.keeper.open_journal() if node.keeper is not None else None
         if path is not None:
             first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""

@@ -77,8 +77,9 @@ def open_real_bus(options: Options) -> CanopenBus:
     """Open the interface that *options* name, else the one that python-can's own settings do; BusUnavailable."""
     from dvtcli.bus.opening import open_transport
 
-    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-    return open_transport(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+    return open_transport(
+        options.interface, options.channel, options.bitrate, options.adapter_settings, timeout_s=options.timeout
+    )
 
 
 def listening_bus(options: Options, bit_rate: int, *, listen_only: bool) -> CanopenBus:
@@ -88,5 +89,6 @@ def listening_bus(options: Options, bit_rate: int, *, listen_only: bool) -> Cano
     """
     from dvtcli.bus.opening import open_listening
 
-    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-    return open_listening(options.interface, options.channel, bit_rate, extra, listen_only=listen_only)
+    return open_listening(
+        options.interface, options.channel, bit_rate, options.adapter_settings, listen_only=listen_only
+    )

@@ -186,8 +186,7 @@ def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
     def opened() -> CanopenBus:
         from dvtcli.bus.opening import open_bus
 
-        extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-        return open_bus(options.interface, options.channel, options.bitrate, extra)
+        return open_bus(options.interface, options.channel, options.bitrate, options.adapter_settings)
 
     bus = first_bus(opened, options, tell)
     if not options.reconnect or options.no_reconnect:

@@ -14,7 +14,7 @@ from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DvtcliError, JournalKept, LeftChanged, SafetyRefusal
 from dvtcli.operations.stores.possible_stores import store_group
 from dvtcli.operations.stores.store_restore import end_stamp, store_settings
-from dvtcli.operations.stores.unfinished_stores import Stores, hint_without_journal, no_longer_held, not_all_stored
+from dvtcli.operations.stores.unfinished_stores import Stores, hint_without_journal, lost_settings, not_all_stored
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -106,7 +106,7 @@ def store_each(
         [node_id for node_id, one in course.answers.items() if one.proof is not None]
     )
     if course.lost:
-        raise no_longer_held(course, course.lost) from course.lost[0]
+        raise lost_settings(course, course.lost) from course.lost[0]
     if course.failed:
         raise not_all_stored(course) from next(iter(course.failed.values()))
     return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)

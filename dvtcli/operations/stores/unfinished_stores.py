@@ -52,7 +52,7 @@ def not_all_stored(course: Stores) -> LeftChanged:
     return left
 
 
-def no_longer_held(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
+def lost_settings(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
     """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
     first, *others = lost
     left = LeftChanged(

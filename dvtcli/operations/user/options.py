@@ -80,6 +80,11 @@ class Options(NamedTuple):
         return self.format in ("json", "jsonl")
 
     @property
+    def adapter_settings(self) -> dict[str, str]:
+        """What `--bus-kwargs` says of the interface, by name: the adapter's own settings."""
+        return dict(pair.split("=", 1) for pair in self.bus_kwargs)
+
+    @property
     def nodes(self) -> tuple[int, ...]:
         """Every node-ID that `--node` names, in order; none where it is not given, or is `all`."""
         if isinstance(self.node, tuple):
