@@ -1,4 +1,6 @@
-"""Where the user's own files are: settings, what is kept of devices, state. Makes no folder, and opens no file.
+"""Where the user's own files are: settings, what is kept of devices, state; and whether a file is still the same one.
+
+Makes no folder, and opens no file.
 
 platformdirs decides. Where its answer is plain, on Linux with absolute paths, it is not imported for it: that costs
 each command as much as all that `--help` reads.
@@ -28,6 +30,12 @@ def user_folder(kind: Kind) -> Path:
     import platformdirs
 
     return Path(getattr(platformdirs, f"user_{kind}_dir")("dvtcli"))
+
+
+def file_state(path: Path) -> tuple[int, ...]:
+    """What differs once the file at *path* was written or replaced, whatever time and size the new one was given."""
+    now = path.stat()
+    return now.st_ino, now.st_ctime_ns, now.st_mtime_ns, now.st_size
 
 
 def _plain(kind: Kind) -> str | None:

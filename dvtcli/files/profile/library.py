@@ -15,14 +15,14 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.profile.toml import builtin_names, builtin_path, may_be_of, read_profile
 from dvtcli.files.toml_item import suggest
-from dvtcli.files.user_folders import user_folder
+from dvtcli.files.user_folders import file_state, user_folder
 
 #: A profile is a page of text; beyond this many bytes it is something else.
 _MOST_BYTES = 1_000_000
 #: The file of a profile that is in a folder of its own, with a simulated family.
 _FILE = "profile.toml"
-#: the user's own files, with when each was last written (ns) and how many bytes it has
-OwnFiles = tuple[tuple[Path, int, int], ...]
+#: the user's own files, each with its `file_state`
+OwnFiles = tuple[tuple[Path, tuple[int, ...]], ...]
 
 
 def folder() -> Path:
@@ -40,8 +40,7 @@ def _own_files() -> OwnFiles:
     found = []
     for path in sorted(folder().glob("*.toml")):
         with suppress(OSError):  # a link to nowhere: whoever reads it says so
-            now = path.stat()
-            found.append((path, now.st_mtime_ns, now.st_size))
+            found.append((path, file_state(path)))
     return tuple(found)
 
 

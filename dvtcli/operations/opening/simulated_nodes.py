@@ -15,6 +15,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.profile.library import profile_of
+from dvtcli.files.user_folders import file_state
 from dvtcli.operations.user.options import is_file, node_id
 
 if TYPE_CHECKING:
@@ -242,8 +243,7 @@ def read_dictionary(path: Path) -> ObjectDictionary:
     InputFileError where it is none of these; of one in the library with what to do about it.
     """
     try:
-        known = path.stat()
-        return _dictionary(path, None if path.is_absolute() else Path.cwd(), known.st_mtime_ns, known.st_size)
+        return _dictionary(path, None if path.is_absolute() else Path.cwd(), file_state(path))
     except OSError as failed:
         raise UsageError(
             f"{path}: {failed.strerror or failed}",
@@ -261,7 +261,7 @@ def read_dictionary(path: Path) -> ObjectDictionary:
 
 #: a bus has 127 nodes: each file is read once, also where every node has its own
 @lru_cache(maxsize=128)
-def _dictionary(path: Path, _folder: Path | None, _changed_ns: int, _size: int) -> ObjectDictionary:
+def _dictionary(path: Path, _folder: Path | None, _state: tuple[int, ...]) -> ObjectDictionary:
     """What the file at *path*, from *_folder* where it is relative, says since it was changed."""
     from dvtcli.files.device_file import must_describe, read_device_file
 
