@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from threading import RLock
 from typing import TYPE_CHECKING
 
+from dvtcli.bus.acts import act_of
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.receiver import Wake, bus_closed
 from dvtcli.bus.sdo.channel import SdoChannel
@@ -133,6 +134,7 @@ class VirtualTimeBus(WatchedBus):
 
     def send(self, frame: Frame) -> None:
         """Send one frame; frames that answer it are kept for a `receive` within the next second."""
+        self.note_act(act_of(frame))
         self._traffic.keep_answers()
         self._send(frame)
 

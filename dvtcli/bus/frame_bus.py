@@ -69,7 +69,10 @@ class FrameBus(ReadBus[M]):
         """
         if not fits(frame.can_id, extended=frame.extended):
             raise UsageError(f"CAN-ID 0x{frame.can_id:X} has more than {29 if frame.extended else 11} bits: not sent")
+        from dvtcli.bus.acts import act_of
+
         self.drain()
+        self.note_act(act_of(frame))
         self._traffic.keep_answers()
         self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote, dlc=frame.dlc)
 

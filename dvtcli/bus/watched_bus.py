@@ -66,6 +66,8 @@ class WatchedBus(HeardNodes):
         #: 0x1016 entries that are known not to be zero, by node-ID and sub-index
         self._consumers: set[tuple[int, int]] = set()
         self._oddities = Oddities(self.now_s)
+        #: what was sent that nodes act on, and how often
+        self._acts: dict[str, int] = {}
 
     def sdo(self, node_id: int) -> SdoTransport:
         """The default SDO channel of *node_id* (1..127); the same object for the same node."""
@@ -197,7 +199,21 @@ class WatchedBus(HeardNodes):
         self.drain()
         self._watch.forget_state(node_id)
         self._oddities.commanded(command, node_id, self._watch.boot_ups)
+        if not self.carries_frames:  # else its frame is noted
+            from dvtcli.bus.acts import command_text
+
+            self.note_act(command_text(command, node_id))
         self._command(command, node_id)
+
+    def acts(self) -> list[str]:
+        """What was sent since the last call that nodes act on, in words: SDO downloads, NMT, LSS, SYNC, PDOs."""
+        acts, self._acts = self._acts, {}
+        return [text if count == 1 else f"{text} ({count} times)" for text, count in acts.items()]
+
+    def note_act(self, text: str | None) -> None:
+        """Note that *text* is about to be sent (SdoLink); None is nothing that nodes act on."""
+        if text is not None:
+            self._acts[text] = self._acts.get(text, 0) + 1
 
     def disturbances(self) -> list[str]:
         """What was noticed since the last call: another SDO client, two nodes with one node-ID."""

@@ -126,6 +126,7 @@ class Conversation(Session):
 
     def begin_line(self, *, is_noted: bool, tells_state: bool) -> None:
         """A line of a command begins; a script's are one with it."""
+        self.acts()  # what was sent before is not this line's
         if self.in_script:
             self.is_noted &= is_noted
             return

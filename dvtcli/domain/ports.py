@@ -177,6 +177,10 @@ class CanopenBus(Protocol):
         """
         ...
 
+    def acts(self) -> list[str]:
+        """What was sent since the last call that nodes act on, in words: SDO downloads, NMT, LSS, SYNC, PDOs."""
+        ...
+
     def disturbances(self) -> list[str]:
         """What was noticed since the last call, in words: error frames, other SDO clients, a node-ID used twice."""
         ...

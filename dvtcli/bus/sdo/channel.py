@@ -56,8 +56,9 @@ class SdoChannel:
         *timeout_s* for each answer overrides the bus's (a store takes seconds). Raises SdoAborted; and NoAnswer,
         SdoProtocolError, BusUnavailable with the state "unknown" once the request was sent.
         """
-        link = self._client.link
+        link, node_id = self._client.link, self._client.node_id
         link.begin_transfer(self._turn)
+        link.note_act(f"SDO download to 0x{index:04X}:{sub_index:02X} of node {node_id}")
         try:
             self._run(lambda: self._client.download(index, sub_index, data), timeout_s, 0)
         except (NoAnswer, SdoProtocolError, BusUnavailable) as error:

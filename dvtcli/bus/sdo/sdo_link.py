@@ -57,6 +57,10 @@ class SdoLink(Protocol):
         """Take what was read or written: whether 0x1016 of *node_id* is not zero at *sub_index*."""
         ...
 
+    def note_act(self, text: str | None) -> None:
+        """Note that *text*, which a node acts on, is about to be sent."""
+        ...
+
     def begin_transfer(self, turn: Lock) -> None:
         """Take *turn*, which somebody may hold who waits for an answer: a transfer begins."""
         ...

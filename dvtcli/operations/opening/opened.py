@@ -77,6 +77,10 @@ class Opened(Said):
                 error.state = "unchanged"
                 if self._twin is not None and not isinstance(error, (InputFileError, UsageError)):
                     error.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
+            else:
+                from dvtcli.operations.opening.lost_bus import judge_lost_bus
+
+                judge_lost_bus(self, error)
             raise
         finally:
             if fresh_twin:
@@ -274,6 +278,10 @@ class Opened(Said):
         """How often something was written to each node, no twin, however it ended, or stored there; by node-ID."""
         nodes = {node.node_id: node for node in (*self.left_nodes(), *self._nodes())}
         return {node_id: node.came_up.writes + node.pending.stores for node_id, node in nodes.items()}
+
+    def acts(self) -> list[str]:
+        """What was sent since the last call, to no twin, that nodes act on; a line that begins asks for it first."""
+        return [] if self._network is None else self._network.bus.acts()
 
     def seen_nodes(self) -> dict[int, Node]:
         """The nodes that were met, or their twins under --dry-run, by node-ID; opens nothing, also where it is gone."""

@@ -164,6 +164,10 @@ class TwinBus:
 
         return end
 
+    def acts(self) -> list[str]:
+        """Nothing: what was sent here went to a twin."""
+        return []
+
     def disturbances(self) -> list[str]:
         """What was noticed on the wrapped bus since the last call."""
         return self._wrapped.disturbances()
