@@ -35,6 +35,8 @@ FLASH_S, _ASK_S = 120.0, 0.1
 BOOT_S = 20.0
 #: how long a node that starts its program without a restart is listened to for one (s)
 _NO_RESTART_S = 3.0
+#: what became of the program, where it was loaded
+_OUTCOMES = {Stage.CHECKING: "was not started", Stage.STARTING: "was started, and is not known to run"}
 _UNREADABLE = (*ABSENT, Abort.WRITE_ONLY)
 
 
@@ -202,8 +204,9 @@ class ProgramDownload:
         if not isinstance(failed, (DvtcliError, KeyboardInterrupt)):
             return failed
         text = failed.text if isinstance(failed, DvtcliError) else "stopped in the middle of the transfer"
+        outcome = _OUTCOMES.get(self.stage, "was not loaded")
         left = LeftChanged(
-            f"{text}; the program of node {self.node_id} was not loaded", node=self.node_id, state="left_changed",
+            f"{text}; the program of node {self.node_id} {outcome}", node=self.node_id, state="left_changed",
             place=failed.place if isinstance(failed, DvtcliError) else None,
             abort=failed.abort if isinstance(failed, DvtcliError) else None,
             why=failed.why if isinstance(failed, DvtcliError) else None,

@@ -46,6 +46,6 @@ class Stage(Enum):
 
     STOPPING = "its old program, which may be stopped"
     CLEARING = "its old program or none: it was told to clear it"
-    LOADING = "no program: the old one is cleared, the new one is not whole"
+    LOADING = "no program that is known to be whole: the old one is cleared, the new one was on its way"
     CHECKING = "a program that was loaded and not started"
     STARTING = "the new program; whether it runs is not known"

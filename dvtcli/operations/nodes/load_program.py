@@ -64,8 +64,8 @@ def load_program(
         raise
     finally:
         _forget(session, node)
-    noted.forget()
     seconds, now = time.monotonic() - started_s, loading.identification()
+    noted.forget()  # not sooner: a bus that is lost in the last look leaves the note
     return ProgramLoaded(
         node.node_id, number, file, len(program), was, now, wanted, by, restarted=loading.restarted, seconds=seconds
     )

@@ -5,20 +5,16 @@ Does not know what was to be done: what is changed by a plan says by itself in w
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 from dvtcli.domain.several import several
 from dvtcli.errors import BusUnavailable, DvtcliError
 
-if TYPE_CHECKING:
-    from dvtcli.operations.opening.opened import Opened
 
-
-def judge_lost_bus(session: Opened, error: DvtcliError) -> None:
-    """Where *error* is a lost bus that says `unchanged`, and the line had sent what nodes act on: not known is true."""
+def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> None:
+    """Where *error* is a lost bus that says `unchanged`, and *acts* of this line went out: not known is true."""
     if not isinstance(error, BusUnavailable) or error.state != "unchanged" or error.state_text is not None:
         return
-    sent = session.acts()
-    if sent:
+    if sent := acts():
         error.state = "unknown"
         error.state_text = f"unknown: {several(sent)} went out before that; read back what the device holds"

@@ -80,7 +80,7 @@ class Opened(Said):
             else:
                 from dvtcli.operations.opening.lost_bus import judge_lost_bus
 
-                judge_lost_bus(self, error)
+                judge_lost_bus(error, self.acts)
             raise
         finally:
             if fresh_twin:
