@@ -14,8 +14,8 @@ from importlib.metadata import EntryPoint, entry_points
 
 #: the group of their entry points
 GROUP = "dvtcli.bus"
-#: How long loading one may take, in seconds.
-PATIENCE_S = 8.0
+#: How long loading one may take, in seconds: a computer that is busy with something else is no fault of it.
+PATIENCE_S = 30.0
 _LOAD = """
 import sys
 from importlib.metadata import EntryPoint
