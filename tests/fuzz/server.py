@@ -63,6 +63,8 @@ class HostileLink:
 
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None: ...
 
+    def note_act(self, text: str | None) -> None: ...
+
     def begin_transfer(self, turn: Lock) -> None:
         turn.acquire()
 

@@ -58,8 +58,8 @@ class SdoChannel:
         """
         link, node_id = self._client.link, self._client.node_id
         link.begin_transfer(self._turn)
-        link.note_act(f"SDO download to 0x{index:04X}:{sub_index:02X} of node {node_id}")
         try:
+            link.note_act(f"SDO download to 0x{index:04X}:{sub_index:02X} of node {node_id}")
             self._run(lambda: self._client.download(index, sub_index, data), timeout_s, 0)
         except (NoAnswer, SdoProtocolError, BusUnavailable) as error:
             if self._client.requested:
