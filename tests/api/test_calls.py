@@ -74,6 +74,17 @@ def test_enable_disable_clear_and_set() -> None:
         assert not any(row.config.enabled for row in node.pdos())
 
 
+def test_nmt_of_a_node_that_has_died_is_not_true() -> None:
+    with dvtcli.simulate("generic@5", faults=["silent@1"]) as bus:
+        node = bus.node(5)
+        node.read(0x1000)
+        with suppress(errors.DvtcliError):
+            node.write(0x1017, 0)
+        for command in ("start", "stop", "preop"):
+            done = node.nmt(command)  # type: ignore[arg-type]
+            assert (bool(done), done.states) == (False, ((5, None),))
+
+
 def test_nmt_is_judged_by_the_state_that_is_seen() -> None:
     with dvtcli.simulate("gen4") as bus:
         node = bus.node()

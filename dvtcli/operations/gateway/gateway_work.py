@@ -186,17 +186,15 @@ class GatewayWork:
         return Done()
 
     def _nmt(self, node_id: int, command: NmtCommand) -> Answer:
-        network = self._session.open_network()
-        there = {*self._session.network.nodes, *network.simulated_ids, *network.bus.heard_nodes()}
         done = command_nmt(self._session, command, node_id)
         self._note_nmt(node_id, command)
         if done.exit_code:
             return Failed(GatewayError.WRONG_NMT_STATE)
-        seen = {one for one, state in done.states if state is not None}
-        if there | seen if not node_id else node_id in there | seen:
+        if done and done.states:
             return Done()
-        nobody = f"node {node_id} was" if node_id else "a node was"
-        return Failed(GatewayError.TIME_OUT, f"sent, and not seen to be obeyed: nothing of {nobody} ever heard")
+        unseen = ", ".join(str(one) for one, state in done.states if state is None)
+        nobody = f"node {unseen} tells no NMT state" if unseen else "nobody was ever heard"
+        return Failed(GatewayError.TIME_OUT, f"sent, and not seen to be obeyed: {nobody}")
 
     def _note_nmt(self, node_id: int, command: NmtCommand) -> None:
         self._session.tell.note(f"node {node_id or 'all'}: nmt {command.word}")

@@ -91,8 +91,8 @@ class Commanded(Answer):
     notes: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether it is as it should be: `assert` in a test says the rest."""
-        return self.exit_code == 0
+        """Whether each node is seen in the state that was asked for: one that cannot be seen may be off."""
+        return self.exit_code == 0 and (self.wanted is None or all(state is not None for _, state in self.states))
 
     @property
     def elsewhere(self) -> tuple[tuple[int, str], ...]:
