@@ -23,6 +23,7 @@ The number is the exit code. Does not know how errors look on a screen.
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -79,6 +80,10 @@ class DvtcliError(Exception):
         self.traced_by = ""
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")
         self.details: list[tuple[str, str]] = []
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """As it is, with all of its fields: another process gets it, and whoever copies it."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 
 
 class UsageError(DvtcliError):

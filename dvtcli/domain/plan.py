@@ -138,9 +138,9 @@ class Plan:
     looked_at: frozenset[Pdo] = frozenset()
 
     @property
-    def steps(self) -> Iterator[Step]:
+    def steps(self) -> tuple[Step, ...]:
         """Every step of every change, in order."""
-        return (step for _, step in self.course())
+        return tuple(step for _, step in self.course())
 
     def course(self) -> Iterator[tuple[Change, Step]]:
         """Every step in the order in which it is written, each with its change.

@@ -7,11 +7,13 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 import dvtcli
 from dvtcli import errors
+from dvtcli.simulator.network.family_file import family_eds
 from tests.posix import needs_signals
 from tests.process import PATIENCE_S
 
@@ -117,3 +119,42 @@ def test_buses_of_several_threads_are_independent() -> None:
     finally:
         sys.setswitchinterval(before)
     assert not failed
+
+
+def test_a_closed_bus_is_entered_no_more() -> None:
+    bus = dvtcli.simulate("gen4")
+    bus.close()
+    with pytest.raises(errors.BusUnavailable, match="the bus is closed"), bus:
+        pass
+
+
+def test_a_bus_is_left_though_canopens_network_does_not_end() -> None:
+    bus = dvtcli.simulate("gen4")
+    bus.node().canopen()
+    network = bus._canopen
+    assert network is not None
+    end = network.disconnect
+
+    def fails() -> None:
+        end()
+        raise ZeroDivisionError
+
+    network.disconnect = fails  # type: ignore[method-assign]
+    with pytest.raises(ZeroDivisionError):
+        bus.close()
+    assert bus._calls.closed
+
+
+def test_a_node_keeps_the_file_and_the_family_that_it_was_given_first(tmp_path: Path) -> None:
+    for name in ("a.eds", "b.eds"):
+        (tmp_path / name).write_bytes(family_eds("gen4").read_bytes())
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node(eds=tmp_path / "a.eds", profile="gen4")
+        assert bus.node(eds=tmp_path / "a.eds", profile="gen4") is node
+        with pytest.raises(errors.UsageError, match=r"node 1 has another one already: .*a\.eds, not .*b\.eds"):
+            bus.node(eds=tmp_path / "b.eds")
+        with pytest.raises(errors.UsageError, match="node 1 has another one already: gen4, not generic"):
+            bus.node(profile="generic")
+        with pytest.raises(errors.UsageError, match="nope"):
+            bus.node(2, profile="nope")
+        assert node.pdos()

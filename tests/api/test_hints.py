@@ -8,8 +8,9 @@ import pytest
 
 import dvtcli
 from dvtcli.cli.catalogue import command_names
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, State
 from dvtcli.operations.api import python_hints
+from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_hints import hint_in_python, in_python
 from tests.api.hints_of_the_product import all_hints, all_texts
 
@@ -103,3 +104,24 @@ def test_an_error_says_which_call_helps(case: str) -> None:
 def test_a_period_of_nothing_is_refused() -> None:
     with dvtcli.simulate("gen4") as bus, pytest.raises(DvtcliError, match="period_ms=0: a number of milliseconds"):
         bus.sync(3, period_ms=0)
+
+
+@pytest.mark.parametrize(
+    ("state", "said", "note"),
+    [
+        ("left_changed", "LEFT CHANGED: see above; read it", "state: left_changed: read it"),
+        ("unknown", "unknown: read it", "state: unknown: read it"),
+        ("unknown", "nobody read it", "state: unknown: nobody read it"),
+    ],
+)
+def test_a_state_is_said_once(state: State, said: str, note: str) -> None:
+    failed = DvtcliError("what failed", state=state)
+    failed.state_text = said
+    with pytest.raises(DvtcliError) as raised, python_words():
+        raise failed
+    assert raised.value.__notes__ == [note]
+
+
+def test_what_finishes_a_change_is_a_call() -> None:
+    said = hint_in_python("scan finds it; then recover finishes it, from /x/journal.json")
+    assert "`node.recover()` finishes it, from /x/journal.json" in said

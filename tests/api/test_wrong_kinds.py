@@ -12,7 +12,7 @@ import pytest
 
 import dvtcli
 from dvtcli import testing
-from dvtcli.errors import Bug, DvtcliError
+from dvtcli.errors import Bug, DvtcliError, UsageError
 
 #: what is no sensible value of most arguments
 ODD: tuple[Any, ...] = (
@@ -84,3 +84,8 @@ def with_odd(function: Callable[..., Any], argument: str, odd: Any) -> Any:
             else:
                 named[name] = value
     return function(*given, **named)
+
+
+def test_an_identity_is_complained_of_by_the_arguments_name() -> None:
+    with dvtcli.simulate("gen4") as bus, pytest.raises(UsageError, match=r"^vendor_id="):
+        bus.node().require(vendor_id="1")  # type: ignore[arg-type]

@@ -94,14 +94,18 @@ class Calls:
         if self._owner == threading.get_ident():
             raise UsageError("a call-back must not call the bus that calls it: remember what it says, and call later")
         with self._turn:
-            if self.closed:
-                raise BusUnavailable("the bus is closed")
+            self.refuse_closed()
             self._owner = threading.get_ident()
             try:
                 with python_words(others=self._are_others_open()):
                     yield
             finally:
                 self._owner = None
+
+    def refuse_closed(self) -> None:
+        """BusUnavailable once the bus is closed."""
+        if self.closed:
+            raise BusUnavailable("the bus is closed")
 
     def _are_others_open(self) -> bool:
         with _OPEN_LOCK:  # other threads open buses meanwhile

@@ -85,4 +85,7 @@ def _further(raised: DvtcliError) -> Iterator[tuple[str, str]]:
     else:
         yield from ((label, said) for label, said in (("why", raised.why), ("hint", raised.hint)) if said)
     if raised.exit_code not in (2, 4) or raised.state != "unchanged":
-        yield "state", raised.state + (f": {in_python(raised.state_text)}" if raised.state_text else "")
+        said = in_python(raised.state_text or "")
+        for screen in ("LEFT CHANGED: see above; ", f"{raised.state}: "):  # it stands in front, and nothing above it
+            said = said.removeprefix(screen)
+        yield "state", f"{raised.state}: {said}" if said else raised.state

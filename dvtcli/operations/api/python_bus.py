@@ -45,6 +45,7 @@ class Bus(FrameCalls):
         self._remote: dict[int, RemoteNode] = {}
 
     def __enter__(self) -> Bus:
+        self._calls.refuse_closed()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
@@ -87,6 +88,9 @@ class Bus(FrameCalls):
                 read_dictionary(eds)
                 _choose(network.files.own_eds, chosen, eds, met=chosen in network.nodes)
             if profile is not None:
+                from dvtcli.files.profile.library import load_profile
+
+                load_profile(profile)
                 _choose(network.files.own_profile, chosen, profile, met=chosen in network.nodes)
             return self._nodes.setdefault(chosen, Node(self._calls, chosen, self._canopen_node))
 
@@ -220,12 +224,18 @@ class Bus(FrameCalls):
     def close(self) -> None:
         """Leave the bus, and let others write to its nodes; waits for a call that is at work. May be called twice."""
         network, self._canopen = self._canopen, None
-        if network is not None:
-            network.disconnect()
-        self._calls.close()
+        try:
+            if network is not None:
+                network.disconnect()
+        finally:
+            self._calls.close()
 
 
 def _choose(chosen: dict[int, Any], node_id: int, what: Any, *, met: bool) -> None:
-    if met and chosen.get(node_id) != what:
+    """Let *what* be that of *node_id*; UsageError where that is another one already, chosen or *met*."""
+    before = chosen.get(node_id)
+    if met and before != what:
         raise UsageError(f"node {node_id} was used already: give eds and profile where it is first asked for")
+    if before not in (None, what):
+        raise UsageError(f"node {node_id} has another one already: {before}, not {what}")
     chosen[node_id] = what

@@ -125,7 +125,7 @@ _OF_OPTION = re.compile(r"^--([a-z]+)(?= [^:]+: )")
 _EVERY_NAME = "|".join(sorted({_OF_A_NODE, _OF_A_BUS, _ONLY_COMMANDS, *(one.split()[0] for one in CALLS)}))
 #: what follows a command in a hint that is not its argument: what it does
 _DOES = (
-    "asks|says|brings|chooses|finds|gives|goes|has|keeps|lets|lists|listens|makes|names|puts|sends|sets|shows|searches"
+    "asks|says|brings|chooses|finds|finishes|gives|goes|has|keeps|lets|lists|listens|makes|names|puts|sends|sets|shows|searches"
     "|does|starts|takes|tells|writes|(?:both )?compares|alone|as it is"
 )
 _SECOND = "scan|select|store|identify|node-id|add|show|list|convert|edit|preop|reset-node|reset-comm"

@@ -133,7 +133,12 @@ class ReadNode:
         from dvtcli.operations.nodes.required_identity import require_identity
 
         given = {"vendor": vendor_id, "product": product_code, "revision": revision, "serial": serial}
-        wanted = [(name, whole(name, value, name, 0xFFFF_FFFF)) for name, value in given.items() if value is not None]
+        called = {"vendor": "vendor_id", "product": "product_code"}
+        wanted = [
+            (name, whole(called.get(name, name), value, name, 0xFFFF_FFFF))
+            for name, value in given.items()
+            if value is not None
+        ]
         if not wanted:
             raise UsageError("which identity? vendor_id=…, product_code=…, revision=…, serial=…")
         session = self._calls.session
