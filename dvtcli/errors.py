@@ -23,7 +23,6 @@ The number is the exit code. Does not know how errors look on a screen.
 
 from __future__ import annotations
 
-import copyreg
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -83,7 +82,11 @@ class DvtcliError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         """As it is, with all of its fields: another process gets it, and whoever copies it."""
-        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
+        return _made_again, (type(self), *self.args), vars(self)
+
+
+def _made_again(kind: type[DvtcliError], *args: object) -> DvtcliError:
+    return kind.__new__(kind, *args)
 
 
 class UsageError(DvtcliError):
