@@ -63,7 +63,7 @@ class Listener:
         self._arrived = threading.Event()
         self._stopping = threading.Event()
         self._clock_s: float | None = None
-        self._failure: BusUnavailable | None = None
+        self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._listen, name="listening to frames", daemon=True)
         self._untap: Callable[[], None] = lambda: None
         self._overflowed = 0
@@ -110,7 +110,7 @@ class Listener:
         try:
             while not self._stopping.is_set() and self._failure is None:
                 self._bus.idle(TICK_S)
-        except BusUnavailable as failure:
+        except BaseException as failure:  # noqa: BLE001 - nobody sees what ends a thread: `take` raises it
             self._failure = failure
             self._arrived.set()
 
@@ -127,7 +127,8 @@ class Listener:
     def take(self, wait_s: float = 0.0) -> list[Frame]:
         """What came since the last call; waits up to *wait_s* for the first one.
 
-        Raises BusUnavailable where the bus failed and everything that came before was taken.
+        Where the listening ended, raises what ended it once everything that came before was taken: BusUnavailable for a
+        bus that failed.
         """
         if not self._frames and wait_s > 0 and self._failure is None:
             self._arrived.wait(wait_s)

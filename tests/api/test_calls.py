@@ -521,6 +521,8 @@ def test_the_can_id_of_sync_is_what_its_node_says() -> None:
         bus.node(5).write("1005", 0x81)
         assert bus.sync().can_id == 0x080
         assert bus.sync(node_id=5).can_id == 0x081
+        assert bus.node(5).recover(yes=True) is None
+        assert bus.sync().can_id == 0x080, "the node of an earlier call is not selected by it"
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,22 @@ def test_each_call_puts_back_one_more_of_earlier_programs(served: ServedBus) -> 
     assert len([one for one in told if "this puts the change of" in one.text]) == 2
 
 
+def test_a_call_that_changed_nothing_is_not_undone_in_an_earlier_programs_place(served: ServedBus) -> None:
+    in_another_program(served, "bus.node(5).set('tpdo1', timer_ms=50)")
+    with served.connect(timeout_s=PATIENCE_S) as bus:
+        node = bus.node(5)
+        for _ in range(3):
+            node.set("tpdo1", timer_ms=60)
+        assert node.undo(), "what this program changed comes first"
+        assert timer(served) == 50
+        for _ in range(2):
+            with pytest.raises(errors.UsageError, match="changed nothing on node 5"):
+                node.undo()
+        assert timer(served) == 50
+        assert node.undo(), "and then what the earlier program did"
+        assert timer(served) != 50
+
+
 def test_all_of_them_and_of_one_node_only(served: ServedBus) -> None:
     before = timer(served)
     in_another_program(

@@ -335,6 +335,21 @@ class Gateway:
         time.sleep(duration_s)
 
 
+class BrokenDriver(Gateway):
+    """A bus whose driver fails with an error that nobody foresaw, after its frames."""
+
+    def idle(self, duration_s: float) -> None:
+        super().idle(duration_s)
+        raise ZeroDivisionError("in the driver")
+
+
+def test_a_driver_that_fails_as_nobody_foresaw_is_told_to_who_takes() -> None:
+    with Listener(BrokenDriver(time.time()), SdoValues(set())) as listener:
+        assert len(listener.take(1.0)) == 1
+        with pytest.raises(ZeroDivisionError, match="in the driver"):
+            listener.take(5.0)
+
+
 @pytest.mark.parametrize("first_s", [1e300, -1e18, float("nan"), float("inf"), 5.0])
 def test_a_gateways_clock_may_be_nonsense(first_s: float) -> None:
     with Listener(Gateway(first_s, time.time(), 1e18, float("nan"), -5.0, 0.0), SdoValues(set())) as listener:

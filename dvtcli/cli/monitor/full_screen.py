@@ -11,7 +11,6 @@ from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.glyphs import ascii_only
-from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
     from prompt_toolkit import Application
@@ -34,7 +33,7 @@ class Screen(Protocol):
     """What is on a full screen."""
 
     def gather(self) -> None:
-        """Take what is new; DvtcliError ends the screen with it."""
+        """Take what is new; what is raised ends the screen with it."""
         ...
 
     def lines(self, columns: int, rows: int) -> Iterable[list[Cell]]:
@@ -54,7 +53,7 @@ def has_full_screen(session: Conversation) -> bool:
 
 
 def show(session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None) -> None:
-    """Show *screen* until a key, Ctrl-C or the end of *duration_s*; DvtcliError as its `gather` raises it."""
+    """Show *screen* until a key, Ctrl-C or the end of *duration_s*; what its `gather` raises is raised here."""
     try:
         with _held_signals() as came, session.output.held():
             _application(session, screen, keys, duration_s, came).run()
@@ -104,7 +103,7 @@ def _application(
             return
         try:
             screen.gather()
-        except DvtcliError as failed:  # raised here it would stay inside of prompt_toolkit's event loop
+        except BaseException as failed:  # noqa: BLE001 - raised here it would stay inside of prompt_toolkit's event loop
             application.exit(exception=failed)
             return
         if came or (until_s is not None and monotonic() >= until_s):

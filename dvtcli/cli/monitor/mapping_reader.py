@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import BusUnavailable, DvtcliError
+from dvtcli.errors import BusUnavailable
 
 if TYPE_CHECKING:
     from dvtcli.operations.frames.watch_bus import Watched
@@ -23,7 +23,7 @@ class MappingReader:
         #: the node that is being read, None where none is
         self.node: int | None = None
         #: what ended it, None where nothing did; a bus that is gone is the listener's to say
-        self.failure: DvtcliError | None = None
+        self.failure: BaseException | None = None
         #: whether there is more to come
         self.is_reading = True
         self._news: Decoder | None = None
@@ -39,13 +39,13 @@ class MappingReader:
                     break
         except BusUnavailable:
             pass
-        except DvtcliError as failed:
+        except BaseException as failed:  # noqa: BLE001 - nobody sees what ends a thread: `news` raises it
             self.failure = failed
         finally:  # in this order: who sees that no node is being read may ask for the next reading at once
             self.is_reading, self.node = False, None
 
     def news(self) -> Decoder | None:
-        """What is known by now, None where that is no more than the last time; DvtcliError where reading failed."""
+        """What is known by now, None where that is no more than the last time; raises what the reading failed with."""
         news, self._news = self._news, None
         if self.failure is not None:
             raise self.failure

@@ -164,8 +164,8 @@ class Bus(FrameCalls):
         from dvtcli.operations.results import Changed, ChangedNodes
 
         def work() -> tuple[Changed, ...]:
-            self._session.selected = None
-            done = recover(self._session)
+            with self._session.selecting(None):
+                done = recover(self._session)
             return done.nodes if isinstance(done, ChangedNodes) else (done,) if isinstance(done, Changed) else ()
 
         return self._calls.run(work, changes=True, yes=yes, force=force)
@@ -181,8 +181,8 @@ class Bus(FrameCalls):
         from dvtcli.operations.results import Facts
 
         def work() -> tuple[int, ...]:
-            self._session.selected = None
-            done = recover(self._session, finish=True)
+            with self._session.selecting(None):
+                done = recover(self._session, finish=True)
             return tuple(dict(done.rows).get("stored", ())) if isinstance(done, Facts) else ()
 
         return self._calls.run(work, changes=True, yes=yes)

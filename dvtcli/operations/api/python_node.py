@@ -157,8 +157,8 @@ class Node(ConfiguredNode):
         from dvtcli.operations.results import Changed, ChangedNodes
 
         def finish(node: DeviceNode) -> Changed | None:
-            self._calls.session.selected = node.node_id
-            done = recover(self._calls.session)
+            with self._calls.session.selecting(node.node_id):
+                done = recover(self._calls.session)
             if isinstance(done, ChangedNodes):
                 return next((one for one in done.nodes if one.node == node.node_id), None)
             return done if isinstance(done, Changed) else None

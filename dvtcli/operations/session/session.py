@@ -5,6 +5,7 @@ Knows no lines, no scripts and no screen: what is to be said goes to a `Teller`.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,8 @@ from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.opening.opened import Opened
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
     from dvtcli.operations.opening.bus_of_options import OpenBus
@@ -53,6 +56,15 @@ class Session(Opened):
         from dvtcli.operations.session.record import Record
 
         return Record()
+
+    @contextmanager
+    def selecting(self, node_id: int | None) -> Iterator[None]:
+        """A block in which *node_id* is selected, or none; the one from before is selected again behind it."""
+        before, self.selected = self.selected, node_id
+        try:
+            yield
+        finally:
+            self.selected = before
 
     def node_id(self) -> int:
         """The selected node-ID: `node ID`, else -n, else the first simulated node; UsageError where none is."""
