@@ -28,6 +28,10 @@ MAY_CATCH_ALL = {
     "cli/dvt/tcl_child_run.py": "the same, where Tcl would swallow it",
     "bus/drivers.py": "what drivers raise means that they find nothing",
     "bus/turns.py": "handed to the thread that asked for the work",
+    "watch/listener.py": "handed to who takes what was heard",
+    "cli/monitor/object_reader.py": "handed to who takes what was read",
+    "cli/monitor/mapping_reader.py": "the same",
+    "cli/monitor/full_screen.py": "handed past the event loop of prompt_toolkit, which would keep it",
     "device/change/put_back.py": "the other changes are put back all the same, then it is raised",
 }
 #: where any failure of ours is left unsaid, with why
