@@ -29,7 +29,7 @@ BACK = Plan(5, (ValueChange(Step(0x2000, 0, bytes([1, 1]), bytes(2), "write")),)
 
 def values(past: Past, selected: int | None = None, node_id: int = 5) -> list[int]:
     """The first byte of what each remembered change of the node wrote, oldest first."""
-    return [next(one.plan.steps).after[0] for one in past.entries(node_id, IDENTITY, selected)]
+    return [one.plan.steps[0].after[0] for one in past.entries(node_id, IDENTITY, selected)]
 
 
 Spoil = Callable[[dict[str, Any]], object]

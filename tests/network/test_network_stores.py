@@ -18,6 +18,7 @@ from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.results import Facts
 from dvtcli.operations.user.telling import Silent
 from dvtcli.simulator.device.refusal import Refusal
 from tests.network.bench import Chain
@@ -387,3 +388,68 @@ def test_a_test_value_that_stays_keeps_the_journals(home: Path) -> None:
     with chain.session(node=None) as session:
         assert recover(session)
     assert (chain.held(), chain.journals()) == (before, [])
+
+
+def cut_after_stores(chain: Chain, home: Path, at: int) -> LeftChanged | None:
+    """`apply` whose bus is gone at its *at*-th request behind the last store, which was acknowledged; None: at none."""
+    send, requests = chain.bus.send_sdo, list[int]()
+    stored = list[int]()
+    while_storing(chain, 9, lambda _: stored.append(9))
+    watched = chain.bus.send_sdo
+
+    def send_sdo(can_id: int, data: bytes) -> None:
+        requests.extend([can_id] * len(stored))
+        if len(requests) == at:
+            chain.bus._closed = True
+        watched(can_id, data)
+
+    vars(chain.bus)["send_sdo"] = send_sdo
+    try:
+        chain.apply(file(home))
+    except LeftChanged as left:
+        return left
+    finally:
+        vars(chain.bus)["send_sdo"] = send
+    return None
+
+
+def count_stores(chain: Chain) -> list[int]:
+    """Node-IDs of those that are told to store from now on."""
+    told, send = list[int](), chain.bus.send_sdo
+
+    def send_sdo(can_id: int, data: bytes) -> None:
+        if data[0] >> 5 == 1 and bytes(data[1:3]) == b"\x10\x10":
+            told.append(can_id - 0x600)
+        send(can_id, data)
+
+    vars(chain.bus)["send_sdo"] = send_sdo
+    return told
+
+
+@pytest.mark.parametrize("at", [1, 2, 4])
+def test_a_bus_that_is_gone_once_all_have_stored_leaves_nothing_to_store(chain: Chain, home: Path, at: int) -> None:
+    left = cut_after_stores(chain, home, at)
+    assert left is not None
+    assert left.stores == WhoStored((5, 9), (), ())
+    assert "all of them have stored" in str(left)
+    assert "goes on with the stores" not in str(left.hint)
+    assert "`recover --finish` looks at every node once more" in str(left.hint)
+    told = count_stores(chain)
+    with chain.session(node=None) as session:
+        session.tell = said = Said()
+        done = recover(session, finish=True)
+    assert isinstance(done, Facts)
+    assert (dict(done.rows)["stored"], told, chain.journals()) == ([], [], [])
+    assert not [text for text in said.notes if "stores on the rest" in text]
+    assert {chain.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
+
+
+def test_what_all_stored_and_one_lost_is_no_end_of_it(chain: Chain, home: Path) -> None:
+    assert cut_after_stores(chain, home, 1) is not None
+    chain.devices[5].download(*TYPE, b"\x07")
+    with chain.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 5 does not hold any more"):
+        recover(session, finish=True)
+    assert len(chain.journals()) == 2
+    with chain.session(node=None) as session:
+        assert recover(session)
+    assert (types(chain), chain.journals()) == ({5: 255, 9: 255}, [])

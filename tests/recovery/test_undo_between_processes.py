@@ -208,7 +208,7 @@ def test_what_is_remembered_is_bounded_and_told_apart_by_identity(tmp_path: Path
         past.add(Plan(5, (ValueChange(step),)), drive)
     newest = past.newest(5, drive)
     assert newest is not None
-    assert next(newest.plan.steps).after == bytes([MOST_CHANGES + 10, 0])
+    assert newest.plan.steps[0].after == bytes([MOST_CHANGES + 10, 0])
     assert len(json.loads(past.path(5, drive).read_text("utf-8"))["changes"]) == MOST_CHANGES
     assert past.newest(9, drive) is None
     assert past.moved(5, drive) is None
@@ -234,7 +234,7 @@ def test_what_grows_too_large_to_be_read_loses_its_oldest(tmp_path: Path) -> Non
         past.add(Plan(5, (ValueChange(step),)), drive)
         newest = past.newest(5, drive)
         assert newest is not None
-        assert next(newest.plan.steps).after[0] == value
+        assert newest.plan.steps[0].after[0] == value
 
 
 STEPS = [

@@ -70,11 +70,17 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     for node_id in nodes:
         _refuse_unlike(replace(verified, changes={**verified.changes, **with_tests}), node_id)
     ids = ", ".join(map(str, waiting(part)))
-    session.consent(f"{part.name}: every node holds what was planned; store on node {ids}?")
+    what = f"; store on node {ids}?" if ids else ", and has stored it; is it to stay so?"
+    session.consent(f"{part.name}: every node holds what was planned{what}")
     _store(session, journals, part, verified, tests)
     rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
-    said = f"dry run: node {ids} would store" if session.dry_run else f"{part.name} is complete: node {ids} stored"
-    return Facts("recover", rows, (said,))
+    return Facts("recover", rows, (_said(session, part, ids),))
+
+
+def _said(session: Session, part: Part, ids: str) -> str:
+    if session.dry_run:
+        return f"dry run: node {ids} would store" if ids else "dry run: every node has stored; the journals stay"
+    return f"{part.name} is complete: " + (f"node {ids} stored" if ids else "every node holds it, and had stored it")
 
 
 def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> Verified:

@@ -10,7 +10,7 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.recover.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
-from dvtcli.operations.recover.stores_begun import furthest, stored_before, stores_of
+from dvtcli.operations.recover.stores_begun import furthest, stored_before, stores_of, waiting
 from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
 from dvtcli.operations.results import Changed, ChangedNodes, Facts
 
@@ -86,18 +86,20 @@ def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
             which = "" if alone else f"-n {ours[0].plan.node_id} "
             session.tell.note(f"{_begun_stores(ours)}: recover goes back, {which}recover --finish would go on")
         else:
-            return _asked_to_finish(session, _begun_stores(ours))
+            what = "store on the others?" if waiting(furthest(ours)) else "is it to stay so?"
+            return _asked_to_finish(session, _begun_stores(ours), what)
     return False
 
 
 def _begun_stores(journals: list[Journal]) -> str:
     part = furthest(journals)
     told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
-    return f"every node held what {part.name} wanted, and it ended while they stored ({told})"
+    when = "while" if waiting(part) else "once"
+    return f"every node held what {part.name} wanted, and it ended {when} they stored ({told})"
 
 
-def _asked_to_finish(session: Session, text: str) -> bool:
-    answer = session.tell.ask(f"{text}; store on the others? No goes on to the way back")
+def _asked_to_finish(session: Session, text: str, what: str) -> bool:
+    answer = session.tell.ask(f"{text}; {what} No goes on to the way back")
     if answer is None:
         raise SafetyRefusal(f"nobody can answer: {text}", hint="recover --finish goes on, recover --yes goes back")
     return answer

@@ -106,7 +106,10 @@ def store_each(
         [node_id for node_id, one in course.answers.items() if one.proof is not None]
     )
     if course.lost:
-        raise lost_settings(course, course.lost) from course.lost[0]
+        left = lost_settings(course, course.lost)
+        if course.are_all_done():
+            _note_all_done(name, course, journals, left)
+        raise left from course.lost[0]
     if course.failed:
         raise not_all_stored(course) from next(iter(course.failed.values()))
     return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)
@@ -138,6 +141,16 @@ def _store_one(
         raise
     course.states[one.node_id] = replace(one, is_done=True)
     _say_too_late(session, course)
+
+
+def _note_all_done(name: str, course: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
+    """Let *journals* say that nobody is to store any more; what keeps one from it is said beside what is *left*."""
+    states = tuple(course.states.values())
+    for journal in (journal for journal in journals if journal.is_begun):
+        try:
+            journal.final(f"{name}: store on node {', '.join(str(one.node_id) for one in states)}", states)
+        except DvtcliError as failed:
+            left.details.append(("also", failed.text))
 
 
 def _say_too_late(session: Session, course: Stores) -> None:

@@ -32,6 +32,10 @@ class Stores:
     #: whether it was said that a request to stop came too late
     was_late: bool = False
 
+    def are_all_done(self) -> bool:
+        """Whether every node has acknowledged its store."""
+        return all(one.is_done for one in self.states.values())
+
 
 def not_all_stored(course: Stores) -> LeftChanged:
     """What is told where stores came to nothing, and every node holds what was planned all the same."""
@@ -56,16 +60,18 @@ def lost_settings(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
     """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
     first, *others = lost
     left = LeftChanged(
-        str(first) or "stopped before every node was read once more",
+        _lost_text(course, first),
         node=first.node if isinstance(first, DvtcliError) else None,
         place=first.place if isinstance(first, DvtcliError) else None,
         why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
         hint="recover puts every node back as it was before; then `apply` again",
         state="left_changed",
     )
-    if isinstance(first, BusUnavailable):
-        left.text = f"the bus was gone while the nodes stored: {first}"
-        left.hint = f"{BUS_BACK}; then `recover --finish` goes on with the stores, `recover` puts every node back"
+    is_gone = isinstance(first, BusUnavailable)
+    if is_gone or (course.are_all_done() and not isinstance(first, DvtcliError)):
+        goes_on = "looks at every node once more" if course.are_all_done() else "goes on with the stores"
+        start = f"{BUS_BACK}; then " if is_gone else ""
+        left.hint = f"{start}`recover --finish` {goes_on}, `recover` puts every node back"
     if isinstance(first, LeftChanged):
         start = f"{BUS_BACK}; then " if (first.hint or "").startswith(BUS_BACK) else ""
         left.hint = (
@@ -76,6 +82,14 @@ def lost_settings(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
     _say_who(course, left)
     left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
     return left
+
+
+def _lost_text(course: Stores, first: BaseException) -> str:
+    if isinstance(first, BusUnavailable) and course.are_all_done():
+        return f"all of them have stored, and the bus was gone before every node was read once more: {first}"
+    if isinstance(first, BusUnavailable):
+        return f"the bus was gone while the nodes stored: {first}"
+    return str(first) or "stopped before every node was read once more"
 
 
 def _say_who(course: Stores, left: LeftChanged) -> None:

@@ -105,12 +105,15 @@ def _how_to_finish(journal: Journal) -> str:
         return f"{what} was interrupted: `recover` puts the old configuration back"
     if journal.part.whole is None:
         return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
+    back = "`recover` takes every line of it back, on all nodes"
+    if journal.part.stores and all(one.is_done for one in journal.part.stores):
+        finish = "`recover --finish` looks at every node once more"
+        return f"{journal.part.name} was interrupted once nodes had stored what it changed, {changed}: {finish}, {back}"
     if journal.part.stores:
         return (
             f"{journal.part.name} was interrupted while nodes stored what it changed, {changed}: "
-            "`recover --finish` stores on the rest of them, `recover` takes every line of it back, on all nodes"
+            f"`recover --finish` stores on the rest of them, {back}"
         )
-    back = "`recover` takes every line of it back, on all nodes"
     return f"{journal.part.name} was interrupted, which changed {changed}: {back}"
 
 
