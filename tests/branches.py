@@ -103,10 +103,12 @@ class MarkedLoader(SourceFileLoader):
         status = Path(self.path).stat()
         kept = Path(cache_from_source(self.path, optimization="ways"))
         stamp = (status.st_mtime_ns, status.st_size, sys.hexversion, _OWN)
-        found = marshal.loads(kept.read_bytes()) if kept.exists() else ((), None, 0)  # noqa: S302 - our own
+        found: tuple[tuple[object, ...], CodeType | None, int] = ((), None, 0)
+        if kept.exists():
+            found = marshal.loads(kept.read_bytes())  # noqa: S302 - our own
         if found[0] != stamp:
-            code, ways = marked(Path(self.path).read_bytes(), self.path)
-            found = (stamp, code, len(ways))
+            compiled, ways = marked(Path(self.path).read_bytes(), self.path)
+            found = (stamp, compiled, len(ways))
             kept.parent.mkdir(exist_ok=True)
             new = kept.with_suffix(f".{os.getpid()}")
             new.write_bytes(marshal.dumps(found))

@@ -18,12 +18,12 @@ from tests.compiled import compile_share
 from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
-_UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("unhurried", max_examples=10, **_UNHURRIED)
+_UNHURRIED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("unhurried", _UNHURRIED, max_examples=10)
 settings.load_profile("unhurried")
 #: `pytest --hypothesis-profile=thorough` looks at as many times more examples of every law.
-settings.register_profile("many", max_examples=200, **_UNHURRIED)
-settings.register_profile("thorough", max_examples=3000, **_UNHURRIED)
+settings.register_profile("many", _UNHURRIED, max_examples=200)
+settings.register_profile("thorough", _UNHURRIED, max_examples=3000)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -20,7 +20,8 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.process import ROOT, dvtcli
+from tests.process import dvtcli
+from tests.surroundings import ROOT
 
 ELISION = "[…]"
 

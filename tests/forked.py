@@ -191,6 +191,11 @@ def _take_streams(streams: list[Path]) -> None:
         import termios
 
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-    sys.stdin = sys.__stdin__ = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 - to the process's end
-    sys.stdout = sys.__stdout__ = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
-    sys.stderr = sys.__stderr__ = open(2, "w", 1, "utf-8", "backslashreplace", closefd=False)  # noqa: SIM115
+    opened_streams = {
+        "stdin": open(0, encoding="utf-8", closefd=False),  # noqa: SIM115 - to the process's end
+        "stdout": open(1, "w", encoding="utf-8", closefd=False),  # noqa: SIM115
+        "stderr": open(2, "w", 1, "utf-8", "backslashreplace", closefd=False),  # noqa: SIM115
+    }
+    for name, stream in opened_streams.items():
+        setattr(sys, name, stream)
+        setattr(sys, f"__{name}__", stream)

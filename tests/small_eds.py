@@ -11,12 +11,16 @@ INPUTS, OUTPUTS = 0x6000, 0x6200
 BYTES = 16
 
 
+#: what stands in a section
+Keys = dict[str, object]
+
+
 @dataclass
 class Section:
     """One section: its keys in order; an empty value is written as `Key=`."""
 
     name: str
-    keys: dict[str, object]
+    keys: Keys
 
     def __str__(self) -> str:
         return "\n".join([f"[{self.name}]", *(f"{key}={_text(value)}" for key, value in self.keys.items())])
@@ -26,9 +30,9 @@ def _text(value: object) -> str:
     return f"0x{value:X}" if isinstance(value, int) else str(value)
 
 
-def var(name: str, kind: int, default: object = None, access: str = "rw", mapping: int = 0, **more: object) -> dict:
+def var(name: str, kind: int, default: object = None, access: str = "rw", mapping: int = 0, **more: object) -> Keys:
     """The keys of a variable."""
-    keys: dict[str, object] = {"ParameterName": name, "ObjectType": 7, "DataType": kind, "AccessType": access}
+    keys: Keys = {"ParameterName": name, "ObjectType": 7, "DataType": kind, "AccessType": access}
     if default is not None:
         keys["DefaultValue"] = default
     return {**keys, "PDOMapping": mapping, **more}
@@ -38,29 +42,30 @@ def var(name: str, kind: int, default: object = None, access: str = "rw", mappin
 class Eds:
     """A file: *objects* index -> name and sub-index -> keys; a plain variable has sub-index None only."""
 
-    objects: dict[int, tuple[str, dict[int | None, dict]]] = field(default_factory=dict)
-    info: dict[str, object] = field(default_factory=dict)
+    objects: dict[int, tuple[str, dict[int | None, Keys]]] = field(default_factory=dict)
+    info: Keys = field(default_factory=dict)
     dummies: Iterable[int] = (1, 2, 3, 4, 5, 6, 7)
     more: list[Section] = field(default_factory=list)
 
-    def variable(self, index: int, keys: dict) -> None:
+    def variable(self, index: int, keys: Keys) -> None:
         """Put a variable at *index*."""
         self.objects[index] = (str(keys["ParameterName"]), {None: keys})
 
-    def record(self, index: int, name: str, subs: Mapping[int, dict]) -> None:
+    def record(self, index: int, name: str, subs: Mapping[int, Keys]) -> None:
         """Put a record at *index*; its sub-index 0 is made where it is not given."""
         highest = max(subs, default=0)
-        first = {0: var("Highest sub-index", U8, highest, "ro")}
-        self.objects[index] = (name, {**(first if 0 not in subs else {}), **subs})
+        parts: dict[int | None, Keys] = {0: var("Highest sub-index", U8, highest, "ro")}
+        parts.update(subs.items())
+        self.objects[index] = (name, parts)
 
     def text(self) -> str:
         """The file."""
         info = {"VendorName": "dvtcli tests", "VendorNumber": 0x0, "ProductName": "odd", "ProductNumber": 0x0}
         sections = [Section("FileInfo", {"FileName": "odd.eds"}), Section("DeviceInfo", {**info, **self.info})]
-        usage = {f"Dummy{index:04X}": int(index in self.dummies) for index in range(1, 8)}
+        usage: Keys = {f"Dummy{index:04X}": int(index in self.dummies) for index in range(1, 8)}
         sections.append(Section("DummyUsage", usage))
         for title, indices in self._lists():
-            rows: dict[str, object] = {"SupportedObjects": str(len(indices))}
+            rows: Keys = {"SupportedObjects": str(len(indices))}
             sections.append(Section(title, rows | {str(n): f"0x{index:04X}" for n, index in enumerate(indices, 1)}))
         for index, (name, subs) in sorted(self.objects.items()):
             sections += _object(index, name, subs)
@@ -76,14 +81,14 @@ class Eds:
         ]
 
 
-def _object(index: int, name: str, subs: dict[int | None, dict]) -> list[Section]:
+def _object(index: int, name: str, subs: dict[int | None, Keys]) -> list[Section]:
     if None in subs:
         return [Section(f"{index:04X}", subs[None])]
     head = Section(f"{index:04X}", {"ParameterName": name, "ObjectType": 9, "SubNumber": len(subs)})
     return [head, *(Section(f"{index:04X}sub{sub:X}", keys) for sub, keys in subs.items() if sub is not None)]
 
 
-def communication(cob_id: object, kind: object = 255, **more: dict) -> dict[int, dict]:
+def communication(cob_id: object, kind: object = 255, **more: Keys) -> dict[int, Keys]:
     """Sub-indices 1, 2, 3 and 5 of a communication parameter; *more* replaces one: `sub5=…`."""
     subs = {
         1: var("COB-ID", U32, cob_id), 2: var("Transmission type", U8, kind),
@@ -92,7 +97,7 @@ def communication(cob_id: object, kind: object = 255, **more: dict) -> dict[int,
     return subs | {int(key.removeprefix("sub"), 16): keys for key, keys in more.items()}
 
 
-def mapping(count: object, entries: Iterable[object], access: str = "rw", sub_0: str = "rw") -> dict[int, dict]:
+def mapping(count: object, entries: Iterable[object], access: str = "rw", sub_0: str = "rw") -> dict[int, Keys]:
     """A mapping parameter whose entries have those defaults."""
     subs = {0: var("Number of mapped objects", U8, count, sub_0)}
     return subs | {n: var(f"Entry {n}", U32, entry, access) for n, entry in enumerate(entries, 1)}

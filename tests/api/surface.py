@@ -96,7 +96,8 @@ def _function(name: str, value: Any) -> Iterator[str]:
 
 def _parameter(one: inspect.Parameter) -> str:
     """An argument as it is written."""
-    stars = {one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "")
+    kinds: dict[object, str] = {one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}
+    stars = kinds.get(one.kind, "")
     return f"{stars}{one.name}: {one.annotation}" + ("" if one.default is one.empty else f" = {one.default!r}")
 
 

@@ -26,7 +26,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import can
-from bench_serve import ROOT, Sim, sim
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.benchmarks.bench_serve import ROOT, Sim, sim
 
 #: how long after its first sign of life the watcher listens, and how long it has to take the last frames (s)
 START_S, END_S = 1.0, 2.0
@@ -163,4 +166,10 @@ def main(seconds: float = 5.0, rate: int = 5500) -> None:
 
 
 if __name__ == "__main__":
-    main(*(float(word) if number == 0 else int(word) for number, word in enumerate(sys.argv[1:])))
+    match sys.argv[1:]:
+        case [seconds, rate]:
+            main(float(seconds), int(rate))
+        case [seconds]:
+            main(float(seconds))
+        case _:
+            main()

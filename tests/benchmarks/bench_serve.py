@@ -102,13 +102,14 @@ def round_trips(server: Sim, seconds: float) -> Iterator[tuple[str, float]]:
     bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
     yield "dvtcli's client", per_second(bus.sdo(1).upload, seconds)
     bus.close()
-    network = canopen.Network(bus=server.bus())
-    network.notifier = can.Notifier(network.bus, network.listeners, 1)
+    link = server.bus()
+    network = canopen.Network(bus=link)
+    network.notifier = can.Notifier(link, network.listeners, 1)
     node = network.add_node(1, canopen.ObjectDictionary())
     node.sdo.RESPONSE_TIMEOUT = 5
     yield "canopen's client", per_second(node.sdo.upload, seconds)
     network.notifier.stop()
-    network.bus.shutdown()
+    link.shutdown()
 
 
 def to_many(server: Sim, clients: int, count: int) -> tuple[float, int]:
@@ -198,4 +199,10 @@ def main(seconds: float = 3.0, count: int = 100_000) -> None:
 
 
 if __name__ == "__main__":
-    main(*(float(word) if number == 0 else int(word) for number, word in enumerate(sys.argv[1:])))
+    match sys.argv[1:]:
+        case [seconds, count]:
+            main(float(seconds), int(count))
+        case [seconds]:
+            main(float(seconds))
+        case _:
+            main()

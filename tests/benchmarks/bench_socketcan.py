@@ -17,8 +17,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import can
 import canopen
@@ -36,7 +38,7 @@ ROUNDS, UPLOADS, FLOOD = 7, 200, 5000
 LIMITS, LIMIT_S = {8: 8000, 0: 18000}, 5
 #: frames as fast as the link takes them
 CANGEN = ("cangen", "vcan0", "-g", "0", "-p", "10", "-D", "i")
-LINK = {"interface": "socketcan", "channel": "vcan0", "ignore_config": True}
+LINK: dict[str, Any] = {"interface": "socketcan", "channel": "vcan0", "ignore_config": True}
 
 
 def rate(upload: Callable[[], object]) -> float:
@@ -122,7 +124,7 @@ def limit_of_1_mbit() -> None:
                     count,
                 ]
                 with candump("vcan0", beside):
-                    had, dropped, took_s = job(Path(folder), beside, lambda words=words: tool(*words))
+                    had, dropped, took_s = job(Path(folder), beside, partial(tool, *words))
                 there, lasted_s = frames_in(beside), seconds_of(beside)
             print(
                 f"{length} bytes, {there / lasted_s:.0f} frames/s: candump {there}; {job.__name__} {had} and {dropped} "

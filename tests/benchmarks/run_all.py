@@ -14,10 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-import bench_eds
-import bench_sdo
-import bench_startup
-import bench_writes
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.benchmarks import bench_eds, bench_sdo, bench_startup, bench_writes
 
 #: what, ours, the other's, ratio, goal, whether the goal is met
 Row = tuple[str, str, str, str, str, bool | None]

@@ -29,7 +29,7 @@ from tests.benchmarks.bench_serve import Sim, sim  # noqa: E402
 from tests.benchmarks.soak_cable import Cable  # noqa: E402
 from tests.benchmarks.soak_growth import Growth  # noqa: E402
 from tests.benchmarks.soak_truth import Truth  # noqa: E402
-from tests.benchmarks.soak_work import Killed, Listening, Program, Tally  # noqa: E402
+from tests.benchmarks.soak_work import Killed, Listening, Program, Tally, Worker  # noqa: E402
 
 #: the program's node, and the commands'
 NODES = (1, 5)
@@ -60,7 +60,7 @@ def soak(minutes: float, seed: int) -> int:
         sim(*(f"gen4@{node}" for node in NODES), "--state", str(Path(home, "kept"))) as server,
     ):
         cable, growth = Cable(server.port), Growth({"sim": server.process.pid})
-        workers = [
+        workers: list[Worker | Listening] = [
             Program(NODES[0], cable, server, random.Random(f"{seed} program"), tally, Path(home)),
             Killed(NODES[1], cable, server, random.Random(f"{seed} killed"), tally, Path(home)),
             Listening(["monitor"], cable, tally, Path(home), growth),

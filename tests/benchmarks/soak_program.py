@@ -24,8 +24,7 @@ def main(port: int, node_id: int, journals: str, eds: str) -> None:
         answer: dict[str, Any] = {"code": 0, "state": "done", "text": ""}
         try:
             if bus is None:
-                extra = {"host": "127.0.0.1", "port": port}
-                bus = dvtcli.connect("socketcand", "can0", journal=journals, **extra)
+                bus = dvtcli.connect("socketcand", "can0", journal=journals, host="127.0.0.1", port=port)
             work = getattr(bus.node(node_id, eds=eds), asked["do"])
             work(*asked.get("words", ()), yes=True, **asked.get("options", {}))
         except DvtcliError as failed:
@@ -33,7 +32,8 @@ def main(port: int, node_id: int, journals: str, eds: str) -> None:
             answer = {"code": failed.exit_code, "state": failed.state, "text": why}
             if isinstance(failed, BusUnavailable) or failed.exit_code in (5, 7):
                 with suppress(DvtcliError):
-                    bus and bus.close()
+                    if bus is not None:
+                        bus.close()
                 bus = None
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()

@@ -13,12 +13,12 @@ import socket
 from collections import deque
 from collections.abc import Mapping
 from itertools import count
-from queue import SimpleQueue
 from select import select
 from threading import Lock
 
 from dvtcli.bus.read_bus import ReadBus
-from dvtcli.bus.receiver import Wake, bus_closed
+from dvtcli.bus.receiver import bus_closed
+from dvtcli.bus.sdo.sdo_link import Inbox
 from dvtcli.bus.sdo.silence import no_answer
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
@@ -64,7 +64,7 @@ class GatewayBus(ReadBus[str]):
         self._rest = b""
         self._lines: deque[str] = deque()
         self._numbers = count(1)
-        self._inboxes: dict[int, SimpleQueue[str | Wake]] = {}
+        self._inboxes: dict[int, Inbox] = {}
         self._channels: dict[int, Channel] = {}
         self._waits_s = 0.0
         self._put_lock = Lock()
@@ -78,10 +78,11 @@ class GatewayBus(ReadBus[str]):
 
     def _asked(self, words: str, wait_s: float) -> str | None:
         number = next(self._numbers)
-        inbox = self._inboxes[number] = SimpleQueue()
+        inbox = self._inboxes[number] = Inbox()
         try:
             self._put(f"[{number}] {NET} {words}\r\n")
-            return self.take(inbox, self.now_s() + wait_s)
+            said = self.take(inbox, self.now_s() + wait_s)
+            return None if said is None else said.decode()
         finally:
             del self._inboxes[number]
 
@@ -125,7 +126,7 @@ class GatewayBus(ReadBus[str]):
         if answer is not None:
             inbox = self._inboxes.get(int(answer[1]))  # none where it comes too late
             if inbox is not None:
-                inbox.put(answer[2])
+                inbox.put(answer[2].encode())
         elif (frame := boot_up_of(message)) is not None:
             self._traffic.received(message)
             self._heartbeat(frame)

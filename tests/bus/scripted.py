@@ -93,8 +93,8 @@ class Server:
 
     def _answer(self, heard: can.Message) -> None:
         for answer in self.script(bytes(heard.data)):
-            whole = isinstance(answer, can.Message)
-            self.bus.send(answer if whole else message(heard.arbitration_id - 0x80, answer))
+            whole = answer if isinstance(answer, can.Message) else message(heard.arbitration_id - 0x80, answer)
+            self.bus.send(whole)
 
     def deal_with(self, frames: int) -> None:
         """Wait until it has dealt with as many *frames*."""

@@ -34,13 +34,14 @@ class RawPdo:
         return self.cob_id is None or bool(self.cob_id >> 31)
 
 
-class _Wire:
+class _Wire(canopen.Network):
     """The bus as canopen's client uses a network: it sends on it; what comes is what passes on the bus."""
 
     def __init__(self, bus: InProcessBus) -> None:
+        super().__init__()
         self._bus = bus
 
-    def send_message(self, can_id: int, data: bytes) -> None:
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         self._bus.send_sdo(can_id, bytes(data))
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 from dvtcli.domain.datatypes import Kind
@@ -224,7 +225,7 @@ class _Trip:
             break
 
 
-def _unlike_raw(row: dict | None, raw: RawPdo) -> str:
+def _unlike_raw(row: dict[str, Any] | None, raw: RawPdo) -> str:
     """What the list says otherwise than the device; empty where it is right."""
     if raw.cob_id is None and raw.count is None:
         return "" if row is None else f"shown, though there is nothing: {row}"

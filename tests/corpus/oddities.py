@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.small_eds import INPUTS, OUTPUTS, U8, U16, U32, Eds, Section, communication, mapping, plain, var
+from tests.small_eds import INPUTS, OUTPUTS, U8, U16, U32, Eds, Keys, Section, communication, mapping, plain, var
 
 Oddity = Callable[[Eds, random.Random], None]
 #: Communication and mapping parameters, default CAN-ID, mapped object, and how it is accessed.
@@ -78,7 +78,7 @@ def _one(eds: Eds, rng: random.Random) -> tuple[int, int, int, int]:
     return base + number, index + number, default + 0x100 * (number % 4), objects
 
 
-def _keys(eds: Eds, index: int, sub_index: int) -> dict:
+def _keys(eds: Eds, index: int, sub_index: int) -> Keys:
     """The keys of one sub-index; of a place that an oddity before took away, some that nobody sees."""
     return eds.objects.get(index, ("", {}))[1].get(sub_index, {})
 

@@ -7,8 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.process import PATIENCE_S, ROOT
-from tests.surroundings import clean_environment
+from tests.process import PATIENCE_S
+from tests.surroundings import ROOT, clean_environment
 
 WINDOWS, MACOS = "windows", "macos"
 #: what each writes its output in

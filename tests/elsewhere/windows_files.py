@@ -31,7 +31,8 @@ def strict_files() -> None:  # noqa: C901 - one rule after the other
 
     def replace(source: Any, target: Any, **how: Any) -> None:
         _named(target)
-        _free(source), _free(target)
+        _free(source)
+        _free(target)
         _scanned(os.fspath(target), scanned)
         usual["replace"](source, target, **how)
 
@@ -72,7 +73,7 @@ def strict_files() -> None:  # noqa: C901 - one rule after the other
     ways |= {name: removing(usual[name]) for name in ("unlink", "remove")}
     for name, way in ways.items():
         setattr(os, name, way)
-    builtins.open = io.open = _opening(io.open)  # type: ignore[assignment]
+    builtins.open = io.open = _opening(io.open)
 
 
 def _opening(usual: Callable[..., Any]) -> Callable[..., Any]:

@@ -87,7 +87,7 @@ class Record(Output):
     def result(self, result: object) -> None:
         self.lines_done += 1
 
-    def error(self, error: DvtcliError, at: str | None = None) -> None:
+    def error(self, error: DvtcliError, at: str | None = None, *, readable: bool = True) -> None:
         self.errors.append(error)
 
     def warning(self, text: str) -> None:

@@ -39,7 +39,7 @@ class Style:
     def ticks(self) -> int:
         """Ticks a second."""
         code = 6 if self.resolution is None else self.resolution
-        return 2 ** (code & 0x7F) if code & 0x80 else 10**code
+        return int(2 ** (code & 0x7F) if code & 0x80 else 10**code)
 
 
 def block(order: str, kind: int, body: bytes) -> bytes:

@@ -220,7 +220,7 @@ def line(data: bytes) -> None:
     with _standard_streams():
         code = run_words(words, session)
         settled = boundary(session, lambda: session.end_line(code))
-    assert code in _CODES, f"exit code {code}: {session.output.stderr.getvalue()}"  # type: ignore[attr-defined]
+    assert code in _CODES, f"exit code {code}: {_told(session)}"
     assert settled == 0
     _harmless(session.output, coloured=session.base.color == "always")
     if session.base.dry_run:
@@ -243,7 +243,7 @@ def device(data: bytes) -> None:
     bus.tap(lambda frame, ours: sent.append(frame) if ours else None)
     for words in _LINES:
         code = run_words(words, session)
-        assert code in _CODES, f"{words}: exit code {code}: {session.output.stderr.getvalue()}"  # type: ignore[attr-defined]
+        assert code in _CODES, f"{words}: exit code {code}: {_told(session)}"
     boundary(session, lambda: session.end_line(0))
     _harmless(session.output, coloured=False)
     assert all(_reads(frame) for frame in sent), [str(frame) for frame in sent if not _reads(frame)]
@@ -409,9 +409,9 @@ def _shown(text: str) -> Iterator[Any]:
     node = results.NodeRow(1, text, 1, 1, 1, 1, 1, text, text)
     yield results.NodeListing(text, (node, node), 0.1)
     yield results.Facts(text, ((text, text),), (text,))
-    found = results.FileFinding(1, "warning", "bad-line", text, text)
+    wrong = results.FileFinding(1, "warning", "bad-line", text, text)
     rule = results.FileRule("bad-line", "warning", text, text)
-    yield results.FileReport(text, 1, 1, 1, (rule,), (found,), strict=True)
+    yield results.FileReport(text, 1, 1, 1, (rule,), (wrong,), strict=True)
 
 
 def _harmless(output: Output, *, coloured: bool) -> None:
@@ -435,6 +435,11 @@ def _harmless(output: Output, *, coloured: bool) -> None:
 
 def _no_json(word: str) -> NoReturn:
     raise AssertionError(f"{word} is no JSON")
+
+
+def _told(session: Conversation) -> str:
+    assert isinstance(session.output.stderr, io.StringIO)
+    return session.output.stderr.getvalue()
 
 
 def _session() -> Conversation:

@@ -12,7 +12,8 @@ from functools import partial
 from itertools import count
 
 from canopen import Network, ObjectDictionary, RemoteNode
-from canopen.sdo import SdoAbortedError, SdoClient
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError
 
 from dvtcli.domain.gateway.gateway_answers import Dialect
 from dvtcli.operations.gateway.serve_gateway import Gateway, gateway
@@ -165,13 +166,13 @@ class BridgedNode(RemoteNode):
     """canopen's node behind a gateway."""
 
     def __init__(self, client: Client, node_id: int, dictionary: ObjectDictionary) -> None:
-        self._client = client
+        self._client, self._node_id = client, node_id
         super().__init__(node_id, dictionary)
         self.associate_network(Network())  # nothing is sent there
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> BridgedSdo:
         """Its one SDO channel, which is the gateway's."""
         del rx_cobid, tx_cobid
-        channel = BridgedSdo(self._client, self.id, self.object_dictionary)
+        channel = BridgedSdo(self._client, self._node_id, self.object_dictionary)
         self.sdo_channels.append(channel)
         return channel

@@ -190,7 +190,8 @@ class House:
         if match is None or not (said.endswith(".") or "{}" in said):
             return []
         pattern = re.escape(said + "{}" * said.endswith(".")).replace(r"\{\}", r"(\w+)")
-        members = [(found[1], file) for name, file in self._modules.items() if (found := re.fullmatch(pattern, name))]
+        fits = ((re.fullmatch(pattern, name), file) for name, file in self._modules.items())
+        members = [(fit[1], file) for fit, file in fits if fit]
         words = {word.partition(":")[0] for word in _texts(tree)}
         return [file for name, file in members if name in words] or [file for _, file in members]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dvtcli import __version__
 from tests.house.reference import DOCS, pages
-from tests.process import ROOT
+from tests.surroundings import ROOT
 
 #: a session at a shell, which is run
 CONSOLE = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)

@@ -16,7 +16,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.process import ROOT
+from tests.surroundings import ROOT
 
 _SET_CHILD_SUBREAPER = 36
 #: how long what a run leaves behind may take to end (s)

@@ -9,7 +9,7 @@ from functools import cache, cached_property
 from pathlib import Path
 
 from tests.house.draw import nodes, parsed
-from tests.process import ROOT
+from tests.surroundings import ROOT
 
 PACKAGE = ROOT / "dvtcli"
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -24,7 +25,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode
 from tests.faults.matrix import Snapshot, snapshot, stored_pdos
 from tests.laws.bench import dictionary
-from tests.process import ROOT
+from tests.surroundings import ROOT
 from tests.virtual_time import VirtualTimeBus
 
 CHAIN = {1: "gen4", 5: "generic", 9: "generic"}
@@ -115,7 +116,7 @@ class Chain:
         self.bus.sleep(2 * _HEARTBEAT_MS / 1000)
 
     @contextmanager
-    def session(self, **options: object) -> Iterator[Session]:
+    def session(self, **options: Any) -> Iterator[Session]:
         """A session as another process would open it."""
         given = Options(yes=True, journal=str(self.folder))._replace(**options)
         self.bus._closed = False

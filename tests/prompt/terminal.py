@@ -70,11 +70,12 @@ class Child(fdspawn):  # type: ignore[type-arg]
     def kill(self, number: int) -> None:
         self._process.send_signal(number)
 
-    def read_nonblocking(self, size: int = 1, timeout: float = 0) -> bytes:
+    def read_nonblocking(self, size: int = 1, timeout: float | None = 0) -> bytes:
         """As pexpect's; here the terminal's other end is also ours, so that its end is that of the process."""
         ended = self._process.poll() is not None
         try:
-            return super().read_nonblocking(size, timeout)
+            read: bytes = super().read_nonblocking(size, timeout)
+            return read
         except pexpect.TIMEOUT:
             if ended:
                 raise pexpect.EOF("dvtcli has ended") from None
@@ -109,7 +110,7 @@ class Terminal:
         self.child: Child | pexpect.spawn[bytes]
         if command or process.FRESH_PYTHON:
             words = command or [sys.executable, "-m", "dvtcli", *arguments]
-            self.child = pexpect.spawn(words[0], words[1:], env=env, dimensions=(rows, columns), cwd=str(state))  # type: ignore[arg-type]
+            self.child = pexpect.spawn(words[0], words[1:], env=env, dimensions=(rows, columns), cwd=str(state))
         else:
             self.child = Child(lambda tty: start(arguments, env=env, cwd=state, terminal=tty), (rows, columns))
         self.child.delaybeforesend = None

@@ -17,7 +17,8 @@ import can
 
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
-from tests.serve.served import PATIENCE_S, Served, served
+from tests.process import PATIENCE_S
+from tests.serve.served import Served, served
 from tests.simulator.bench import Aborted, Client
 
 FENCE = 100

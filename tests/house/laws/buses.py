@@ -99,5 +99,5 @@ def _named(module: ast.Module, found: list[ast.expr]) -> set[str]:
     return {name.rpartition(".")[2] for name in names} | words
 
 
-def _last(node: ast.expr) -> str:
+def _last(node: ast.AST) -> str:
     return dotted(node).rpartition(".")[2]

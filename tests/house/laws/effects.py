@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import partial
 
 from tests.house.laws.askers import ASKED_BY, is_sender
 from tests.house.laws.source_tree import SourceTree
@@ -31,10 +32,14 @@ def who_only_reads_sends_nothing(tree: SourceTree) -> Iterator[str]:
         name = file.removeprefix(_ROOM).removesuffix(".py")
         if file.startswith(_ROOM) and re.search(r"effect=Effect\.READS\b", tree.house.files[file]):
             may = tuple(MAY_READ_AND_SEND.get(name, ()))
-            reached = uses.reached((file, ALL), lambda top, may=may: top[0].startswith(may) or _is_end(top))
+            reached = uses.reached((file, ALL), partial(_may_or_ends, may))
             for top in reached:
                 if _sends(top) and not top[0].startswith(may):
                     yield f"{file} says it only reads, and asks for {_way(reached, top)}"
+
+
+def _may_or_ends(may: tuple[str, ...], top: Top) -> bool:
+    return top[0].startswith(may) or _is_end(top)
 
 
 def _is_end(top: Top) -> bool:

@@ -143,6 +143,6 @@ def _unreadable(file: str, module: ast.Module) -> Iterator[tuple[int, str]]:
         first = node.args[0] if node.args else None
         if isinstance(first, ast.JoinedStr):
             first = first.values[0]
-        readable = isinstance(first, ast.Constant) and isinstance(first.value, str) and not first.value.startswith(".")
-        if not readable or (first.value.startswith("dvtcli") and len(first.value.split(".")) < 3):
+        name = first.value if isinstance(first, ast.Constant) and isinstance(first.value, str) else ""
+        if not name or name.startswith(".") or (name.startswith("dvtcli") and len(name.split(".")) < 3):
             yield node.lineno, f"imports what cannot be read here: {ast.unparse(node)}"

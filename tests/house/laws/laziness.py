@@ -5,9 +5,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 
+from tests.house.draw import parsed
 from tests.house.laws.imports import BY_NAME
 from tests.house.laws.imports_allowed import ONLY_IN
-from tests.house.laws.source_tree import SourceTree, dotted, imported, parsed, typing_only
+from tests.house.laws.source_tree import SourceTree, dotted, imported, typing_only
 
 #: what `--help` must not pay for: every library but click, and what of the standard library is large
 _HEAVY = (
@@ -49,9 +50,9 @@ def nothing_heavy_is_eager(tree: SourceTree) -> Iterator[str]:
                 way[target] = f"{way[file]} -> {target}"
                 waiting.append(target)
     for file, module in tree:
-        for node in _at_once(module):
-            if isinstance(node, ast.Call) and _opens(node, module):
-                yield f"{file}:{node.lineno} {ast.unparse(node.func)} while it is imported"
+        for part in _at_once(module):
+            if isinstance(part, ast.Call) and _opens(part, module):
+                yield f"{file}:{part.lineno} {ast.unparse(part.func)} while it is imported"
 
 
 def _opens(call: ast.Call, module: ast.Module) -> bool:

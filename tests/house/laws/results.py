@@ -6,7 +6,8 @@ import ast
 import re
 from collections.abc import Iterator
 
-from tests.house.laws.source_tree import SourceTree, parsed
+from tests.house.draw import parsed
+from tests.house.laws.source_tree import SourceTree
 
 _ROOM = "operations/results/"
 _FACE = f"{_ROOM}__init__.py"

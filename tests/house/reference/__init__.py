@@ -17,7 +17,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from tests.process import ROOT
+from tests.surroundings import ROOT
 
 DOCS = ROOT / "docs"
 REWRITE = "python -m tests.house.reference"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.house.reference import pages, rewritten
 from tests.house.reference.house import DRAWING, drawing
 from tests.house.reference.network import SCHEMA_FILES, schema_text
-from tests.process import ROOT
+from tests.surroundings import ROOT
 
 for page in pages():
     before = page.read_text("utf-8")

@@ -25,7 +25,8 @@ from tests.house.reference.commands import examples
 from tests.house.reference.markdown import cell, code, fenced, table
 from tests.house.reference.product import family_eds, split
 from tests.house.source import PACKAGE, modules
-from tests.process import ROOT, environment, run
+from tests.process import environment, run
+from tests.surroundings import ROOT
 
 HERE = Path(__file__).parent
 DECLARED: dict[str, dict[str, Any]] = tomllib.loads((HERE / "documents.toml").read_text("utf-8"))
@@ -143,7 +144,8 @@ def _shown(document: Document, how: Document) -> Document:
     first, short = how.get("first", {}), how.get("short", [])
     cut = {key: value[: first[key]] if key in first else value for key, value in document.items()}
     cut |= {key: f"{cut[key][:_LONGEST]}…" for key in short}
-    return _same(cut, how.get("same", {}))
+    same: Document = _same(cut, how.get("same", {}))
+    return same
 
 
 def _same(value: Any, same: Document, key: str = "") -> Any:

@@ -9,7 +9,7 @@ from tests.house.laws.askers import ASKED_BY
 from tests.house.laws.senders import MAY_SEND
 from tests.house.reference.markdown import code, table
 from tests.house.source import PACKAGE
-from tests.process import ROOT
+from tests.surroundings import ROOT
 
 DRAWING = ROOT / "docs/explanation/house.svg"
 

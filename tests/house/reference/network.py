@@ -8,7 +8,7 @@ from typing import Any
 
 from dvtcli.files.network.network_keys import KEYS, OF, STORE_WORDS, Kind, NetworkKey, Where
 from tests.house.reference.markdown import cell, code, table
-from tests.process import ROOT
+from tests.surroundings import ROOT
 
 #: where the schema is published: in the package, and beside its page
 SCHEMA_FILES = (ROOT / "dvtcli/files/network/network.schema.json", ROOT / "docs/reference/network.schema.json")
