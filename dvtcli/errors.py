@@ -207,6 +207,11 @@ class SafetyRefusal(DvtcliError):
     slug = "safety"
 
 
+def stopped_node(node_id: int) -> SafetyRefusal:
+    """What refuses to go on with a node that is STOPPED."""
+    return SafetyRefusal(f"node {node_id} is STOPPED: it answers no SDO", node=node_id, hint=f"nmt preop {node_id}")
+
+
 class LeftChanged(DvtcliError):
     """Roll-back failed too: the device is left changed.
 

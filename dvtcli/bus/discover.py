@@ -32,9 +32,9 @@ class Found:
     problem: str | None = None
 
 
-def find_interfaces(patience_s: float = PATIENCE_S) -> list[Found]:
-    """Everything that may be a CAN interface, surest first; drivers get *patience_s* seconds."""
-    return [*links(), *adapters(patience_s=patience_s), *serial_ports()]
+def find_interfaces() -> list[Found]:
+    """Everything that may be a CAN interface, surest first; drivers get `PATIENCE_S`."""
+    return [*links(), *adapters(), *serial_ports()]
 
 
 def links() -> list[Found]:

@@ -38,8 +38,8 @@ def transports() -> Mapping[str, EntryPoint]:
     return {one.name: one for one in entry_points(group=GROUP)}
 
 
-def brought(patience_s: float = PATIENCE_S) -> Iterator[Brought]:
-    """Each way to a bus of other packages; one that takes longer than *patience_s* seconds to load is a problem."""
+def brought() -> Iterator[Brought]:
+    """Each way to a bus of other packages; one that takes longer than `PATIENCE_S` to load is a problem."""
     from can import VALID_INTERFACES
 
     for name, one in sorted(transports().items()):
@@ -48,7 +48,7 @@ def brought(patience_s: float = PATIENCE_S) -> Iterator[Brought]:
             yield Brought(name, about, f"never opened: -i {name} is python-can's interface")
             continue
         hint = None
-        if (why := _problem(one, patience_s)) is not None:
+        if (why := _problem(one)) is not None:
             about, hint = f"{about}; {why}", "`pip check` says what its package lacks"
         others = [f"that of {_package(other)}: {other.value}" for other in entry_points(group=GROUP, name=name)]
         others.remove(f"that of {_package(one)}: {one.value}")
@@ -62,16 +62,16 @@ def _package(one: EntryPoint) -> str:
     return "a package" if one.dist is None else f"{one.dist.name} {one.dist.version}"
 
 
-def _problem(one: EntryPoint, patience_s: float) -> str | None:
+def _problem(one: EntryPoint) -> str | None:
     """Why *one* cannot be loaded; None where it can."""
     command = [sys.executable, "-P", "-c", _LOAD, one.value]
     try:
         done = subprocess.run(  # noqa: S603 - our own words
             command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
-            timeout=patience_s, encoding="utf-8", errors="replace", check=False,
+            timeout=PATIENCE_S, encoding="utf-8", errors="replace", check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return f"it cannot be loaded within {patience_s:g} s"
+        return f"it cannot be loaded within {PATIENCE_S:g} s"
     if done.returncode == 0:
         return None
     said = done.stderr.strip().splitlines()

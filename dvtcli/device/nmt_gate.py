@@ -14,7 +14,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress, PreOperational
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
+from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, stopped_node
 
 #: How long a node may take to confirm a state change, in seconds.
 CONFIRM_TIMEOUT_S = 2.0
@@ -167,9 +167,7 @@ class Gate:
         node_id = self.access.node_id
         state = self.access.state()
         if state is NmtState.STOPPED:
-            raise SafetyRefusal(
-                f"node {node_id} is STOPPED: it answers no SDO", node=node_id, hint=f"nmt preop {node_id}"
-            )
+            raise stopped_node(node_id)
         if state is NmtState.OPERATIONAL:
             consent(f"node {node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?")
             self.found = state  # before it is left: a fault on the way must not hide where it was

@@ -26,17 +26,16 @@ class SentReset:
     access: Access
     seen: int
     began_s: float
-    timeout_s: float
 
     def is_over(self) -> bool:
         """Whether the boot-up message came, or comes too late; waits for nothing."""
         bus = self.access.bus
-        return bus.boot_ups(self.access.node_id) > self.seen or bus.now_s() - self.began_s >= self.timeout_s
+        return bus.boot_ups(self.access.node_id) > self.seen or bus.now_s() - self.began_s >= BOOT_TIMEOUT_S
 
     def wait(self) -> float:
         """Wait for the boot-up message; the seconds it took. NoAnswer where none comes."""
         bus, node_id = self.access.bus, self.access.node_id
-        left_s = max(0.0, self.began_s + self.timeout_s - bus.now_s())
+        left_s = max(0.0, self.began_s + BOOT_TIMEOUT_S - bus.now_s())
         if not bus.wait_boot_up(node_id, self.seen, left_s):
             raise self._silent()
         return bus.now_s() - self.began_s
@@ -44,7 +43,7 @@ class SentReset:
     def _silent(self) -> NoAnswer:
         node_id = self.access.node_id
         silent = NoAnswer(
-            f"node {node_id} sent no boot-up message within {self.timeout_s:.0f} s after its reset",
+            f"node {node_id} sent no boot-up message within {BOOT_TIMEOUT_S:.0f} s after its reset",
             node=node_id,
             hint="look at the node, then scan",
             state="unknown",
@@ -55,17 +54,17 @@ class SentReset:
         return silent
 
 
-def send_reset(access: Access, command: NmtCommand, timeout_s: float = BOOT_TIMEOUT_S) -> SentReset:
-    """Reset the node, and wait for nothing; it may take *timeout_s* to its boot-up message."""
+def send_reset(access: Access, command: NmtCommand) -> SentReset:
+    """Reset the node, and wait for nothing; it may take `BOOT_TIMEOUT_S` to its boot-up message."""
     bus, node_id = access.bus, access.node_id
     seen, began_s = bus.boot_ups(node_id), bus.now_s()
     bus.send_nmt(command, node_id)
-    return SentReset(access, seen, began_s, timeout_s)
+    return SentReset(access, seen, began_s)
 
 
-def reset_and_wait(access: Access, command: NmtCommand, timeout_s: float = BOOT_TIMEOUT_S) -> float:
+def reset_and_wait(access: Access, command: NmtCommand) -> float:
     """Reset the node and wait for its boot-up message; the seconds it took. NoAnswer where none comes."""
-    return send_reset(access, command, timeout_s).wait()
+    return send_reset(access, command).wait()
 
 
 def reset_all_and_wait(

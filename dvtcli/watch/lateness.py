@@ -25,11 +25,11 @@ class Lateness:
         self.most_s = max(self.most_s or 0.0, late_s)
         self._often[ceil(_STEPS * log2(max(late_s, _FLOOR_S) / _FLOOR_S))] += 1
 
-    def nearly_all_s(self, share: float = 0.99) -> float | None:
-        """What *share* (0..1) of them kept to, in seconds; None of none."""
+    def nearly_all_s(self) -> float | None:
+        """What 99 % of them kept to, in seconds; None of none."""
         if self.most_s is None:
             return None
-        left = share * self._often.total()
+        left = 0.99 * self._often.total()
         for step, often in sorted(self._often.items()):
             left -= often
             if left <= 0:

@@ -177,11 +177,9 @@ class GatewayWork:
         if command.index in SIGNATURES:
             taken = SIGNATURES[command.index]
             word = taken.decode() if command.data == taken else command.data.hex()
-            failed = signature(session, node, command.index, command.sub_index, word).failure
+            signature(session, node, command.index, command.sub_index, word)
         else:
-            failed = write_bytes(session, node, command.index, command.sub_index, command.data).failure
-        if failed is not None:
-            return failure(failed)
+            write_bytes(session, node, command.index, command.sub_index, command.data)
         session.tell.note(f"node {node_id}: {place} <- {command.data.hex(' ').upper()}")
         return Done()
 

@@ -22,7 +22,7 @@ from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.learning.storage import not_asked, storage_for_family, storage_for_profile
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, SafetyRefusal
+from dvtcli.errors import DeviceRefused, stopped_node
 from dvtcli.operations.known_devices.keep_learnt import refuse_name, refuse_other, save_learnt
 from dvtcli.operations.known_devices.learnt_compared import differences, profile_to_compare
 from dvtcli.operations.results import LearnForecast, LearntDevice
@@ -121,9 +121,7 @@ def _claimed(node: Node) -> Found:
     """The node as it was found, which no other dvtcli writes to now; SafetyRefusal where it cannot be asked."""
     found = node.claim()
     if found.state is NmtState.STOPPED:
-        raise SafetyRefusal(
-            f"node {node.node_id} is STOPPED: it answers no SDO", node=node.node_id, hint=f"nmt preop {node.node_id}"
-        )
+        raise stopped_node(node.node_id)
     refuse(level_finding(node.access), "nothing was asked", node.node_id, force=False)
     return found
 

@@ -49,9 +49,9 @@ def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
     return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
 
 
-def answering_ids(bus: CanopenBus, answer_s: float = _ANSWER_S) -> list[int]:
+def answering_ids(bus: CanopenBus) -> list[int]:
     """The node-IDs 1…127 that answer an SDO upload, whatever they answer; asked as `find_nodes` asks. Only reads."""
-    return sorted(_each_asked(bus, answer_s, lambda node_id, limit_s: _answers_at_all(bus, node_id, limit_s)))
+    return sorted(_each_asked(bus, _ANSWER_S, lambda node_id, limit_s: _answers_at_all(bus, node_id, limit_s)))
 
 
 def _answers_at_all(bus: CanopenBus, node_id: int, limit_s: float | None) -> int | None:

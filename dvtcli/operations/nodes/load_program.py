@@ -17,7 +17,7 @@ from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, Stage
-from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
 from dvtcli.files.program_file import read_program
 from dvtcli.operations.consent.reset_consent import consent_to_reset
 from dvtcli.operations.objects.transfer_progress import transfer_progress
@@ -79,9 +79,9 @@ def _expected(node: Node, number: int, program: bytes, expect: int | str | None)
     return number_wanted, "" if by_profile is None else node.profile.name
 
 
-def forget_download(session: Session, node_id: int | None = None) -> Facts:
-    """Forget that a download into node *node_id*, None: the selected one, was not completed: it is all right."""
-    wanted = session.node_id() if node_id is None else node_id
+def forget_download(session: Session) -> Facts:
+    """Forget that a download into the selected node was not completed: it is all right."""
+    wanted = session.node_id()
     session.open_network()
     was_there = not session.dry_run and _notes(session).forget(wanted)
     said = "forgotten" if was_there else "nothing was noted"
@@ -107,7 +107,7 @@ def _consent(session: Session, node: Node, number: int, file: str, size: int) ->
         raise
     state = node.access.state()
     if state is NmtState.STOPPED:
-        raise SafetyRefusal(f"node {node.node_id} is STOPPED: it answers no SDO", node=node.node_id, hint="nmt preop")
+        raise stopped_node(node.node_id)
     leaves = "it is OPERATIONAL, and is PRE-OPERATIONAL from then on; " if state is NmtState.OPERATIONAL else ""
     session.consent(
         f"node {node.node_id} ({node.title}): {leaves}stop program {number}, clear it, load {Path(file).name} "

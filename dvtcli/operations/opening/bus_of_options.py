@@ -55,7 +55,7 @@ def bus_of(
     """
     if options.eds:
         read_dictionary(file_or_family(options.eds))  # a wrong file is said before a bus is touched
-    simulated = simulated_nodes(options.sim, unconfigured=True)
+    simulated = simulated_nodes(options.sim)
     if simulated and (options.interface or options.channel):
         raise UsageError(
             "--sim and an interface exclude each other: a simulated node lives on no real bus", hint="leave one out"

@@ -154,7 +154,7 @@ def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, Devic
     """Dictionaries, with their profiles, that are known before any bus is opened."""
     paths = [file_or_family(options.eds)] if options.eds else []
     found = []
-    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim, unconfigured=True)]
+    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim)]
     for dictionary in map(read_dictionary, paths):
         profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
         found.append((dictionary, profile))

@@ -105,7 +105,7 @@ def serving(
     from dvtcli.simulator.network.station import stations
     from dvtcli.simulator.network.wire import Wire
 
-    nodes = simulated_nodes(wanted.nodes, "sim", unconfigured=True)
+    nodes = simulated_nodes(wanted.nodes, "sim")
     for text in not_simulated(nodes):
         warn(text)
     devices = [simulated_device(one) for one in nodes]

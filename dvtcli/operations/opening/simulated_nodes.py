@@ -103,15 +103,15 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
     )
 
 
-def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: bool = False) -> tuple[Simulated, ...]:
+def simulated_nodes(words: tuple[str, ...], by: str = "--sim") -> tuple[Simulated, ...]:
     """What each of *words* means, which *by* took: a file wins over `@`.
 
     Node-IDs default to the one that a DCF or XDC was made for, else to the first free one.
-    With *unconfigured* a node may wait for its node-ID: `WHAT@255`.
+    A node that waits for its node-ID is `WHAT@255`.
     """
     found: list[Simulated] = []
     for word in words:
-        what, wanted = _split(word, unconfigured=unconfigured)
+        what, wanted = _split(word)
         used = {one.node_id for one in found}
         chosen = _node_id_of_file(what, used) if wanted is None else wanted
         chosen = chosen if chosen is not None else next((n for n in range(1, 128) if n not in used), 1)
@@ -170,13 +170,13 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
         raise UsageError(f"--signal {wrong}") from wrong
 
 
-def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
+def _split(word: str) -> tuple[str, int | None]:
     from dvtcli.simulator.network.family_file import is_family_folder
 
     if is_file(word) or "@" not in word or is_family_folder(word):
         return word, None
     what, _, digits = word.rpartition("@")
-    return what, UNCONFIGURED if unconfigured and digits == str(UNCONFIGURED) else node_id(digits)
+    return what, UNCONFIGURED if digits == str(UNCONFIGURED) else node_id(digits)
 
 
 def _node_id_of_file(what: str, used: set[int]) -> int | None:

@@ -28,8 +28,8 @@ class Found(NamedTuple):
     named: bool = False
 
 
-def project_file(start: str | None = None) -> Found | None:
-    """The file that DVTCLI_CONFIG names, else the nearest `dvtcli.toml` at or above *start* (default: here).
+def project_file() -> Found | None:
+    """The file that DVTCLI_CONFIG names, else the nearest `dvtcli.toml` here or above.
 
     It is looked for as far as the root of the repository or the user's home, and never upward into what is above a
     home. None where there is none. UsageError where DVTCLI_CONFIG names no file, SafetyRefusal where a folder cannot be
@@ -39,7 +39,7 @@ def project_file(start: str | None = None) -> Found | None:
         if not os.path.exists(named):  # noqa: PTH110 - pathlib costs 7 ms of a --help
             raise UsageError(f"{VARIABLE}={named}: no such file", hint=f"unset {VARIABLE}, or let it name a file")
         return Found(os.path.abspath(named), named=True)  # noqa: PTH100
-    for folder in _folders(start):
+    for folder in _folders():
         path = os.path.join(folder, NAME)  # noqa: PTH118
         try:
             os.lstat(path)
@@ -55,10 +55,10 @@ def project_file(start: str | None = None) -> Found | None:
     return None
 
 
-def _folders(start: str | None) -> list[str]:
+def _folders() -> list[str]:
     """Where a project's file may be, the nearest first."""
     try:
-        folder = os.path.realpath(start or os.getcwd())  # noqa: PTH109
+        folder = os.path.realpath(os.getcwd())  # noqa: PTH109
     except FileNotFoundError:
         raise SafetyRefusal("this folder was removed: nobody can say whose settings count here", hint="cd") from None
     homes = _homes()

@@ -36,16 +36,15 @@ def look_through(
     node: Node,
     *,
     twice: bool = False,
-    included: Collection[Range] = (),
     only: Callable[[ReadObject, Configuration], bool] = lambda _one, _known: True,
 ) -> WholeDevice:
     """Read every object of *node* that its file describes and *only* lets through, once; with *twice* a second time.
 
-    What an RPDO or another master may write, as the file says, is always looked at twice. *included* are the maker's
-    indices that the user calls configuration. UsageError without a file.
+    What an RPDO or another master may write, as the file says, is always looked at twice. UsageError
+    without a file.
     """
     dictionary = described(node)
-    known = configuration(node, dictionary, included)
+    known = configuration(node, dictionary)
     entries = [entry for entry in dictionary.entries() if only(ReadObject(entry), known)]
 
     def again(one: ReadObject) -> bool:
