@@ -14,7 +14,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import StorePolicy
-from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
+from dvtcli.errors import BusUnavailable, DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
 STORE, RESTORE = 0x1010, 0x1011
 SIGNATURES = {STORE: b"save", RESTORE: b"load"}
@@ -60,6 +60,10 @@ def sign(
     except SdoAborted as aborted:
         access.explain(aborted)
         raise _refused(aborted, access.node_id, index, where) from aborted
+    except BusUnavailable as gone:
+        if gone.state == "unchanged":
+            raise
+        raise _unanswered(gone, index) from gone
     except NoAnswer as silent:
         silent.hint = f"it may still be writing; wait, then `{word_of(index)}` again"
         if access.bus.boot_ups(access.node_id) != boot_ups:
@@ -94,6 +98,12 @@ def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interr
     )
     error.exit_code = cancellation.exit_code
     return error
+
+
+def _unanswered(gone: BusUnavailable, index: int) -> BusUnavailable:
+    """That the bus was *gone* before the answer came."""
+    hint = f"{gone.hint or 'bring the bus back'}; then `{word_of(index)}` again: whether it did is not known"
+    return BusUnavailable(gone.text, node=gone.node, place=gone.place, why=gone.why, hint=hint, state=gone.state)
 
 
 def word_of(index: int) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 import dvtcli
 from dvtcli.cli.catalogue import command_names
-from dvtcli.errors import DvtcliError, State
+from dvtcli.errors import BusUnavailable, DvtcliError, State
 from dvtcli.operations.api import python_hints
 from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_hints import hint_in_python, in_python
@@ -120,6 +120,20 @@ def test_a_state_is_said_once(state: State, said: str, note: str) -> None:
     with pytest.raises(DvtcliError) as raised, python_words():
         raise failed
     assert raised.value.__notes__ == [note]
+
+
+@pytest.mark.parametrize("call", ["store", "restore"])
+def test_a_store_whose_answer_went_with_the_bus_says_what_is_not_known(call: str) -> None:
+    with dvtcli.simulate("gen4", faults=["bus-error@1"]) as bus, pytest.raises(BusUnavailable) as raised:
+        getattr(bus.node(), call)(yes=True)
+    assert raised.value.state == "unknown"
+    assert str(raised.value.hint).endswith(f"; then `node.{call}()` again: whether it did is not known")
+
+
+def test_what_takes_a_network_back_is_a_call_of_the_bus() -> None:
+    said = hint_in_python("`recover --finish` goes on with the stores, `recover` puts every node back")
+    assert said == "`bus.finish_stores()` goes on with the stores, `bus.recover()` puts every node back"
+    assert hint_in_python("recover puts every node back") == "`bus.recover()` puts every node back"
 
 
 def test_what_finishes_a_change_is_a_call() -> None:

@@ -49,6 +49,8 @@ _SENTENCES = {
     "--identity vendor=0x1E,product=0x0705302D": "vendor=0x1E, product=0x0705302D",
     "small letters, digits, - and _: learn --save": "small letters, digits, - and _: `learn` save=",
     "--no-heartbeat leaves": "heartbeat=False leaves",
+    "`recover` puts every node back": "`bus.recover()` puts every node back",
+    "recover puts every node back": "`bus.recover()` puts every node back",
     "clear a TPDO first, or map into one by name: map tpdo1 …":
         "`clear` a TPDO first, or `map tpdo1 …` into one by name",
     "store --prove power --within S": "`node.store(prove='power', within_s=S)`",
