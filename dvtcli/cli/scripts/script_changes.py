@@ -73,6 +73,10 @@ class ScriptChanges:
     def _made(self, node: Node) -> list[Plan]:
         return node.history[self._before.get(id(node), 0) :]
 
+    def changed_anything(self) -> bool:
+        """Whether any node was changed, and would have to be taken back."""
+        return any(map(self._made, self._session.met_nodes()))
+
     def staying(self) -> tuple[str, ...]:
         """`FILE:LINE` of each line whose changes the nodes hold, in order."""
         held = self._held()
@@ -106,13 +110,13 @@ class ScriptChanges:
 
         What the last line set was read back after all else; nothing is looked at behind one that cannot be taken back.
         """
-        made = {node.node_id: self._made(node) for node in self._session.met_nodes()}
-        if self.final is not None or sum(map(len, made.values())) < 2:
+        made = [(node, self._made(node)) for node in self._session.met_nodes()]  # a node, and its twin
+        if self.final is not None or sum(len(plans) for _, plans in made) < 2:
             return
         from dvtcli.device.change.expected import no_longer_held
 
-        for node in self._session.met_nodes():
-            changes = [change for plan in made[node.node_id] for change in plan.changes]
+        for node, plans in made:
+            changes = [change for plan in plans for change in plan.changes]
             if lost := no_longer_held(node, changes):
                 self._lost = True
                 raise DeviceRefused(

@@ -75,13 +75,26 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
 
 def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseException) -> None:
     """Take the script's changes back because of *failed*, which learns of it; LeftChanged where some of them stay."""
+    undone = changes.changed_anything()
     with session.cancellation.guard():
         try:
             changes.take_back(str(failed) or "interrupted")
         except LeftChanged as left:
+            if session.dry_run:
+                raise _of_twins(left) from None
             if isinstance(failed, LeftChanged):  # who has stored, and who has not
                 left.details[:0], left.stores = failed.details, failed.stores
                 left.hint = failed.hint if failed.stores is not None else left.hint
             raise
-    if isinstance(failed, DvtcliError) and failed.state in ("unchanged", "rolled_back") and not session.dry_run:
+    if not undone or session.dry_run:
+        return
+    if isinstance(failed, DvtcliError) and failed.state in ("unchanged", "rolled_back"):
         failed.state, failed.state_text = "rolled_back", _ALL_BACK
+
+
+def _of_twins(left: LeftChanged) -> DvtcliError:
+    """What *left* tells of twins: no node is changed, and a bus or node that is gone is what is wrong."""
+    from dvtcli.operations.opening.lost_bus import read_in_vain
+
+    left.state, left.state_text = "unchanged", None
+    return read_in_vain(left)

@@ -86,6 +86,7 @@ def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) ->
     from dvtcli.device.change.failed_change import BUS_BACK, not_taken_back
 
     left = not_taken_back(plans, node.node_id, cause, str(failed) or "interrupted")
+    left.__cause__ = failed
     path = node.keeper.open_journal() if node.keeper is not None else None
     if path is not None:
         first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from dvtcli.domain.several import several
-from dvtcli.errors import BusUnavailable, DvtcliError
+from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer
 
 
 def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> None:
@@ -18,3 +18,14 @@ def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> Non
     if sent := acts():
         error.state = "unknown"
         error.state_text = f"unknown: {several(sent)} went out before that; read back what the device holds"
+
+
+def read_in_vain(error: DvtcliError) -> DvtcliError:
+    """What kept a twin from reading its node, where *error* says that the twin was left changed by that: else *error*.
+
+    A twin that cannot be put back tells what would become of the node only where the node still answers.
+    """
+    cause: BaseException | None = error
+    while isinstance(cause, LeftChanged):
+        cause = cause.__cause__
+    return cause if isinstance(cause, BusUnavailable | NoAnswer) else error

@@ -73,14 +73,17 @@ class Opened(Said):
         try:
             yield
         except DvtcliError as error:
-            if self.dry_run:
-                error.state = "unchanged"
-                if self._twin is not None and not isinstance(error, (InputFileError, UsageError)):
-                    error.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
-            else:
-                from dvtcli.operations.opening.lost_bus import judge_lost_bus
+            from dvtcli.operations.opening.lost_bus import judge_lost_bus, read_in_vain
 
+            if not self.dry_run:
                 judge_lost_bus(error, self.acts)
+                raise
+            told = read_in_vain(error)
+            told.state, told.state_text = "unchanged", None
+            if self._twin is not None and not isinstance(told, (InputFileError, UsageError)):
+                told.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
+            if told is not error:
+                raise told from None
             raise
         finally:
             if fresh_twin:

@@ -100,6 +100,14 @@ def test_it_works_on_the_twin(bench: Bench, tmp_path: Path) -> None:
     assert held(bench) == before
 
 
+@pytest.mark.parametrize("options", ["--dry-run", ""])
+def test_on_twins_too_all_that_was_set_is_still_held(options: str, tmp_path: Path) -> None:
+    with Bench(("gen4@1", "gen4@2"), {"dry_run": not options}) as bench:
+        assert bench.run("node 1").code == 0
+        ran = atomic(bench, tmp_path, "map tpdo1 606C", "map 2:tpdo1 606C", options=options)
+        assert (ran.code, ran.stderr) == (0, "")
+
+
 def test_the_nodes_go_back_to_operational(bench: Bench, tmp_path: Path) -> None:
     with Bench(("gen4@1", "gen4@2")) as gated:
         assert gated.run("nmt start all").code == 0
