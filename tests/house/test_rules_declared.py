@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from dvtcli.domain.profile import Severity
 from tests.house.draw import nodes
 from tests.house.reference.rules import declared
 from tests.house.source import modules
+from tests.surroundings import ROOT
 
 pytestmark = pytest.mark.together
 
@@ -77,6 +79,13 @@ def test_every_rule_that_is_declared_is_used_and_declared_once() -> None:
     count = Counter(rule.name for rule in declared())
     assert not [name for name, times in count.items() if times > 1]
     assert not set(count) - {use.rule for use in uses()}
+
+
+def test_every_rule_is_named_by_a_test_of_a_room() -> None:
+    """One that no test names may never be found, or always: no test would tell."""
+    rooms = (path for path in (ROOT / "tests").rglob("*.py") if "house" not in path.relative_to(ROOT).parts)
+    words = {word for path in rooms for word in re.findall(r"[a-z0-9]+(?:-[a-z0-9]+)*", path.read_text("utf-8"))}
+    assert not sorted({rule.name for rule in declared()} - words)
 
 
 def test_rules_speak_as_strongly_as_they_declare() -> None:

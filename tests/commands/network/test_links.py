@@ -130,10 +130,17 @@ def test_a_producer_without_heartbeat_is_said(bench: Bench) -> None:
     assert bench.run("map 6:rpdo1 60FF --off").code == 0
     assert bench.run("node 1").code == 0
     assert bench.run("write 1017 0").code == 0
+    asked = bench.run("link 1:tpdo2 6:rpdo1 --dry-run --json").document
+    said = [one for node in asked["nodes"] for one in node["findings"] if one["rule"] == "link-silent"]
+    assert [(one["severity"], one["place"]) for one in said] == [("note", "node 1")]
     ran = bench.run("link 1:tpdo2 6:rpdo1")
     assert ran.code == 0
     assert "node 1 sends no heartbeat" in ran.stderr
     assert value(bench, "6:1016:01") & 0xFFFF == 0
+    told = bench.run("link 1:tpdo2 6:rpdo1 --heartbeat 250 --json")
+    assert told.code == 0
+    assert "link-silent" not in told.stdout
+    assert value(bench, "6:1016:01") & 0xFFFF
 
 
 def test_nodes_that_run_are_asked_for() -> None:

@@ -101,7 +101,12 @@ def test_it_is_not_enabled_as_it_stands() -> None:
         ran = one.run("enable tpdo1")
         assert ran.code == 1
         assert "map tpdo1 OBJECT… or clear tpdo1 repairs it" in ran.stderr
-        assert one.run("set tpdo1 --timer 20").code == 0
+        (said,) = one.run("enable tpdo1 --json").document["findings"]
+        assert (said["rule"], said["place"], said["abort"]) == ("inconsistent-pdo", "0x1A00:00", "0x06040042")
+        assert row(one.run("pdo --all --json"), "tpdo1")["enabled"] is False
+        left_off = one.run("set tpdo1 --timer 20 --json")
+        assert left_off.code == 0
+        assert "inconsistent-pdo" not in left_off.stdout
 
 
 def test_its_can_id_counts_as_used() -> None:

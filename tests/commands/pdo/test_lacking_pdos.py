@@ -184,6 +184,34 @@ def test_an_object_that_a_device_lacks_does_not_hide_the_other_nodes(word: str, 
         assert bench.run(f"verify 2:tpdo1 {file}").code == 3, "another node's PDO is compared"
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (FILE, [("pdo-lacking", "0x1845:01"), ("pdo-lacking", "0x1846:01"), ("pdo-lacking", "0x1462:01")]),
+        (OBJECTS, [("object-lacking", "0x2999:01"), ("object-lacking", "0x1017:07")]),
+        (f"{OBJECTS}d: {{node_id: 3, tpdo: {{9: {{event_timer: 5}}}}}}\n".replace("c: {node_id: 3", "c: {node_id: 4"),
+         [("pdo-lacking", "0x1808:01"), ("object-lacking", "0x2999:01"), ("object-lacking", "0x1017:07")]),
+    ],
+)  # fmt: skip
+def test_the_rule_that_refuses_what_is_lacked_is_named(text: str, found: list[tuple[str, str]], tmp_path: Path) -> None:
+    file = tmp_path / "n.yaml"
+    file.write_text(text)
+    with Bench((*NODES, "generic@4")) as bench:
+        ran = bench.run(f"apply {file} --yes --json")
+        assert ran.code == 1
+        assert sorted((one["rule"], one["place"]) for one in ran.document["findings"]) == sorted(found)
+        assert bench.run("read 1:1800:5 --json").document["value"] == 0
+
+
+def test_what_every_device_has_is_not_lacked(tmp_path: Path) -> None:
+    file = tmp_path / "n.yaml"
+    file.write_text("a: {node_id: 1, tpdo: {4: {event_timer: 20}}, sdo: [{index: 0x1017, value: 200}]}\n")
+    with Bench(NODES) as bench:
+        ran = bench.run(f"apply {file} --yes --json")
+        assert ran.code == 0, ran.stderr
+        assert 'lacking"' not in ran.stdout.replace('"lacking":[]', "")
+
+
 def test_check_says_where_the_file_sets_what_a_device_lacks(tmp_path: Path) -> None:
     file = tmp_path / "o.yaml"
     file.write_text(OBJECTS.replace(", tpdo", ", dcf: generic, tpdo").replace("3, sdo", "3, dcf: generic, sdo"))

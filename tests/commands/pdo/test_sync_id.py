@@ -30,3 +30,15 @@ def test_sync_is_0x080_where_nobody_says_otherwise() -> None:
                 assert ran.code == 0, ran.stderr
                 assert "CAN-ID" not in ran.stdout
                 assert [one.arbitration_id for one in wire.frames() if one.arbitration_id < 0x100] == [0x080]
+
+
+def test_that_nobody_produces_it_is_a_warning_until_somebody_does() -> None:
+    with Bench(("gen4",)) as bench:
+        checked = bench.run("sync --check --json")
+        (said,) = checked.document["findings"]
+        assert (checked.code, said["rule"], said["severity"]) == (0, "sync-producer", "warning")
+        for line in ("write 1006 20000", "write 1005 0x40000080"):
+            assert bench.run(f"{line} --yes").code == 0, line
+        checked = bench.run("sync --check --json")
+        assert checked.document["produced"] is True
+        assert "sync-producer" not in checked.stdout

@@ -102,6 +102,18 @@ def test_what_is_so_already_writes_nothing() -> None:
         assert "<-" not in ran.stderr
 
 
+@pytest.mark.parametrize(
+    ("value", "rules"),
+    [("20FF", ["vpdo-range"]), ("2220", ["vpdo-range"]), ("2170", ["vpdo-object"]), ("2129", []), ("none", [])],
+)
+def test_a_pin_is_tied_to_what_its_group_takes_and_the_device_has(value: str, rules: list[str]) -> None:
+    with Bench() as bench:
+        ran = bench.run(f"vpdo digital-in 1 {value} --json")
+        assert [one["rule"] for one in ran.document["findings"]] == rules
+        assert ran.code == (1 if rules else 0)
+        assert (held(bench) == TRACTION) is bool(rules)
+
+
 def test_a_dry_run_ties_nothing() -> None:
     with Bench() as bench:
         assert "dry run" in bench.run("vpdo digital-in 1 2129 --dry-run").stdout
