@@ -198,6 +198,8 @@ class BusUnavailable(DvtcliError):
     slug = "bus"
     #: whether it may open later with the same options, so that it can be waited for
     may_come = False
+    #: whether what was to be sent is known not to have left this computer
+    never_sent = False
 
 
 class SafetyRefusal(DvtcliError):

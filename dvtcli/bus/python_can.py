@@ -166,8 +166,10 @@ class CanBus(FrameBus[can.Message]):
                 self._send_once(message)
                 break
             except BUS_FAILURES as error:
-                if not patience or not self._carrier.is_full(error):
+                is_full = self._carrier.is_full(error)
+                if not patience or not is_full:
                     failure = self._failed("send", error)
+                    failure.never_sent = is_full  # other errors may come behind the frame
                     if self._carrier.is_gone(error):
                         self._failure = failure
                     raise failure from error

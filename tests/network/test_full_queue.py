@@ -13,6 +13,10 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from dvtcli.bus.python_can import CanBus
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import BusUnavailable, LeftChanged
+from dvtcli.operations.changes.change import configure
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -65,3 +69,45 @@ def test_a_queue_that_is_full_in_the_middle_of_an_apply_is_a_wait(
     assert driver.refused - before > 10 * _TRIES
     assert [one.value(0x1800, 5) for one in devices] == [(40).to_bytes(2, "little")] * 2
     assert not list(folder.rglob("journals/*.json"))
+
+
+class FullFromFirstWrite(VirtualBus):
+    """Takes every frame up to the first SDO download, and none from there on; *takes_one*: that one is taken."""
+
+    takes_one = False
+    is_full = False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        writes = 0x600 < msg.arbitration_id < 0x680 and msg.data[0] >> 5 == 1
+        if self.is_full or (writes and not self.takes_one):
+            self.is_full = True
+            raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+        self.is_full = writes
+        super().send(msg, timeout)
+
+
+@pytest.mark.parametrize("takes_one", [False, True])
+def test_a_first_write_that_never_left_this_computer_left_the_node_unchanged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, takes_one: bool
+) -> None:
+    for name in HOMES:
+        monkeypatch.setenv(name, str(tmp_path / "home"))
+    channel = f"full-from-first-write-{tmp_path}"
+    node, folder = device(1), tmp_path / "files"
+    driver = FullFromFirstWrite(channel)
+    driver.takes_one = takes_one
+    options = Options(yes=True, force=True, journal=str(folder))
+    with (
+        can.Bus(channel, interface="virtual", ignore_config=True) as other,
+        ServedNodes(other, [node]),
+        Session(options, open_bus=lambda _: CanBus(driver, f"virtual:{channel}", timeout_s=20.0)) as session,
+    ):
+        session.open_network().files.own_eds[1] = family_eds("generic")
+        session.open_network().files.own_profile[1] = "generic"
+        before = node.value(0x1800, 5)
+        asked = PdoRequest(event_timer=40)
+        with pytest.raises(LeftChanged if takes_one else BusUnavailable) as failed:
+            configure(session, session.node(1), {Pdo.parse("tpdo1"): asked})
+        assert failed.value.state == ("left_changed" if takes_one else "unchanged")
+    assert (node.value(0x1800, 5) == before) is not takes_one
+    assert bool(list(folder.rglob("journals/*.json"))) is takes_one

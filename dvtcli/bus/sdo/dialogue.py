@@ -226,7 +226,7 @@ class Dialogue(SdoClient):
         take, inbox = self.link.take, self.inbox
         answered = False
         try:
-            self.link.send_sdo(self.rx_cobid, request)
+            self._send_request(request)
             deadline_s = self.link.now_s() + self.timeout_s
             while (answer := take(inbox, deadline_s)) is not None:
                 if answer is RESTARTED:  # unless it had answered, it will not: a store need not be waited for any more
@@ -242,6 +242,15 @@ class Dialogue(SdoClient):
         self._unsettled, self._has_answered = unsettled_before, True
         self._refuse_abort(answer)
         return answer
+
+    def _send_request(self, request: bytes) -> None:
+        """Send *request*; where the first one of a transfer never left, nothing was requested."""
+        try:
+            self.link.send_sdo(self.rx_cobid, request)
+        except BusUnavailable as failed:
+            if failed.never_sent and request[0] >> 5 in _INITIATE:
+                self.requested = False
+            raise
 
     def _refuse_abort(self, answer: bytes) -> None:
         """Raise SdoAborted where *answer* is that."""
