@@ -105,13 +105,17 @@ class _Way:
             self._over = True
             return None
         kind = command >> 5
-        if kind == self._begins or (kind == _BLOCK and not command & _ENDS_BLOCK):
+        if self._begins_one(command):
             return self._begun(data, kind)
         if kind == _BLOCK:
             self._next = 0
         if command in _WITHOUT[self._begins]:  # as a device that repeats what it took may not do
             return self._of_named(data) if kind != _OF_BLOCKS and any(data[_OF_NAMED]) else None
         return _OF_PART if self._counts else self._of_named(data)
+
+    def _begins_one(self, command: int) -> bool:
+        """Whether *command* names an object whose value comes this way."""
+        return command >> 5 == self._begins or (command >> 5 == _BLOCK and not command & _ENDS_BLOCK)
 
     def _begun(self, data: bytes, kind: int) -> slice | None:
         found = self._of_named(data)
@@ -127,7 +131,7 @@ class _Way:
             return False
         if self._counts and not self._over:
             return not (self._is_last and command >> 5 == _BLOCK and command & _ENDS_BLOCK)
-        return number in (1, self._next)
+        return number in (1, self._next) and not (self._begins_one(command) and self._of_named(data))
 
     def _of_named(self, data: bytes) -> slice | None:
         named = (int.from_bytes(data[1:3], "little"), data[3]) if len(data) >= _OF_NAMED.start else None

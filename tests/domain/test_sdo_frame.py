@@ -160,6 +160,17 @@ def test_no_byte_of_the_value_is_left_in_any_form_of_a_transfer(done: list[tuple
                 assert len(data) == len(one.data)
 
 
+@pytest.mark.parametrize("ends", [Said(ANSWER, padded(b"\xa1")), *ABORTS])
+@pytest.mark.parametrize("form", [block_write, segmented_write, expedited_write])
+def test_what_begins_behind_a_block_that_is_over_is_no_segment_of_it(form: Form, ends: Said) -> None:
+    """Also where its command is the number that the next segment would have had."""
+    (begins, *rest) = form(SECRET, b"\x11\x22\x33")
+    before = list(block_write(SECRET, bytes(range(1, 201)) * 5))[: 2 + (begins.data[0] & 0x7F) - 1]
+    frames = [*before, ends, begins, *rest]
+    (data, hidden) = told(frames)[len(before) + 1]
+    assert (data, hidden) == (begins.data[:4] + bytes(4), True)
+
+
 @given(st.data())
 def test_nothing_of_a_segment_is_left_whose_beginning_nobody_saw(data: st.DataObject) -> None:
     said = list(data.draw(st.sampled_from((segmented_write, segmented_read)))(SECRET, data.draw(st.binary(min_size=1))))
