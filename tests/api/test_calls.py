@@ -16,6 +16,7 @@ from typing import Any
 
 import can
 import pytest
+from canopen.sdo import SdoCommunicationError
 
 import dvtcli
 from dvtcli import errors
@@ -78,8 +79,9 @@ def test_nmt_of_a_node_that_has_died_is_not_true() -> None:
     with dvtcli.simulate("generic@5", faults=["silent@1"]) as bus:
         node = bus.node(5)
         node.read(0x1000)
-        with suppress(errors.DvtcliError):
-            node.write(0x1017, 0)
+        # its first download is its last; canopen asks once and leaves it
+        with pytest.raises(SdoCommunicationError):
+            node.canopen().sdo.download(0x1017, 0, bytes(2))
         for command in ("start", "stop", "preop"):
             done = node.nmt(command)  # type: ignore[arg-type]
             assert (bool(done), done.states) == (False, ((5, None),))

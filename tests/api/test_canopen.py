@@ -96,7 +96,9 @@ def test_a_node_that_restarts_between_two_calls_has_lost_what_was_set() -> None:
 def test_it_works_on_a_bus_of_others() -> None:
     with serve("gen4@5") as served, served.connect(timeout_s=PATIENCE_S) as bus:
         assert bus.node(5, eds=family_eds("gen4")).canopen().sdo[0x1018][1].raw == bus.node(5).identity().vendor_id
-        assert [row.node for row in bus.scan(answer_s=1.0)] == [5]
+        # on a busy machine the node may answer later than a scan waits
+        found = next(rows for rows in iter(bus.scan, None) if rows)
+        assert [row.node for row in found] == [5]
 
 
 @pytest.mark.usefixtures("dvtcli_state")
