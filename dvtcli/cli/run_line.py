@@ -39,6 +39,9 @@ def run_words(words: Sequence[str], session: Conversation) -> int:
 
 
 def _parse_and_invoke(words: Sequence[str], session: Conversation) -> Any:
+    from dvtcli.files.input_file import forget_pipes
+
+    forget_pipes()
     with parse(words, session) as ctx:
         return ctx.command.invoke(ctx)
 

@@ -11,6 +11,7 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.physical import Physical
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
+from dvtcli.files.input_file import read_input
 from dvtcli.watch.decoder import Address, Layout, Signal
 from dvtcli.watch.service import Service
 
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
     from cantools.database.can import Signal as DbcSignal
 
 #: a line that every DBC file has: its version, its nodes, or a message
-_SECTION = re.compile(r"^\s*(?:VERSION\b|NS_\s*:|BS_\s*:|BU_\s*:|BO_\s)", re.MULTILINE)
+_SECTION = re.compile(r"^[ \t]*(?:VERSION\b|NS_[ \t]*:|BS_[ \t]*:|BU_[ \t]*:|BO_\s)", re.MULTILINE)
+#: no DBC of a machine is larger
+_MOST_BYTES = 32 << 20
 _DESCRIBING = (".eds", ".dcf", ".xdd", ".xdc")
 _TAKES = "-d takes a DBC file or a network file (.yaml)"
 _INSTEAD = "a network file (-d net.yaml) or --eds FILE decodes without it"
@@ -29,7 +32,7 @@ def read_dbc(file: str) -> dict[Address, Layout]:
     """The messages of *file*; UsageError where it is missing (or cantools is), InputFileError where it is no DBC."""
     path = Path(file)
     try:
-        text = path.read_bytes().decode("cp1252", errors="replace")
+        text = read_input(path, _MOST_BYTES, "DBC").decode("cp1252", errors="replace")
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", hint=_TAKES) from failed
     if not _SECTION.search(text):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import InputFileError
+from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -104,8 +105,7 @@ def is_xml(data: bytes, name: str) -> bool:
 
 
 def _is_xml(path: Path) -> bool:
-    with path.open("rb") as file:
-        return _looks_like_xml(file.read(_LOOKED_AT), path.name)
+    return _looks_like_xml(read_input_head(path, _LOOKED_AT), path.name)
 
 
 def _looks_like_xml(first: bytes, name: str) -> bool:

@@ -12,9 +12,10 @@ from pathlib import Path
 
 from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.profile import DeviceProfile
-from dvtcli.errors import UsageError
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.family_toml import quoted, toml_text
+from dvtcli.files.input_file import read_input, read_input_head
 from dvtcli.files.profile.library import folder as profile_folder
 from dvtcli.files.profile.toml import read_profile
 
@@ -58,15 +59,14 @@ def kept_profiles(name: str) -> Iterator[tuple[Path, DeviceProfile]]:
     """
     for path in (Path(name) / PROFILE, own_path(name)):
         if path.exists():
-            yield path, read_profile(path.read_text(encoding="utf-8"), str(path))
+            yield path, read_profile(read_input(path, 1 << 20, "profile").decode("utf-8"), str(path))
 
 
 def is_learnt(path: Path) -> bool:
     """Whether `learn` wrote the file at *path*."""
     try:
-        with path.open(encoding="utf-8") as file:
-            return file.readline().startswith(_MARK)
-    except (OSError, UnicodeDecodeError):
+        return read_input_head(path, len(_MARK.encode())) == _MARK.encode()
+    except (OSError, InputFileError):
         return False
 
 

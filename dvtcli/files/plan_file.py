@@ -15,6 +15,7 @@ from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 from dvtcli.errors import InputFileError
+from dvtcli.files.input_file import read_input, read_input_head
 
 SCHEMA = "dvtcli.plan/1"
 _STORES = ("all", "communication", "application")
@@ -22,14 +23,12 @@ _STORES = ("all", "communication", "application")
 
 def is_network_plan(path: Path) -> bool:
     """Whether *path* is a saved plan, by its first character; OSError where it cannot be read."""
-    with path.open("rb") as file:
-        return file.read(64).lstrip().startswith(b"{")
+    return read_input_head(path, 64).lstrip().startswith(b"{")
 
 
 def read_network_plan(path: Path) -> NetworkPlan:
     """The plan in *path*; InputFileError where it is none, or damaged; OSError where it cannot be read."""
-    with path.open("rb") as file:
-        data = file.read(127 * MOST_BYTES + 1)
+    data = read_input(path, 127 * MOST_BYTES, "plan")
     try:
         document = json.loads(data)
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
+from dvtcli.files.input_file import read_input
 
 SUFFIXES = (".bin", ".hex")
 #: no program of a device with a CAN bus is larger (bytes)
@@ -23,8 +24,7 @@ def read_program(file: str) -> bytes:
     if suffix not in SUFFIXES:
         raise UsageError(f"{file}: a program file ends in .bin or .hex", place=file)
     try:
-        with Path(file).open("rb") as opened:
-            data = opened.read(4 * MOST_BYTES)
+        data = read_input(file, 4 * MOST_BYTES, "program")
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     program = data if suffix == ".bin" else _of_hex(file, data)

@@ -29,6 +29,10 @@ def no_frame(text: str) -> str:
     return f"this line is no frame: {safe(text.strip()[:_LONGEST])}"
 
 
+#: no line of a recording is longer (characters): a file without line ends is not read whole
+MOST_CHARACTERS = 1 << 20
+
+
 class CountedLines(TextIOWrapper):
     """A text file that knows which line was read last."""
 
@@ -37,8 +41,10 @@ class CountedLines(TextIOWrapper):
 
     def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
         """The next line, which counts."""
-        text = super().readline(size)
+        text = super().readline(MOST_CHARACTERS if size < 0 else size)
         self.line += 1
+        if len(text) == MOST_CHARACTERS and size < 0:
+            raise LostLineError(self.line, text[:80])
         self.text = text
         return text
 

@@ -15,6 +15,7 @@ from dvtcli.domain.cob_id import fits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.input_file import open_input, read_input
 from dvtcli.files.recorded_lines import CountedLines, LeftLines, LostLineError, NoFrameError, no_frame
 from dvtcli.files.recording_formats import format_of
 from dvtcli.files.recordings.recording_format import RecordingFormat
@@ -103,12 +104,13 @@ def _lengths(message: can.Message) -> set[int]:
 def check_readable(path: Path) -> None:
     """UsageError where *path* is missing or its format unknown: said before anything else is asked for."""
     format_of(path, reading=True)
-    _opened(path).close()
+    if not path.is_fifo():  # what is in a pipe comes once
+        _opened(path).close()
 
 
 def _opened(path: Path) -> BinaryIO:
     try:
-        return path.open("rb")
+        return open_input(path)
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror or failed}", hint="`log FILE` records one") from failed
 
@@ -128,9 +130,9 @@ def _line(source: Any, wrong: Exception) -> int:
 
 def _without(path: Path, kind: RecordingFormat, line: int) -> str:
     """Whether *path* can be read without *line*, tried; where another one is damaged, too, which."""
-    if path.stat().st_size > _MOST_TRIED:
+    if not path.is_file() or path.stat().st_size > _MOST_TRIED:
         return ""
-    lines = path.read_bytes().splitlines(keepends=True)
+    lines = read_input(path, _MOST_TRIED, "recording that is tried").splitlines(keepends=True)
     source = kind.source(BytesIO(b"".join((*lines[: line - 1], *lines[line:]))), path)
     try:
         has_frames = sum(not one.error for one in _all_in(kind, source)) > 0

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from dvtcli.device.change.private_file import put_in_place, to_disk
 from dvtcli.errors import InputFileError
+from dvtcli.files.input_file import read_input
 
 SCHEMA = "dvtcli.sim-state/1"
 #: a node has at most some thousand objects; beyond this many bytes it is something else
@@ -32,8 +33,7 @@ class Kept:
 def read_state(path: Path) -> Kept:
     """What *path* keeps, nothing where there is no file; InputFileError for a wrong one."""
     try:
-        with path.open("rb") as file:
-            text = file.read(_MOST_BYTES)
+        text = read_input(path, _MOST_BYTES, "state of a simulated node")
     except FileNotFoundError:
         return Kept()
     except OSError as failed:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.errors import InputFileError
+from dvtcli.files.input_file import read_input
 
 SUFFIX = ".jsonl"
 SCHEMA = "dvtcli.whole-device/1"
@@ -64,10 +65,7 @@ def _line(item: tuple[tuple[int, int], KeptObject]) -> dict[str, str]:
 
 def read_whole_device(path: Path) -> KeptDevice:
     """Read the file at *path*; OSError where it cannot be read, InputFileError, with the line, where it is none."""
-    with path.open("rb") as file:
-        data = file.read(_MOST_BYTES + 1)
-    if len(data) > _MOST_BYTES:
-        raise _wrong(path, 1, f"it is larger than {_MOST_BYTES >> 20} MiB")
+    data = read_input(path, _MOST_BYTES, "backup")
     lines = list(_documents(path, data))
     if not lines or lines[0][1].get("schema") != SCHEMA:
         raise _wrong(path, 1, f"its first line is no {SCHEMA}")

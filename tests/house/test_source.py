@@ -37,3 +37,38 @@ def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
             assert called not in ("eval", "exec", "os.system", "os.popen", "pickle.load", "pickle.loads"), module.name
             shell = next((word.value for word in node.keywords if word.arg == "shell"), None)
             assert shell is None or (isinstance(shell, ast.Constant) and shell.value is False), module.name
+
+
+#: files that open others than `files/input_file.py` does -> what they open
+MAY_OPEN = {
+    "files/settings_toml.py": "the user's own settings, to change them",
+    "files/device_library/file_notes.py": "dvtcli's own notes",
+    "files/device_library/match.py": "dvtcli's own library, whose files were read when they were added",
+    "files/picture/page.py": "the package's own templates",
+    "files/picture/svg.py": "the package's own templates",
+    "files/profile/standards.py": "the package's own data",
+    "files/profile/toml.py": "the package's own data",
+    "files/sim_state.py": "writes the state of a simulated node",
+    "files/recordings/captures.py": "writes a recording",
+    "files/values/value_file.py": "writes values",
+    "operations/eds_library/add_files.py": "compares with dvtcli's own library",
+    "operations/frames/kept_exchange.py": "dvtcli's own last exchange",
+    "operations/objects/watch_objects.py": "writes values",
+    "operations/results/__init__.py": "the package's own source",
+    "operations/session/whole_file.py": "writes a file",
+    "operations/user/settings_search.py": "settings, which it refuses if they are no file",
+}
+
+
+def test_files_of_strangers_have_one_door() -> None:
+    """Whoever else opened one could wait for a pipe for ever, or read a device without an end."""
+    found = {
+        module.name
+        for module in MODULES
+        for node in nodes(module.tree)
+        if isinstance(node, ast.Call)
+        and module.room in ("files", "operations")
+        and ast.unparse(node.func).rpartition(".")[2] in ("open", "read_bytes", "read_text", "fdopen")
+        and ("." in ast.unparse(node.func) or ast.unparse(node.func) == "open")
+    }
+    assert found - {"files/input_file.py"} == MAY_OPEN.keys()

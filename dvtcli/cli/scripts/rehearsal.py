@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -18,6 +17,7 @@ from dvtcli.cli.scripts.script_lines import MOST_BYTES, ScriptLine, script_lines
 from dvtcli.cli.scripts.script_parse import MOST_NESTED, script_of
 from dvtcli.device.wish import Wish
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError
+from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -92,8 +92,7 @@ def _play_nested(stage: Conversation, file: str, sources: Sequence[str]) -> None
 
 def _data(source: str) -> bytes:
     try:
-        with Path(source).open("rb") as file:
-            return file.read(MOST_BYTES + 1)
+        return read_input_head(source, MOST_BYTES + 1)
     except OSError as failed:
         raise UsageError(f"{source}: {failed.strerror}", place=source) from failed
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.scripts.script_lines import MOST_BYTES
 from dvtcli.errors import UsageError
+from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -28,8 +28,7 @@ def run_file(
             session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=keep_going, atomic=atomic
         )
     try:
-        with Path(file).open("rb") as script:
-            data = script.read(MOST_BYTES + 1)
+        data = read_input_head(file, MOST_BYTES + 1)
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
     if file.lower().endswith(".tcl"):

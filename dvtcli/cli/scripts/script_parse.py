@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -12,6 +11,7 @@ from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import Reach, is_rehearsal
 from dvtcli.cli.scripts.script_lines import MOST_BYTES, ScriptLine, placed, script_lines
 from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -64,8 +64,7 @@ def _nested(file: str, session: Conversation, sources: list[str], checked: dict[
     if len(sources) > MOST_NESTED:
         raise UsageError(f"{place}: more than {MOST_NESTED} scripts that run each other", place=place)
     try:
-        with Path(file).open("rb") as script:
-            data = script.read(MOST_BYTES + 1)
+        data = read_input_head(file, MOST_BYTES + 1)
     except OSError as failed:
         raise UsageError(f"{place}: {file}: {failed.strerror}", place=place) from failed
     reach = Reach()

@@ -12,9 +12,11 @@ from typing import Protocol
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.edited_text import EditedText
+from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import section_values, split_sections
 from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.input_file import read_input
 
 _FILE_INFO, _DEVICE_INFO, _COMMISSIONING = "FileInfo", "DeviceInfo", "DeviceComissioning"
 _MAKER = "dvtcli"
@@ -67,7 +69,7 @@ def write_device_keys(eds: EdsFile, text: EditedText, source: str, device: Devic
 def is_read_out(path: Path) -> bool:
     """Whether the file at *path* is a DCF as it is made here of a device: each value in it was read."""
     try:
-        sections = split_sections(path.read_bytes()).sections
+        sections = split_sections(read_input(path, MOST_BYTES, "DCF")).sections
     except (OSError, InputFileError):
         return False
     values = section_values([one for one in sections if one.name.lower() == _FILE_INFO.lower()], Findings())

@@ -23,6 +23,7 @@ from dvtcli.files.eds.keys import number_key
 from dvtcli.files.eds.layout import Layout, lay_out, report_repeated, report_stray
 from dvtcli.files.eds.object_sections import build_object
 from dvtcli.files.eds.read_rules import COMPACT_PDO, COMPACT_PDO_BITS
+from dvtcli.files.input_file import read_input_head
 
 __all__ = ["EdsFile", "EdsFinding", "parse_eds", "read_eds"]
 
@@ -95,8 +96,7 @@ def read_eds(path: Path) -> EdsFile:
 
     InputFileError where it is none, OSError where it cannot be read.
     """
-    with path.open("rb") as file:  # no more than that much: some files have no end
-        return parse_eds(file.read(MOST_BYTES + 1), path.name)
+    return parse_eds(read_input_head(path, MOST_BYTES + 1), path.name)
 
 
 def parse_eds(data: bytes, source: str) -> EdsFile:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from dvtcli.domain.network.wanted_state import Mark, MasterRole, NetworkWish, NodeWish
 from dvtcli.errors import InputFileError
+from dvtcli.files.input_file import read_input
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.known_keys import is_slip, read_keys
@@ -22,17 +23,23 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, overlaid, read_tr
 #: how many of its heartbeats may be missed unless the file says it (dcfgen's own)
 _MULTIPLIER = 3.0
 _MOST_NODES = 127
+#: a network file of 127 nodes with all that can be said of them is smaller
+MOST_BYTES = 4 << 20
 _NODE_ID = OF[Where.NODE]["node_id"]
 Named = dict[str, tuple[Leaf, Branch]]
 
 
 def read_network_file(path: Path) -> NetworkWish:
     """What the file *path* wants; InputFileError with all that is wrong, OSError where it cannot be read."""
+    return read_network(network_text(path), str(path))
+
+
+def network_text(path: Path | str) -> str:
+    """Read the text of the network file *path*; InputFileError if it is no UTF-8 or too large, OSError if absent."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        return read_input(path, MOST_BYTES, "network file").decode("utf-8-sig")
     except UnicodeDecodeError as wrong:
         raise InputFileError(f"{path}: not UTF-8 (byte {wrong.start})", place=str(path)) from wrong
-    return read_network(text, str(path))
 
 
 def read_network(text: str, file: str) -> NetworkWish:

@@ -13,6 +13,7 @@ from pathlib import Path
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.input_file import read_input
 from dvtcli.files.profile.toml import builtin_names, builtin_path, may_be_of, read_profile
 from dvtcli.files.toml_item import suggest
 from dvtcli.files.user_folders import file_state, user_folder
@@ -66,9 +67,7 @@ def profile_text(name: str) -> str:
 
 def _text(path: Path) -> str:
     try:
-        data = path.read_bytes()
-        if len(data) > _MOST_BYTES:
-            raise InputFileError(f"{path}: {len(data)} bytes are no profile", place=str(path))
+        data = read_input(path, _MOST_BYTES, "profile")
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as wrong:
         number = data[: wrong.start].count(b"\n") + 1

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import TextIOWrapper
 from pathlib import Path
 
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.input_file import open_input
 
 
 def opened_text(path: Path) -> Iterator[str]:
     """The lines of *path*; UsageError where it cannot be opened, InputFileError where it is no UTF-8."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with TextIOWrapper(open_input(path), encoding="utf-8-sig", newline="") as file:
             yield from file
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror or failed}", hint="`log FILE --decode` records one") from failed

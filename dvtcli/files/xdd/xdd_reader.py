@@ -13,6 +13,7 @@ from pathlib import Path
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdObject
 from dvtcli.files.eds.findings import EdsFinding, Findings
+from dvtcli.files.input_file import read_input_head
 from dvtcli.files.xdd.recognise import NAMESPACES, must_be_canopen
 from dvtcli.files.xdd.xdd_device import read_device_info
 from dvtcli.files.xdd.xdd_objects import build_object, number_of
@@ -68,8 +69,7 @@ def read_xdd(path: Path) -> XddFile:
 
     InputFileError where it is none, OSError where it cannot be read.
     """
-    with path.open("rb") as file:  # no more than that much: some files have no end
-        return parse_xdd(file.read(MOST_BYTES + 1), path.name)
+    return parse_xdd(read_input_head(path, MOST_BYTES + 1), path.name)
 
 
 def parse_xdd(data: bytes, source: str) -> XddFile:

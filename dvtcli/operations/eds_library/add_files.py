@@ -18,6 +18,7 @@ from dvtcli.files.device_library.file_notes import Described, Remembered, about_
 from dvtcli.files.device_library.match import first_of, taken_of
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
 from dvtcli.files.eds.bounds import MOST_BYTES
+from dvtcli.files.input_file import read_input_head
 from dvtcli.operations.eds_library.sought_files import Sought, sought_files
 from dvtcli.operations.results.library_files import ADDED, REFUSED, REPLACED, THERE, AddedFile, LibraryAdded
 from dvtcli.operations.session.whole_file import write_whole
@@ -119,8 +120,7 @@ def _beside(target: StoredFile, others: list[StoredFile], first: StoredFile) -> 
 def _read(path: Path) -> tuple[bytes, ObjectDictionary]:
     """The bytes of the file and what they mean; InputFileError where they mean nothing."""
     try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
+        data = read_input_head(path, MOST_BYTES + 1)
     except OSError as failed:
         raise InputFileError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
     found = parse_device_file(data, path.name)

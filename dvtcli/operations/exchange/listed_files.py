@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.input_file import read_input
 from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
 
 
@@ -37,8 +38,7 @@ def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
     InputFileError where it is none, or where a file that it names is not there; UsageError where it cannot be read.
     """
     try:
-        with nodelist.open("rb") as file:
-            networks = read_nodelist(file.read(MOST_BYTES + 1), nodelist.name)
+        networks = read_nodelist(read_input(nodelist, MOST_BYTES, "nodelist"), nodelist.name)
     except OSError as failed:
         raise UsageError(f"{nodelist}: {failed.strerror or failed}", place=str(nodelist)) from failed
     first, *others = networks

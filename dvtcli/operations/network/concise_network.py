@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import Kind
@@ -16,7 +15,9 @@ from dvtcli.domain.network.concise_pdos import concise_of
 from dvtcli.domain.network.wanted_state import WantedIdentity
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.input_file import read_input
 from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.network.described_network import simulated_word, words_of
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.results import Facts
@@ -94,7 +95,7 @@ def _concise(
     made: list[ConciseDcf] = []
     if words:
         with Session(options, tell) as session:
-            plan = plan_wish(session, anyone, FileLog(file, Path(file).read_text("utf-8-sig")))
+            plan = plan_wish(session, anyone, FileLog(file, network_text(file)))
         planned = {one.node_id: one for one in plan.nodes}
         made = [_made(one, planned[one.node_id]) for one in wish.nodes]
     return ConciseNetwork(tuple(made), tuple(one for one in read.nodes if one.node_id not in words))
@@ -133,13 +134,10 @@ def convert_network(session: Session, file: str, target: str, node: str | int | 
 def read_concise_file(file: str) -> tuple[ConciseEntry, ...]:
     """The entries of the concise DCF *file*; UsageError where it cannot be read, InputFileError where it is none."""
     try:
-        with Path(file).open("rb") as opened:
-            data = opened.read(_MOST_BYTES + 1)
+        data = read_input(file, _MOST_BYTES, "concise DCF")
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     try:
-        if len(data) > _MOST_BYTES:
-            raise ValueError(f"it is larger than {_MOST_BYTES >> 20} MiB")
         return concise_entries(data)
     except ValueError as wrong:
         raise InputFileError(f"{file} is no concise DCF (0x1F22)", place=file, why=str(wrong)) from wrong

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.cob_id import CobId
@@ -27,6 +26,7 @@ from dvtcli.domain.network.wanted_state import (
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.network.guessed_mappings import guessed_mappings
 from dvtcli.operations.network.network_states import network_after, network_state, with_wish
 from dvtcli.operations.plans.plan_network import plan_wish
@@ -148,7 +148,7 @@ def _simulated(
 ) -> NetworkState:
     options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()), force=True)
     with Session(options, tell) as session:
-        plan = plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
+        plan = plan_wish(session, wish, FileLog(file, network_text(file)))
         nodes = [session.node(node.node_id) for node in wish.nodes]
         return network_after(network_state(nodes, for_rules=for_rules), plan, wish)
 

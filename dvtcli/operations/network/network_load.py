@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
@@ -92,11 +91,12 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
 
         return described_network(file, session.tell)
     from dvtcli.files.network.file_log import FileLog
+    from dvtcli.files.network.read_network import network_text
     from dvtcli.operations.plans.plan_network import plan_wish
     from dvtcli.operations.wanted.network_wish import read_wish
 
     wish = read_wish(file)
-    plan = plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
+    plan = plan_wish(session, wish, FileLog(file, network_text(file)))
     return network_after(network_state(session.node(one.node_id) for one in plan.nodes), plan, wish)
 
 

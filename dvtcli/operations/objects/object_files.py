@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.sdo.client import MOST_BYTES
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.input_file import read_input
 from dvtcli.operations.meanings.named_objects import object_at, refuse_whole
 from dvtcli.operations.objects.transfer_progress import transfer_progress
 from dvtcli.operations.objects.write_object import write_bytes
@@ -53,12 +53,9 @@ def write_from_file(session: Session, node: Node, index: int, sub_index: int, fi
 def file_bytes(file: str) -> bytes:
     """What *file* holds; UsageError where it cannot be read, InputFileError where it is empty or too large."""
     try:
-        with Path(file).open("rb") as opened:
-            data = opened.read(MOST_BYTES + 1)
+        data = read_input(file, MOST_BYTES, "object")
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     if not data:
         raise InputFileError(f"{file} is empty", place=file)
-    if len(data) > MOST_BYTES:
-        raise InputFileError(f"{file} is larger than {MOST_BYTES:,} bytes", place=file)
     return data

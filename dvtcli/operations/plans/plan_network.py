@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_optional
@@ -23,6 +22,7 @@ from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.value_order import SYNC_OVERFLOW, SYNC_PERIOD, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.plans.judge_network import checked, together
 from dvtcli.operations.results.failures import lacking_error
@@ -61,7 +61,7 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_f
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
     wish = of_nodes(session, file, wish, named_nodes(session))
     tell_unknown_bit_rate(session, len(wish.nodes))
-    log = FileLog(file, Path(file).read_text("utf-8-sig"))
+    log = FileLog(file, network_text(file))
     return plan_wish(session, wish, log, trust_stamp=trust_stamp, as_far=as_far)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import REBOOT, VERIFY
@@ -13,6 +12,7 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.errors import UsageError
+from dvtcli.files.input_file import read_input_head
 from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
@@ -132,8 +132,7 @@ def _is_script(file: str) -> bool:
     if file.lower().endswith(".dvt"):
         return True
     try:
-        with Path(file).open("rb") as opened:
-            return opened.read(32).lstrip(b"\xef\xbb\xbf").startswith(b"# dvtcli script")
+        return read_input_head(file, 32).lstrip(b"\xef\xbb\xbf").startswith(b"# dvtcli script")
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
 

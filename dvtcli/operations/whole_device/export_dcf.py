@@ -16,7 +16,9 @@ from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
 from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, device_file_bytes, is_xml, parse_device_file
+from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.files.eds.written_values import same_value
+from dvtcli.files.input_file import read_input
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.whole_device.look_through import WholeDevice, described, look_through
@@ -80,7 +82,7 @@ def _own_revision(whole: WholeDevice) -> dict[ObjectAddress, bytes]:
 def _eds_of(path: Path, made: datetime) -> bytes:
     """The EDS at *path*; of an XDD the EDS that says the same."""
     try:
-        data = path.read_bytes()
+        data = read_input(path, MOST_BYTES, "EDS")
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
     if not is_xml(data, path.name):

@@ -14,6 +14,7 @@ from pathlib import Path
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.family_folder import families_with, family_path
+from dvtcli.files.input_file import read_input
 from dvtcli.files.toml_item import Item, read_toml, string, suggest
 from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.network.family_keys import FAMILY_KEYS
@@ -73,7 +74,7 @@ def family_folder_eds(folder: Path) -> Path:
 def read_text(path: Path) -> str:
     """The text of *path*; InputFileError where it cannot be read as UTF-8."""
     try:
-        return path.read_text(encoding="utf-8")
+        return read_input(path, 1 << 20, "simulated device").decode("utf-8")
     except (OSError, UnicodeDecodeError) as failed:
         raise InputFileError(f"{path}: {getattr(failed, 'strerror', None) or failed}", place=str(path)) from failed
 

@@ -1,0 +1,107 @@
+"""The one door for files that a stranger may have made: a file without an end, a pipe or a device hangs nothing."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from dvtcli.errors import InputFileError
+
+#: how long a pipe may take until its first byte (seconds); after that it may take as long as it likes
+FIRST_BYTE_S = 10.0
+
+#: what came out of a pipe, by device and inode: it comes once, and a command may open its file twice
+_from_pipes: dict[tuple[int, int], bytes] = {}
+#: a pipe is read to its end, or so far (bytes), for whoever opens it next
+_MOST_FROM_PIPE = 64 << 20
+
+
+def read_input(path: Path | str, most_bytes: int, kind: str) -> bytes:
+    """Read the whole of *path*, which is to be a *kind*, such as "network file".
+
+    Raises OSError if it cannot be opened, InputFileError if it is larger than *most_bytes*, is a device, or is a pipe
+    from which nothing comes.
+    """
+    data = _head(path, most_bytes + 1)
+    if len(data) > most_bytes:
+        raise InputFileError(f"{path} is larger than {_size(most_bytes)}", place=str(path), why=f"no {kind} is")
+    return data
+
+
+def read_input_head(path: Path | str, count: int) -> bytes:
+    """Read the first *count* bytes of *path*, or all there are; raises as `read_input`, whatever its size."""
+    return _head(path, count)[:count]
+
+
+def open_input(path: Path | str) -> BinaryIO:
+    """Open *path* to be read as a stream, as recordings are, which have no largest size; raises as `read_input`."""
+    return os.fdopen(_opened(path), "rb")
+
+
+def forget_pipes() -> None:
+    """Read pipes anew from now on: the command that read them has ended."""
+    _from_pipes.clear()
+
+
+def _size(count: int) -> str:
+    return f"{count >> 20} MiB" if count >= 1 << 20 else f"{count >> 10} KiB"
+
+
+def _head(path: Path | str, count: int) -> bytes:
+    descriptor = _open_without_waiting(path)
+    with os.fdopen(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        if not stat.S_ISFIFO(status.st_mode):
+            return file.read(count)
+        pipe = status.st_dev, status.st_ino
+        if pipe in _from_pipes:
+            return _from_pipes[pipe]
+        _wait_for_first_byte(path, descriptor)
+        os.set_blocking(descriptor, True)
+        _from_pipes[pipe] = file.read(max(count, _MOST_FROM_PIPE))
+        return _from_pipes[pipe]
+
+
+def _opened(path: Path | str) -> int:
+    """A descriptor of *path* that may be read as usual."""
+    descriptor = _open_without_waiting(path)
+    try:
+        if stat.S_ISFIFO(os.fstat(descriptor).st_mode):
+            _wait_for_first_byte(path, descriptor)
+            os.set_blocking(descriptor, True)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _open_without_waiting(path: Path | str) -> int:
+    """Open *path*; InputFileError if it is neither a file nor a pipe."""
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(path, flags)
+    mode = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(mode) or stat.S_ISFIFO(mode) or (stat.S_ISCHR(mode) and Path(path).samefile(os.devnull)):
+        return descriptor
+    os.close(descriptor)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(21, "Is a directory", str(path))
+    raise InputFileError(f"{path} is a device, no file", place=str(path), hint="name a file or a pipe")
+
+
+def _is_readable(descriptor: int, timeout_s: float) -> bool:
+    """Whether a read would not wait: something has come, or the writer has gone."""
+    import select
+
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(timeout_s * 1000))
+
+
+def _wait_for_first_byte(path: Path | str, descriptor: int) -> None:
+    if not _is_readable(descriptor, FIRST_BYTE_S):
+        raise InputFileError(
+            f"{path}: nothing came from this pipe within {FIRST_BYTE_S:g} s", place=str(path),
+            hint="start what writes into it, or name a file",
+        )  # fmt: skip

@@ -1,0 +1,141 @@
+"""Files of strangers: no command waits for ever for a pipe, and none reads a device or a file without an end."""
+
+from __future__ import annotations
+
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from dvtcli.errors import DvtcliError, InputFileError
+from dvtcli.files.dbc import read_dbc
+from dvtcli.files.input_file import forget_pipes, open_input, read_input, read_input_head
+from dvtcli.files.recorded_lines import MOST_CHARACTERS
+from dvtcli.files.recording import read_recorded
+from tests.commands.bench import Bench
+from tests.process import dvtcli
+
+#: what reads a file that somebody may have made -> the suffix by which it is taken for one
+READERS = {
+    "plan {}": ".yaml", "apply {} --yes": ".yaml", "check {}": ".yaml", "diff {}": ".yaml", "load {}": ".yaml",
+    "verify {}": ".yaml", "report r.html {}": ".yaml", "diff {} ": ".dcf", "compare {}": ".dcf",
+    "clone {} --yes": ".jsonl", "recover {}": ".json", "import {}": ".cpj", "explain 181#00 -d {}": ".dbc",
+    "eds check {}": ".eds", "eds check {} ": ".xdd", "eds add {}": ".eds", "eds convert {} x.xdd": ".eds",
+    "eds show {}": ".eds", "run {}": ".dvt", "decode {}": ".log", "decode {} ": ".asc", "replay {} --yes": ".log",
+    "write 2050 @{}": ".bin", "download {} --yes": ".bin", "eds show {} ": ".cdcf",
+}  # fmt: skip
+needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+
+
+def reader(line: str) -> str:
+    return f"{READERS[line]} {line}"
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a file without an end")
+@pytest.mark.parametrize("line", READERS, ids=reader)
+def test_a_file_without_an_end_is_refused(tmp_path: Path, line: str) -> None:
+    endless = tmp_path / f"endless{READERS[line]}"
+    endless.symlink_to("/dev/zero")
+    with Bench() as bench:
+        ran = bench.run(line.format(endless))
+    assert ran.code in (2, 4), ran
+    assert "endless" in ran.stderr
+
+
+@needs_pipes
+@pytest.mark.long
+def test_a_pipe_into_which_nobody_writes_is_given_up(tmp_path: Path) -> None:
+    """All at once: each waits for its first byte as long as it may."""
+
+    def ran(line: str) -> tuple[str, int]:
+        pipe = tmp_path / f"pipe-{abs(hash(line))}{READERS[line]}"
+        os.mkfifo(pipe)
+        return line, dvtcli("--sim", "gen4", *line.format(pipe).split()).returncode
+
+    with ThreadPoolExecutor(len(READERS)) as pool:
+        codes = dict(pool.map(ran, READERS))
+    assert {line: code for line, code in codes.items() if code not in (2, 4)} == {}
+
+
+@needs_pipes
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("eds check {}.eds", "[FileInfo]\nFileName=a.eds\n[DeviceInfo]\nVendorName=A\n"),
+        ("check {}.yaml", "drive:\n  node_id: 1\n  dcf: gen4\n"),
+        ("plan {}.yaml", "drive:\n  node_id: 1\n  dcf: gen4\n  tpdo:\n    1:\n      event_timer: 100\n"),
+        ("run {}.dvt", "read 1018:1\n"),
+        ("decode {}.log", "(1.000000) can0 181#3706\n"),
+        ("write 2020:1 @{}.bin", "a"),
+    ],
+    ids=lambda value: value.split()[0],
+)
+def test_a_pipe_says_what_its_file_says(tmp_path: Path, line: str, text: str) -> None:
+    suffix = line.rpartition(".")[2]
+    file, pipe = tmp_path / f"a.{suffix}", tmp_path / "pipe" / f"a.{suffix}"
+    file.write_text(text, "utf-8")
+    pipe.parent.mkdir()
+    os.mkfifo(pipe)
+    answers = []
+    for path in (file, pipe):
+        writer = threading.Thread(target=pipe.write_text, args=(text, "utf-8"), daemon=True)
+        if path == pipe:
+            writer.start()
+        with Bench() as bench:
+            ran = bench.run(line.format(path.with_suffix("")))
+        answers.append((ran.code, ran.stdout.replace(str(pipe.parent), str(file.parent))))
+    assert answers[0] == answers[1]
+
+
+@needs_pipes
+def test_a_pipe_is_read_once_a_command(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for text in (b"first", b"second"):
+        forget_pipes()
+        writer = threading.Thread(target=pipe.write_bytes, args=(text,))
+        writer.start()
+        assert read_input_head(pipe, 3) == text[:3]
+        writer.join()
+        assert read_input(pipe, 100, "file") == text
+
+
+def test_a_file_larger_than_its_kind_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_bytes(bytes(1025))
+    assert read_input(file, 1025, "network file") == bytes(1025)
+    with pytest.raises(InputFileError, match="larger than 1 KiB") as refused:
+        read_input(file, 1024, "network file")
+    assert refused.value.why == "no network file is"
+
+
+def test_a_folder_is_none(tmp_path: Path) -> None:
+    for read in (open_input, lambda path: read_input(path, 10, "file")):
+        with pytest.raises(OSError, match="directory"):
+            read(tmp_path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a device")
+def test_nothing_is_read_from_a_device_but_the_empty_one() -> None:
+    assert read_input(os.devnull, 10, "file") == b""
+    with pytest.raises(InputFileError, match="device"):
+        open_input("/dev/zero").close()
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".trc"])
+def test_a_recording_without_line_ends_is_damaged(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"a{suffix}"
+    file.write_bytes(b"x" * (2 * MOST_CHARACTERS))
+    with pytest.raises(DvtcliError) as damaged:
+        list(read_recorded(file))
+    assert damaged.value.exit_code == 4
+
+
+def test_blank_lines_of_a_dbc_cost_no_more_than_others(tmp_path: Path) -> None:
+    """The search for its first section was quadratic in blank lines; 40,000 took 16 s."""
+    file = tmp_path / "a.dbc"
+    file.write_text("\n" * 2_000_000, "ascii")
+    with pytest.raises(InputFileError, match="no DBC"):
+        read_dbc(str(file))
