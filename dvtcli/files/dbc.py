@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from copy import copy
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from cantools.database.can import Message
     from cantools.database.can import Signal as DbcSignal
 
+#: what cantools raises if a frame is not what its message says, the kinds of error that `except` takes
+_Failures = tuple[type[Exception], ...]
 #: a line that every DBC file has: its version, its nodes, or a message
 _SECTION = re.compile(r"^[ \t]*(?:VERSION\b|NS_[ \t]*:|BS_[ \t]*:|BU_[ \t]*:|BO_\s)", re.MULTILINE)
 #: no DBC of a machine is larger
@@ -44,7 +48,11 @@ def read_dbc(file: str) -> dict[Address, Layout]:
         database = cantools.database.load_string(text, "dbc")
     except (cantools.Error, ValueError, KeyError, IndexError, AttributeError) as wrong:
         raise InputFileError(f"{path.name} is no DBC file", why=_first_line(wrong), place=file) from wrong
-    return {(one.frame_id, one.is_extended_frame): _layout(one, path.name) for one in database.messages}
+    failures = (cantools.Error, ValueError, OverflowError)
+    return {
+        (message.frame_id, message.is_extended_frame): _layout(message, path.name, failures)
+        for message in database.messages
+    }
 
 
 def _hint(path: Path) -> str:
@@ -57,9 +65,10 @@ def _first_line(wrong: Exception) -> str:
     return str(wrong).partition("\n")[0] or type(wrong).__name__
 
 
-def _layout(message: Message, file: str) -> Layout:
+def _layout(message: Message, file: str, failures: _Failures) -> Layout:
     signals = tuple(Signal(one.name, one.name, "", _meaning(one)) for one in message.signals)
-    return Layout(Service("message", message.name), signals, _reader(message), byte_length=message.length, source=file)
+    read = _reader(message, failures)
+    return Layout(Service("message", message.name), signals, read, byte_length=message.length, source=file)
 
 
 def _meaning(signal: DbcSignal) -> Physical:
@@ -67,11 +76,67 @@ def _meaning(signal: DbcSignal) -> Physical:
     return Physical(signal.unit or "")
 
 
-def _reader(message: Message) -> Callable[[bytes], list[Value | None]]:
-    names = [one.name for one in message.signals]
+def _reader(message: Message, failures: _Failures) -> Callable[[bytes], list[Value | None]]:
+    """A function that decodes a frame's data into a value for each signal, None for a signal that it does not hold."""
+    names = [signal.name for signal in message.signals]
+    alone: list[Message] = []
 
     def read(data: bytes) -> list[Value | None]:
-        decoded: Any = message.decode(data, decode_choices=False, allow_truncated=True)
-        return [decoded.get(name) for name in names]
+        try:
+            decoded: Any = message.decode(data, decode_choices=False, allow_truncated=True)
+        except failures:  # a multiplexor's value that the file does not describe, or a signal that is no number
+            if not alone:
+                alone.extend(_alone(message, signal) for signal in message.signals)
+            return _one_by_one(message.signals, alone, data, failures)
+        return [_number(decoded.get(name)) for name in names]
 
     return read
+
+
+def _alone(message: Message, signal: DbcSignal) -> Message:
+    """A message of the same length that holds *signal* only, whatever its multiplexor says."""
+    single = copy(signal)
+    single.is_multiplexer, single.multiplexer_ids, single.multiplexer_signal = False, None, None
+    return type(message)(message.frame_id, message.name, message.length, [single], strict=False)
+
+
+def _one_by_one(signals: list[DbcSignal], alone: list[Message], data: bytes, failures: _Failures) -> list[Value | None]:
+    """The value of each of *signals* that *data* holds and that its multiplexors choose; *alone* decodes each."""
+    values: list[Value | None] = []
+    for single in alone:
+        try:
+            decoded: Any = single.decode(data, decode_choices=False, allow_truncated=True)
+        except failures:  # no value, as of a signal behind the frame's end
+            decoded = {}
+        values.append(next(iter(decoded.values()), None))
+    multiplexors = {
+        signal.name: (signal, value) for signal, value in zip(signals, values, strict=True) if signal.is_multiplexer
+    }
+    return [
+        _number(value) if _is_chosen(signal, multiplexors) else None
+        for signal, value in zip(signals, values, strict=True)
+    ]
+
+
+def _is_chosen(signal: DbcSignal, multiplexors: Mapping[str, tuple[DbcSignal, Value | None]]) -> bool:
+    """Whether each multiplexor above *signal* has a value with which *signal* is in the frame."""
+    while signal.multiplexer_signal is not None:
+        multiplexor, value = multiplexors[signal.multiplexer_signal]
+        if (
+            not isinstance(value, int | float)
+            or not isfinite(value)
+            or int(value) not in (signal.multiplexer_ids or ())
+        ):
+            return False
+        signal = multiplexor
+    return True
+
+
+def _number(value: Value | None) -> Value | None:
+    """*value*; None for an integer that a factor made larger than a double holds, as nobody can draw or compare it."""
+    if isinstance(value, int):
+        try:
+            float(value)
+        except OverflowError:
+            return None
+    return value

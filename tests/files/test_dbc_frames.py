@@ -1,0 +1,136 @@
+"""Frames that their DBC file does not describe: each signal that is there is read, and nothing is lost of the rest."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.ports import Frame
+from dvtcli.files.dbc import read_dbc
+from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.seen import FrameStore
+from dvtcli.watch.table import all_columns
+from dvtcli.watch.tracks import fill, find_tracks
+from tests.commands.bench import Bench
+from tests.process import documents
+
+HEAD = 'VERSION ""\n\nBU_: A\n\n'
+#: a multiplexor at byte 0, another one at byte 1 that is there only with 0, and a signal that is always there
+NESTED = HEAD + (
+    'BO_ 400 M: 8 A\n SG_ Mux M : 0|8@1+ (1,0) [0|0] "" A\n SG_ Sub m0M : 8|8@1+ (1,0) [0|0] "" A\n'
+    ' SG_ Plain m1 : 8|16@1- (0.5,-3) [0|0] "V" A\n SG_ Deep m3 : 16|16@1+ (1,0) [0|0] "" A\n'
+    ' SG_ Motorola : 55|16@0+ (1,0) [0|0] "" A\n\nBO_ 401 N: 8 A\n SG_ Z : 0|8@1+ (1,0) [0|0] "" A\n\n'
+    "SG_MUL_VAL_ 400 Sub Mux 0-0;\nSG_MUL_VAL_ 400 Plain Mux 1-1;\nSG_MUL_VAL_ 400 Deep Sub 3-3;\n"
+)
+
+
+def decoder_of(folder: Path, text: str) -> Decoder:
+    path = folder / "m.dbc"
+    path.write_text(text, "cp1252")
+    return Decoder(read_dbc(str(path)))
+
+
+def expected(data: bytes) -> dict[str, float]:
+    """What `NESTED` says of the signals that lie in *data* and that its multiplexors choose."""
+    found: dict[str, float] = {}
+    if len(data) >= 1:
+        found["Mux"] = data[0]
+    if data[:1] == b"\0" and len(data) >= 2:
+        found["Sub"] = data[1]
+        if data[1] == 3 and len(data) >= 4:
+            found["Deep"] = int.from_bytes(data[2:4], "little")
+    if data[:1] == b"\x01" and len(data) >= 3:
+        found["Plain"] = int.from_bytes(data[1:3], "little", signed=True) * 0.5 - 3
+    if len(data) >= 8:
+        found["Motorola"] = int.from_bytes(data[6:8], "big")
+    return found
+
+
+@pytest.fixture(scope="module")
+def nested(tmp_path_factory: pytest.TempPathFactory) -> Decoder:
+    return decoder_of(tmp_path_factory.mktemp("dbc"), NESTED)
+
+
+@given(
+    st.builds(
+        bytes.__add__,
+        st.lists(st.sampled_from([0, 1, 3, 5, 255]), max_size=2).map(bytes),
+        st.binary(max_size=10),
+    )
+)
+def test_what_lies_in_a_frame_and_is_chosen_in_it_is_read(nested: Decoder, data: bytes) -> None:
+    assert nested.values(Frame(400, data)) == expected(data)
+
+
+@pytest.mark.parametrize(
+    ("signals", "more", "data", "values"),
+    [
+        # a float of 24 bits: no such number, and its neighbour is one
+        (' SG_ F : 0|24@1- (1,0) [0|0] "" A\n SG_ B : 24|8@1+ (1,0) [0|0] "" A\n', "SIG_VALTYPE_ 400 F : 1;\n",
+         "0000000700000000", {"B": 7}),
+        # a multiplexor that is no number, and one that is infinite
+        (' SG_ F M : 0|32@1- (1,0) [0|0] "" A\n SG_ B m1 : 32|8@1+ (1,0) [0|0] "" A\n'
+         ' SG_ C : 40|8@1+ (1,0) [0|0] "" A\n', "SIG_VALTYPE_ 400 F : 1;\n", "0000C07F01090000", {"C": 9}),
+        (' SG_ F M : 0|32@1- (1,0) [0|0] "" A\n SG_ B m1 : 32|8@1+ (1,0) [0|0] "" A\n'
+         ' SG_ C : 40|8@1+ (1,0) [0|0] "" A\n', "SIG_VALTYPE_ 400 F : 1;\n", "0000807F01090000", {"C": 9}),
+        # a factor that makes more of a value than any number holds
+        (' SG_ F : 0|32@1+ (1e308,0) [0|0] "" A\n SG_ B : 32|8@1+ (1,0) [0|0] "" A\n', "",
+         "0200000005000000", {"B": 5}),
+        (' SG_ F : 0|32@1+ (0.5,0) [0|0] "" A\n SG_ B : 32|8@1+ (1,0) [0|0] "" A\n', "", "02", {}),
+    ],
+)  # fmt: skip
+def test_one_signal_that_is_no_number_hides_no_other(
+    tmp_path: Path, signals: str, more: str, data: str, values: dict[str, float]
+) -> None:
+    decoder = decoder_of(tmp_path, f"{HEAD}BO_ 400 M: 8 A\n{signals}\n{more}")
+    frame = Frame(400, bytes.fromhex(data), timestamp_s=1.0)
+    read = decoder.values(frame)
+    assert {name: value for name, value in read.items() if name != "F"} == values
+    store = FrameStore(decoder)
+    store.take(frame)  # what the monitor counts of it
+    tracks = find_tracks(["B"], all_columns(decoder))
+    fill(tracks, [frame], decoder)
+    assert all(math.isfinite(value) for track in tracks.values() for value in track.values)
+
+
+RECORDED = ("191#0700000000000000", "190#0007000000000000", "190#0507000000000000", "190#00", "191#0900000000000000")
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> tuple[Path, Path]:
+    (tmp_path / "m.dbc").write_text(NESTED)
+    path = tmp_path / "r.log"
+    path.write_text("".join(f"(17000000{n:02}.000000) can0 {frame}\n" for n, frame in enumerate(RECORDED)))
+    return path, tmp_path / "m.dbc"
+
+
+def test_a_recording_is_shown_to_its_end(recording: tuple[Path, Path]) -> None:
+    path, dbc = recording
+    with Bench(()) as bench:
+        ran = bench.run(f"decode {path} -d {dbc} --json")
+    assert ran.code == 0, ran.stderr
+    assert [one["signals"] for one in documents(ran.stdout)] == [
+        {"Z": 7}, {"Mux": 0, "Sub": 7, "Motorola": 0}, {"Mux": 5, "Motorola": 0}, {"Mux": 0}, {"Z": 9}
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("line", ["decode {} -d {}", "decode {} -d {} --csv", "decode {} -d {} -o x.csv",
+                                  "plot {} Mux -d {}", "plot {} Sub Z -d {}"])  # fmt: skip
+def test_each_reader_of_a_recording_reads_it_whole(
+    recording: tuple[Path, Path], line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Bench(()) as bench:
+        ran = bench.run(line.format(*recording))
+    assert ran.code == 0, ran.stderr
+
+
+@pytest.mark.parametrize("frame", RECORDED)
+def test_a_frame_is_explained_as_far_as_it_goes(recording: tuple[Path, Path], frame: str) -> None:
+    with Bench(("gen4",)) as bench:
+        ran = bench.run(f"explain {frame} -d {recording[1]} --json")
+    assert ran.code == 0, ran.stderr
