@@ -26,7 +26,11 @@ _Failures = tuple[type[Exception], ...]
 #: a line that every DBC file has: its version, its nodes, or a message
 _SECTION = re.compile(r"^[ \t]*(?:VERSION\b|NS_[ \t]*:|BS_[ \t]*:|BU_[ \t]*:|BO_\s)", re.MULTILINE)
 #: no DBC of a machine is larger
-_MOST_BYTES = 32 << 20
+_MOST_BYTES = 8 << 20
+#: the length of a message in bytes, and where a signal begins and how long it is in bits
+_SIZES = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+[ \t]+\w+[ \t]*:[ \t]*(\d+)|SG_[^:\n]*:[ \t]*(\d+)\|(\d+)@)", re.MULTILINE)
+#: what a message has at most (ISO 15765-2): cantools takes 200 bytes of memory for each byte of one
+_MOST_MESSAGE_BYTES = 4095
 _DESCRIBING = (".eds", ".dcf", ".xdd", ".xdc")
 _TAKES = "-d takes a DBC file or a network file (.yaml)"
 _INSTEAD = "a network file (-d net.yaml) or --eds FILE decodes without it"
@@ -43,6 +47,7 @@ def read_dbc(file: str) -> dict[Address, Layout]:
         raise InputFileError(
             f"{path.name} is no DBC file", why="it has no section of one", hint=_hint(path), place=file
         )
+    _refuse_sizes(text, path)
     cantools = extra("cantools", "dbc", f"reading {path.name}, a DBC file,", instead=_INSTEAD)
     try:
         database = cantools.database.load_string(text, "dbc")
@@ -53,6 +58,17 @@ def read_dbc(file: str) -> dict[Address, Layout]:
         (message.frame_id, message.is_extended_frame): _layout(message, path.name, failures)
         for message in database.messages
     }
+
+
+def _refuse_sizes(text: str, path: Path) -> None:
+    """InputFileError, with the line, if a message or a signal is larger than any that is sent."""
+    for found in _SIZES.finditer(text):
+        length, *bits = (0 if digits is None else int(digits[:20]) for digits in found.groups())
+        if length > _MOST_MESSAGE_BYTES or any(bit > 8 * _MOST_MESSAGE_BYTES for bit in bits):
+            line = text.count("\n", 0, found.start()) + 1
+            raise InputFileError(
+                f"{path.name}:{line}: no message has more than {_MOST_MESSAGE_BYTES} bytes", place=f"{path}:{line}"
+            )
 
 
 def _hint(path: Path) -> str:

@@ -42,16 +42,18 @@ def _syntax_error(error: ValueError, text: str, source: str) -> InputFileError:
     return InputFileError(f"no valid TOML: {said}", place=f"{source}:{where}")
 
 
-_HEADER = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]+\s*(?:#.*)?")
-_KEY = re.compile(r"""\s*("[^"]*"|'[^']*'|[A-Za-z0-9_.-]+)\s*=""")
-_PART = re.compile(r"""\s*("[^"]*"|'[^']*'|[A-Za-z0-9_-]+)\s*\.?""")
+#: none of these may grow worse than a line does: a family's file may come from anybody
+_HEADER = re.compile(r"\[+([^\[\]]+)\]+\s*(?:#.*)?")
+_KEY = re.compile(r"""("[^"]*"|'[^']*'|[A-Za-z0-9_.-]+)\s*=""")
+_PART = re.compile(r""""[^"]*"|'[^']*'|[A-Za-z0-9_-]+""")
 
 
 def _key_lines(text: str) -> dict[KeyPath, int]:
     """Path of every table and key -> its line."""
     lines: dict[KeyPath, int] = {}
     table: KeyPath = ()
-    for number, line in enumerate(text.split("\n"), 1):
+    for number, full_line in enumerate(text.split("\n"), 1):
+        line = full_line.strip()
         if header := _HEADER.fullmatch(line):
             table = _parts(header[1])
             lines.setdefault(table, number)

@@ -6,8 +6,10 @@ Every case is a process of its own under limits of the system; what it took is w
 from __future__ import annotations
 
 import os
+import struct
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +36,7 @@ class Case:
 
     name: str
     words: tuple[str, ...]
-    files: dict[str, Callable[[], str]]
+    files: dict[str, Callable[[], str | bytes]]
     codes: tuple[int, ...]
     silent: bool | None = None
 
@@ -62,6 +64,28 @@ def _journal(name: str, text: Callable[[], str]) -> Case:
 
 def _network(name: str, text: Callable[[], str]) -> Case:
     return Case(f"network: {name}", ("--sim", "gen4", "plan", "x.yaml"), {"x.yaml": text}, (4,))
+
+
+def _decoded(name: str, text: Callable[[], str | bytes], suffix: str = ".log", *codes: int) -> Case:
+    return Case(f"decode {suffix}: {name}", ("decode", f"x{suffix}"), {f"x{suffix}": text}, codes or (4,))
+
+
+def _dbc(name: str, text: Callable[[], str], *codes: int) -> Case:
+    words = ("explain", "001#0102", "-d", "x.dbc")
+    return Case(f"DBC: {name}", words, {"x.dbc": text}, codes or (4,))
+
+
+def _family(name: str, text: Callable[[], str]) -> Case:
+    files = {"q/simulated.toml": text, "q/x.eds": lambda: _EDS + "[1000]\nParameterName=n\nDataType=7\nAccessType=ro\n"}
+    return Case(f"simulated.toml: {name}", ("--sim", "./q", "read", "1000"), files, (0, 4))
+
+
+def _inflating(count: int) -> bytes:
+    """A BLF file with a container of *count* zeros, packed."""
+    packed = zlib.compress(bytes(count), 9)
+    head = struct.pack("<4sLBBBBBBBBQQLL8H8H72x", b"LOGG", 144, 2, 0, 0, 0, 2, 6, 8, 1, 144, count, 1, 1, *(0,) * 16)
+    place = struct.pack("<4sHHLL", b"LOBJ", 16, 1, 32 + len(packed), 10) + struct.pack("<H6xL4x", 2, count)
+    return head + place + packed
 
 
 def _shared(keys: int, nodes: int) -> str:
@@ -144,6 +168,20 @@ CASES = [
     _journal("a million changes", lambda: f'{{"schema": "{SCHEMA}", "node": 1, "changes": [{"0," * 1_000_000}0]}}'),
     _network("5,000 unknown keys for 127 nodes", lambda: _shared(5_000, 127) + "  n1: {}\n"),
     _network("a number of 5,000 digits", lambda: f"nodes: {{a: {{node_id: 0{'1' * 5_000}}}}}\n"),
+    _network("400 kB in one line", lambda: "nodes: [" + "{a: 1}, " * 50_000 + "]\n"),
+    _network("1 MB of brackets", lambda: "nodes: " + "[" * (_MB - 8)),
+    _network("1 MB of one word", lambda: "nodes: " + "x" * (_MB - 8)),
+    _network("1 MB of comments", lambda: "#\n" * 500_000),
+    _decoded("100 MB on one line", lambda: "x" * (100 * _MB)),
+    _decoded("100 MB on one line", lambda: "date x\n" + "x" * (100 * _MB), ".asc"),
+    _decoded("100 MB on one line", lambda: ";$FILEVERSION=2.1\n" + "x" * (100 * _MB), ".trc"),
+    _decoded("128 MB of zeros", lambda: _inflating(1 << 27), ".blf"),
+    _dbc("40,000 blank lines", lambda: "\n" * 40_000),
+    _dbc("40,000 blank lines behind its version", lambda: 'VERSION ""\n' + "\n" * 40_000 + "BU_: x\n", 0, 4),
+    _dbc("a frame of 30,000,000 bytes", lambda: "BO_ 1 a: 30000000 X\n SG_ s : 0|8@1+ (1,0) [0|0] \"\" X\n", 0, 4),
+    _dbc("1 MB of brackets", lambda: "BO_ 1 a: 8 X\n" + "(" * _MB),
+    _family("3,000 blanks behind a bracket", lambda: 'about = """\n[' + " " * 3_000 + '\n"""\n'),
+    _family("100,000 dots", lambda: "[" + "a." * 50_000 + "\n"),
     Case("20,000 times --bus-kwargs", ("-ivirtual", "-n1", *_FLOOD, "pdo"), {}, (5,)),
     Case("5,000 times --sim", (*["--sim=gen4"] * 5_000, "pdo"), {}, (2,)),
 ]  # fmt: skip
@@ -161,7 +199,9 @@ SLOW = {
 def run(case: Case, folder: Path) -> tuple[int, str, float, float]:
     """Run *case* under limits: its exit code, what it said on stderr, CPU seconds and MB that it took."""
     for name, text in case.files.items():
-        (folder / name).write_text(text())
+        (folder / name).parent.mkdir(exist_ok=True)
+        content = text()
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS, 2 * SECONDS))

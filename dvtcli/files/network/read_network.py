@@ -24,7 +24,7 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, overlaid, read_tr
 _MULTIPLIER = 3.0
 _MOST_NODES = 127
 #: a network file of 127 nodes with all that can be said of them is smaller
-MOST_BYTES = 4 << 20
+MOST_BYTES = 1 << 20
 _NODE_ID = OF[Where.NODE]["node_id"]
 Named = dict[str, tuple[Leaf, Branch]]
 

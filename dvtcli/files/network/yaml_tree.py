@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from dvtcli.files.network.file_log import FileLog
 
-#: a file for 127 nodes with all their PDOs has a tenth of this
-MOST_CHARACTERS = 4_000_000
+#: a file for 127 nodes with all their PDOs has less than half of this
+MOST_CHARACTERS = 1_000_000
 #: values in all, those counted that aliases repeat
 MOST_VALUES = 400_000
 _TAG = "tag:yaml.org,2002:"

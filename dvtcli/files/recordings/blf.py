@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Iterator
 from os import fstat
 from pathlib import Path
@@ -13,6 +15,45 @@ from can.io.blf import BLFParseError
 from dvtcli.files.recorded_lines import NoFrameError
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
+#: an object's header: signature, the header's size and version, the object's size and type
+_OBJECT = struct.Struct("<4sHHLL")
+_CONTAINER, _PLAIN, _PACKED = 10, 0, 2
+#: a container's own header: how it is packed, and the size of what is in it
+_HEAD = struct.Struct("<H6xL4x")
+#: writers begin a new container at 128 KiB; some bytes can hold a thousand times as many
+_MOST_BYTES = 16 << 20
+
+
+class Unpacked:
+    """A BLF file whose containers are unpacked here, with a limit, before python-can, which has none, reads them."""
+
+    def __init__(self, raw: BinaryIO) -> None:
+        self._raw = raw
+        self._is_container = False
+
+    def read(self, count: int) -> bytes:
+        """Read the next *count* bytes; a container's as if it had not been packed. NoFrameError if it is too large."""
+        data = self._raw.read(count)
+        if self._is_container:
+            self._is_container = False
+            return self._unpacked(data)
+        if count == _OBJECT.size and len(data) == count:
+            signature, _, _, _, kind = _OBJECT.unpack(data)
+            self._is_container = signature == b"LOBJ" and kind == _CONTAINER
+        return data
+
+    def _unpacked(self, container: bytes) -> bytes:
+        if len(container) < _HEAD.size or _HEAD.unpack_from(container)[0] != _PACKED:
+            return container
+        data = zlib.decompressobj().decompress(container[_HEAD.size :], _MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES:
+            raise NoFrameError(f"a container of more than {_MOST_BYTES >> 20} MiB; writers make them of 128 KiB")
+        return _HEAD.pack(_PLAIN, len(data)) + data
+
+    def close(self) -> None:
+        """Close the file."""
+        self._raw.close()
+
 
 class BlfFormat(RecordingFormat):
     """Vector's .blf, which keeps a block back until it is full or closed."""
@@ -21,7 +62,7 @@ class BlfFormat(RecordingFormat):
     title = "Vector binary"
     appends = True
     rotates = True
-    broken = (*RecordingFormat.broken, BLFParseError)
+    broken = (*RecordingFormat.broken, BLFParseError, zlib.error)
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
         """The file itself, whose size is asked for."""
@@ -29,7 +70,7 @@ class BlfFormat(RecordingFormat):
 
     def reader(self, source: Any) -> Iterator[can.Message]:
         """The frames; NoFrameError behind the last one where the file is shorter than it says itself."""
-        blocks, size = can.BLFReader(source), fstat(source.fileno()).st_size
+        blocks, size = can.BLFReader(Unpacked(source)), fstat(source.fileno()).st_size  # type: ignore[arg-type]
         yield from blocks
         if size < blocks.file_size:
             raise NoFrameError(f"it was cut short: of {blocks.file_size} bytes it has {size}")
