@@ -24,6 +24,9 @@ def main(argv: list[str] | None = None) -> int:
     def run() -> Any:
         given: dict[str, Any] = {"obj": session}
         if COMPLETING in os.environ:  # a shell asks: click answers, and ends the program
+            from dvtcli.cli.shell_completion import make_shells_safe
+
+            make_shells_safe()
             return REGISTRY.main(words, prog_name="dvtcli", standalone_mode=False, **given)
         # not by click's own `main`: that writes to a stderr that may be gone when it hears a Ctrl-C, and takes any
         # broken pipe, a driver's too, for the program's end

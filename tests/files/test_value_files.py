@@ -17,6 +17,7 @@ from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.unit import parse_scale
 from dvtcli.errors import InputFileError
+from dvtcli.files.values.csv_values import csv_text
 from dvtcli.files.values.value_file import FORMS, read_values, write_file
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded_tracks import find_tracks
@@ -108,3 +109,15 @@ def test_a_signal_is_found_by_its_object_and_its_name(tmp_path: Path) -> None:
     columns = dict(enumerate(read_values(path).columns))
     for word, number in (("606C", 0), ("3:5100:01", 1), ("5100:1", 1), ("3:606C:00 [rpm]", 0)):
         assert list(find_tracks([word], columns)) == [number]
+
+
+@given(st.text(max_size=8), st.sampled_from(["=", "+", "-", "@", "\t", "\r"]))
+def test_a_text_of_a_device_is_no_formula(text: str, first: str) -> None:
+    """A spreadsheet runs what begins so: `=HYPERLINK(…)` as a device's name."""
+    assert csv_text(first + text) == f"'{first}{text}"
+    assert csv_text(f"x{text}") == f"x{text}"
+
+
+@given(st.one_of(st.integers(), st.floats(allow_nan=False)))
+def test_a_number_stays_a_number(number: float) -> None:
+    assert float(csv_text(number)) == float(number)

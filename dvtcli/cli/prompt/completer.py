@@ -19,7 +19,7 @@ from dvtcli.cli.global_options import PREFIX, global_options
 from dvtcli.cli.prompt.line import cut
 from dvtcli.cli.prompt.typed import Typed, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
-from dvtcli.domain.safe_text import safe
+from dvtcli.cli.shell_completion import safe_items
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.user.options import START_ONLY
 
@@ -47,13 +47,13 @@ class LineCompleter(Completer):
         line, destination = self._taken_apart(before)
         if line is None or destination == "|":
             return
-        items = self._items(line) if destination is None else [CompletionItem(line.incomplete, type="file")]
+        items = safe_items(self._items(line)) if destination is None else [CompletionItem(line.incomplete, type="file")]
         if any(item.type in ("file", "dir") for item in items):
             yield from self._paths.get_completions(Document(line.incomplete), complete_event)
             return
         start = line.start - len(before)
-        for item, meta in zip(items, _aligned([safe(item.help or "") for item in items]), strict=True):
-            yield Completion(quoted(item.value), start, display=safe(item.value), display_meta=meta)
+        for item, meta in zip(items, _aligned([item.help or "" for item in items]), strict=True):
+            yield Completion(quoted(item.value), start, display=item.value, display_meta=meta)
 
     def _taken_apart(self, before: str) -> tuple[Typed | None, str | None]:
         """The words of the line, an alias for what it stands for; or the file behind `>` and its sign."""

@@ -29,13 +29,13 @@ class CsvWriter:
         self._file = file
         self._rows = rows
         self._csv = csv.writer(file, lineterminator="\n")
-        self._csv.writerow([TIME, FRAME, *(column.header for column in rows.columns)])
+        self._csv.writerow([TIME, FRAME, *(no_formula(column.header) for column in rows.columns)])
 
     def write(self, frame: Frame) -> None:
         """Write one frame."""
         cells = self._rows.row(frame)
         if cells is not None:
-            self._csv.writerow([utc(frame.timestamp_s), self._rows.title(frame), *map(csv_text, cells)])
+            self._csv.writerow([utc(frame.timestamp_s), no_formula(self._rows.title(frame)), *map(csv_text, cells)])
 
     def flush(self) -> None:
         """Hand what was written to the system."""
@@ -52,7 +52,14 @@ def csv_text(value: Value | None) -> str:
         return ""
     if isinstance(value, bytes):
         return value.hex(" ").upper()
+    if isinstance(value, str):
+        return no_formula(value)
     return repr(value) if isinstance(value, float) else str(value)
+
+
+def no_formula(text: str) -> str:
+    """*text* as a cell that no spreadsheet takes for a formula: a device's name may be `=HYPERLINK(…)`."""
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
 def read_csv(path: Path) -> ValuesRead:

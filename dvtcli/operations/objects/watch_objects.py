@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
+from dvtcli.files.values.csv_values import csv_text
 from dvtcli.operations.meanings.named_objects import means_whole, object_at, one_name
 from dvtcli.operations.meanings.object_values import value_result
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.objects.read_record import read_whole
-from dvtcli.operations.results.documents import hex_bytes
 from dvtcli.operations.results.watched_values import ObjectCourse, ValuesRead, ValuesWatched
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
 
@@ -109,7 +109,7 @@ def _cell(read: ValueRead) -> object:
     """The number in its unit; bytes as hex."""
     if read.physical is not None:
         return read.physical
-    return hex_bytes(read.value) if isinstance(read.value, bytes) else read.value
+    return csv_text(read.value)
 
 
 def _head(place: _Place, data_type: DataType | None) -> str:

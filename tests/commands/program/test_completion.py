@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -123,3 +124,19 @@ def test_zsh_takes_the_script(program: Path) -> None:
         ["zsh", "-f", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
     )
     assert done.stdout.strip() == "_dvtcli_completion"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
+@pytest.mark.parametrize("words", ["read ", "map tpdo1 ", "read na", "objects "])
+def test_names_of_strangers_files_steer_no_shell(shell: str, words: str) -> None:
+    """A shell prints what it is given: a name in an EDS could set its title, or draw a link."""
+    typed = f"dvtcli --sim tests/commands/hostile.eds {words}"
+    asked = {
+        "COMP_WORDS": typed, "COMP_CWORD": "4" if words.startswith("read ") else str(len(typed.split(" ")) - 1),
+        "_DVTCLI_COMPLETE": f"{shell}_complete",
+    }  # fmt: skip
+    done = run([], cwd=ROOT, env=environment() | asked)
+    if shell == "powershell" and not done.stdout:
+        pytest.skip("this click knows no PowerShell")
+    assert done.stderr == ""
+    assert [char for char in done.stdout if unicodedata.category(char) in ("Cc", "Cf") and char not in "\n\t"] == []

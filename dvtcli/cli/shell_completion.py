@@ -1,0 +1,34 @@
+"""What Tab offers, made safe: names come from strangers' files, and a shell prints what it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from click.shell_completion import CompletionItem, ShellComplete, add_completion_class, get_completion_class
+
+from dvtcli.domain.safe_text import safe
+
+_SHELLS = ("bash", "zsh", "fish", "powershell")
+
+
+def safe_items(items: Iterable[CompletionItem]) -> list[CompletionItem]:
+    """*items* with safe help texts, without those that would type a character that steers a terminal."""
+    return [
+        CompletionItem(item.value, item.type, None if item.help is None else safe(item.help))
+        for item in items
+        if safe(item.value) == item.value
+    ]
+
+
+class _SafeComplete(ShellComplete):
+    def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:
+        """Offer what click offers, made safe."""
+        return safe_items(super().get_completions(args, incomplete))
+
+
+def make_shells_safe() -> None:
+    """Let click answer every shell that asks with safe items only."""
+    for name in _SHELLS:
+        usual = get_completion_class(name)
+        if usual is not None:  # PowerShell came with click 8.5
+            add_completion_class(type(usual.__name__, (_SafeComplete, usual), {}), name)
