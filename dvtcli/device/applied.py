@@ -13,12 +13,14 @@ from dvtcli.errors import RuleError
 class Applied:
     """A plan that the device took, with what the rules said beforehand.
 
+    *unreadable* are the objects of it that cannot be read back: they were acknowledged, and nothing more is known.
     *not_put_back* says of each PDO that was to be what it was before, and that the device did not take, what it is now.
     """
 
     plan: Plan
     findings: tuple[Finding, ...] = ()
     not_put_back: tuple[Finding, ...] = ()
+    unreadable: tuple[str, ...] = ()
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool, can_force: bool = True) -> None:

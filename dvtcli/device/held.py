@@ -12,6 +12,7 @@ from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.wish import Place
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.rules.raw_write import why_unreadable
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SdoAborted
 
@@ -50,6 +51,8 @@ class Held:
         if commands:
             names = several(f"0x{index:04X}:{sub:02X}" for index, sub in commands)
             notes += (f"not compared: {names}, since a command or a target is no setting",)
+        blind = [f"0x{index:04X}:{sub:02X} {why_unreadable(index)}" for index, sub in node.unreadable_values]
+        notes += (f"not compared: {several(blind)}",) if blind else ()
         return cls(node.pdos(), values, notes, unread)
 
     def of_group(self, sub_index: int) -> dict[Place, bytes]:

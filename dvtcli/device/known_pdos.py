@@ -33,6 +33,8 @@ class KnownPdos(Reached):
     said: dict[Pdo, frozenset[str]] = field(default_factory=dict)
     #: the same of single objects that are no part of a PDO and can be read back
     wanted_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    #: what this session wrote to single objects that cannot be read back
+    unreadable_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: whether it was asked for 0x1020, and has none
     has_no_stamp: bool = False
     #: what it came up with, for `store --if-changed`

@@ -97,6 +97,7 @@ class Node(Applier):
         """Be the same device as *before*, met anew: what this session did to it counts, nothing that was read of it."""
         self.history, self.unkept, self.said = before.history, before.unkept, before.said
         self.wanted, self.wanted_values = before.wanted, before.wanted_values
+        self.unreadable_values = before.unreadable_values
         self.in_vain = before.in_vain
         self.pending, self.expected = before.pending, before.expected
 

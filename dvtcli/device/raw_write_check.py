@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
-from dvtcli.device.store_parameters import RESTORE, STORE
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
@@ -88,15 +88,17 @@ def _entries(node: KnownPdos, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ..
 
 
 def held_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
-    """What an object holds, so that it can be put back; None where it is write-only.
+    """What an object holds, so that it can be compared and put back; None where it cannot be read back.
 
-    0x1010 and 0x1011 read what they can do, which is not what was written to them (CiA 301, 7.5.2.13, 7.5.2.14).
+    That is a write-only object, by its file or by the device's answer, and an object that a standard lets answer with
+    a state.
     """
-    if index in (STORE, RESTORE):
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    if answers_with_state(index) or (entry is not None and not entry.access.readable):
         return None
     try:
         return node.known_value(index, sub_index)
     except SdoAborted as aborted:
-        if aborted.code == Abort.WRITE_ONLY:
+        if aborted.code in (Abort.WRITE_ONLY, Abort.UNSUPPORTED_ACCESS):
             return None
         raise

@@ -35,6 +35,8 @@ class Wish:
     unwritten: tuple[Difference, ...] = ()
     #: objects that it holds as wished and nobody would write
     also_equal: tuple[str, ...] = ()
+    #: objects that were, or would be, written and cannot be read back, each as `2050:00`
+    unreadable: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.pdos or self.values or self.unwritten or self.also_equal)
@@ -74,7 +76,12 @@ def _pdo_of(label: str) -> Pdo | None:
 
 def session_wish(node: KnownPdos) -> Wish:
     """What this session set on *node*, last word for each PDO and object."""
-    return Wish(dict(node.wanted), dict(node.wanted_values))
+    return Wish(dict(node.wanted), dict(node.wanted_values), unreadable=unreadable_of(node))
+
+
+def unreadable_of(node: KnownPdos) -> tuple[str, ...]:
+    """The objects that this session wrote to *node* and that cannot be read back, each as `2050:00`."""
+    return tuple(f"{index:04X}:{sub_index:02X}" for index, sub_index in node.unreadable_values)
 
 
 def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:

@@ -15,6 +15,12 @@ _OF_DRIVES = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 
 #: Outputs of an I/O module (CiA 401-1, 7.2: digital 0x6200, 0x6220, 0x6300, 0x6320, analogue 0x6400…0x6411)
 _OF_OUTPUTS = frozenset({0x6200, 0x6220, 0x6300, 0x6320, 0x6400, 0x6410, 0x6411})
 _MAKERS = range(0x2000, 0x6000)
+#: Objects that answer a read with what they can do, or with a state: store and restore, high resolution time stamp, OS
+#: command, mode, debugger and prompt (CiA 301, 7.5.2.13, 7.5.2.14, 7.5.2.16, 7.5.2.26 to 7.5.2.29), configuration
+#: request, request NMT and request node guarding (CiA 302-2), program data and program control (CiA 302-3)
+_ANSWERS_STATE = frozenset(
+    {0x1010, 0x1011, 0x1013, 0x1023, 0x1024, 0x1025, 0x1026, 0x1F25, 0x1F50, 0x1F51, 0x1F82, 0x1F83}
+)
 
 
 def is_command(index: int, entry: OdEntry | None) -> bool:
@@ -38,6 +44,20 @@ def is_standard_command(index: int, entry: OdEntry | None) -> bool:
 def is_controlword(index: int) -> bool:
     """Whether the object at *index* is the controlword of an axis (CiA 402-2, 8.4.1)."""
     return 0x6000 <= index <= _LAST and (index - 0x6000) % _AXIS == 0x40
+
+
+def answers_with_state(index: int) -> bool:
+    """Whether a standard says that the object at *index* reads back something else than was written to it."""
+    return index in _ANSWERS_STATE
+
+
+def is_control_word(index: int, entry: OdEntry | None, names: str) -> bool:
+    """Whether the object at *index*, which a file calls *names*, is a control word: its maker may add a busy bit."""
+    if not is_controlword(index) and (index not in _MAKERS or entry is None):
+        return False
+    from dvtcli.domain.named_process_data import is_named_as_control_word
+
+    return is_controlword(index) or is_named_as_control_word(names)
 
 
 def commanded_by_other(heard: int, hears: OdEntry | None, sent: int, sends: OdEntry | None) -> bool:

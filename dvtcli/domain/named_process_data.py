@@ -22,6 +22,9 @@ _PROCESS = re.compile(
     r"|(?<![a-z])(switch|inputs?|outputs?|ref|reference|throttle|brake|relays?|pwm|valves?|lamps?|leds?|horn|duty(_(cycle|ratio))?)"
     r"(_?(left|right|inner|outer|front|rear|upper|lower|\d+))*$"
 )
+_CONTROL_WORD = re.compile(
+    r"(?<![a-z])((control|ctrl|command|cmd)_?(word|byte|bits?|register)|(steuer|kommando)_?wort)(?![a-z])"
+)
 #: words of a setting, and of nothing that acts at once
 _SURE = (
     r"gains?|k[pid]|kff[av]|limits?|limitation|max(imum)?|min(imum)?|rated|nominal|windows?|thresholds?|time_?out"
@@ -55,6 +58,12 @@ def is_named_as_process_data(name: str) -> bool:
     """
     words = _words(name)
     return bool(_PROCESS.search(words)) and not _SETTING.search(words)
+
+
+def is_named_as_control_word(name: str) -> bool:
+    """Whether *name* is that of a word of commands, as `Pump control word`."""
+    words = _words(name)
+    return bool(_CONTROL_WORD.search(words)) and not _SETTING.search(words)
 
 
 def is_named_as_setting(name: str, whole: str) -> bool:

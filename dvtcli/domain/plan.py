@@ -92,6 +92,11 @@ class ValueChange:
         return self.step.object
 
     @property
+    def is_readable(self) -> bool:
+        """Whether what was written can be read back: a write-only object has no value before that anybody knows."""
+        return self.step.before is not None
+
+    @property
     def is_dependent(self) -> bool:
         """Whether it has to be written in an order with others (`value_order`)."""
         from dvtcli.domain.value_order import is_dependent
@@ -165,6 +170,11 @@ class Plan:
 
     def __len__(self) -> int:
         return sum(1 for _ in self.course())
+
+    @property
+    def unreadable(self) -> tuple[ValueChange, ...]:
+        """The changes of objects that cannot be read back."""
+        return tuple(change for change in self.changes if isinstance(change, ValueChange) and not change.is_readable)
 
     def reversed(self) -> Plan:
         """The plan that undoes this one."""

@@ -139,9 +139,10 @@ def test_only_what_can_be_read_again_is_compared_later(node: Node) -> None:
     node.sdo.download(0x1A00, 0, b"\0")
     old = node.upload(0x1A00, 5)
     node.apply(Plan(NODE, (ValueChange(Step(0x1A00, 5, old, (0x6041_0010).to_bytes(4, "little"), "an entry")),)))
-    write_only = Step(0x1017, 0, None, b"\2\0", "write-only, as it was said")
+    write_only = Step(0x1006, 0, None, b"\2\0\0\0", "write-only, as it was said")
     node.apply(Plan(NODE, (ValueChange(write_only),)))
     assert node.wanted_values == {HEARTBEAT: b"\1\0"}
+    assert node.unreadable_values == {(0x1006, 0): b"\2\0\0\0"}
 
 
 def test_what_was_found_is_there_again_once_all_is_undone_but_for_what_nobody_can_read(node: Node) -> None:

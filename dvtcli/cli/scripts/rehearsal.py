@@ -15,7 +15,7 @@ from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import final
 from dvtcli.cli.scripts.script_lines import MOST_BYTES, ScriptLine, script_lines
 from dvtcli.cli.scripts.script_parse import MOST_NESTED, script_of
-from dvtcli.device.wish import Wish
+from dvtcli.device.wish import Wish, unreadable_of
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError
 from dvtcli.files.input_file import read_input_head
 
@@ -36,12 +36,14 @@ def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> d
     stage.scripts.append(file)
     stage.selected = stage.selected if node_id is None else node_id
     _play(stage, [file])
-    return {node_id: wish for node_id, node in sorted(stage.network.nodes.items()) if (wish := _wish(node))}
+    wishes = {node_id: _wish(node) for node_id, node in sorted(stage.network.nodes.items())}
+    return {node_id: wish for node_id, wish in wishes.items() if wish or wish.unreadable}
 
 
 def _wish(twin: Node) -> Wish:
     """What was set on *twin*, PDOs as they are at the script's end whichever line set which part."""
-    return Wish({pdo: twin.pdo(pdo) for pdo in twin.wanted}, dict(twin.wanted_values), dict(twin.said))
+    pdos = {pdo: twin.pdo(pdo) for pdo in twin.wanted}
+    return Wish(pdos, dict(twin.wanted_values), dict(twin.said), unreadable=unreadable_of(twin))
 
 
 def _play(stage: Conversation, sources: Sequence[str]) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dvtcli.domain.plan import Change, PdoChange, Step
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.errors import DvtcliError, SdoAborted
 
@@ -17,11 +17,20 @@ class Acknowledged:
     """The last value of each object that the device took, where it can be read."""
 
     _values: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    #: objects that cannot be read back
+    _unreadable: set[tuple[int, int]] = field(default_factory=set)
 
     def took(self, step: Step, change: Change) -> None:
         """The device acknowledged *step* of *change*."""
-        if isinstance(change, PdoChange) or step.before is not None:  # what is write-only tells nothing
-            self._values[step.index, step.sub_index] = step.after
+        place = step.index, step.sub_index
+        if isinstance(change, PdoChange) or change.is_readable:
+            self._values[place] = step.after
+        else:
+            self._unreadable.add(place)
+
+    def was_taken(self, change: ValueChange) -> bool:
+        """Whether the device acknowledged *change*, whose object cannot be read back."""
+        return (change.step.index, change.step.sub_index) in self._unreadable
 
     def still_held(self, sdo: SdoTransport) -> bool:
         """Whether all of it is read back; not where there is nothing, or the device does not answer."""

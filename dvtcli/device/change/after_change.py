@@ -52,12 +52,20 @@ def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_j
         raise left from torn
     except DvtcliError as failed:  # it may have restarted since it was read back
         failed.state = "unknown"
-        failed.state_text = f"unknown: {labels_of(plan)} was set and read back equal before that; look at the node"
+        failed.state_text = f"unknown: {set_words(plan)} before that; look at the node"
         if not keep_journal:
             _close(node, failed)
         raise
     if not keep_journal:
         _close(node)
+
+
+def set_words(plan: Plan) -> str:
+    """What became of *plan*, which was carried out: what was read back equal, and what could not be read back."""
+    blind = [change.label for change in plan.unreadable]
+    read = [change.label for change in plan.changes if change.label not in blind]
+    said = [f"{several(read)} was set and read back equal"] if read else []
+    return ", ".join([*said, *([f"{several(blind)} was written, which cannot be read back"] if blind else [])])
 
 
 def labels_of(plan: Plan) -> str:

@@ -16,7 +16,7 @@ from dvtcli.errors import BusUnavailable
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.observe import Found
-    from dvtcli.domain.plan import Change, Plan, Step
+    from dvtcli.domain.plan import Change, Plan, ValueChange
     from dvtcli.domain.rules import Finding
 
 
@@ -54,6 +54,7 @@ class Applier(Changeable):
         from dvtcli.device.second_try import carry_out_as_taken
         from dvtcli.domain.several import several
 
+        self.answered_otherwise = {}
         if len(plan):
             plan, warnings = with_way_back(self, plan if is_part else self._with_stamp_ended(plan))
             locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
@@ -62,6 +63,7 @@ class Applier(Changeable):
             plan, findings = carry_out_as_taken(
                 self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept)
             )
+            findings += self._unreadable_findings(plan)
         else:
             if found is not None and self.bus.upsets(self.node_id) != found.upsets:
                 from dvtcli.device.change.carry_out import look_again
@@ -69,7 +71,25 @@ class Applier(Changeable):
                 look_again(self, plan, found)
             self.in_vain += kept and not is_part
             self._remember(plan.changes)
-        return Applied(plan, findings)
+        unreadable = tuple(finding.place.removeprefix("0x") for finding in self._unreadable_findings(plan))
+        return Applied(plan, findings, unreadable=unreadable)
+
+    def _unreadable_findings(self, plan: Plan) -> tuple[Finding, ...]:
+        """A warning for each object that *plan* wrote and that does not read back what was written."""
+        if not (plan.unreadable or self.answered_otherwise):
+            return ()
+        from dvtcli.domain.plan import ValueChange
+        from dvtcli.domain.rules.raw_write import unreadable_finding
+
+        blind = [(change.step.index, change.step.sub_index) for change in plan.unreadable]
+        return (
+            *(unreadable_finding(*place) for place in blind),
+            *(
+                unreadable_finding(change.step.index, change.step.sub_index, self.answered_otherwise[change.label])
+                for change in plan.changes
+                if isinstance(change, ValueChange) and change.label in self.answered_otherwise
+            ),
+        )
 
     def _with_stamp_ended(self, plan: Plan) -> Plan:
         """*plan*, ahead of which a stamp of ours goes that vouches for what it changes."""
@@ -86,11 +106,11 @@ class Applier(Changeable):
 
         Those took what was set before it, and nothing of the plan.
         """
+        from dvtcli.device.change.after_change import set_words
         from dvtcli.domain.plan import alters
-        from dvtcli.domain.several import several
 
         self._heard(boot_ups)
-        self.gate.done.append(f"{several(change.label for change in plan.changes)} was set and read back equal")
+        self.gate.done.append(set_words(plan))
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if kept and not saves and any(map(alters, plan.changes)):
             self.keep(plan)
@@ -118,11 +138,12 @@ class Applier(Changeable):
         from dvtcli.domain.plan import PdoChange, alters
 
         for change in changes:
-            self.expected.changed(change)
+            if change.label not in self.answered_otherwise:
+                self.expected.changed(change)
             if isinstance(change, PdoChange):
                 self.wanted[change.pdo] = self._shown[change.pdo] = change.after
-            elif self._is_kept(change.step):
-                self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
+            elif Pdo.at(change.step.index) is None:
+                self._remember_value(change)
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):
                 from dvtcli.device.storing import is_stored
 
@@ -130,9 +151,16 @@ class Applier(Changeable):
             elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
                 self.pending.changed(change.label, change.steps[0].index)
 
-    def _is_kept(self, step: Step) -> bool:
-        """Whether what a single write left can be compared: not write-only, no way to save, no part of a PDO."""
-        return step.before is not None and Pdo.at(step.index) is None and not self.saves((step.index, step.sub_index))
+    def _remember_value(self, change: ValueChange) -> None:
+        """Keep what a single write left, so that `verify` compares it, or names it where it cannot be read back."""
+        place = change.step.index, change.step.sub_index
+        if self.saves(place):
+            return
+        kept, other = self.wanted_values, self.unreadable_values
+        if not change.is_readable or change.label in self.answered_otherwise:
+            kept, other = other, kept
+        kept[place] = change.step.after
+        other.pop(place, None)
 
     def was_reset(self, *, communication: bool) -> tuple[str, ...]:
         """A reset that was asked for has happened (*communication*: of the communication objects only).

@@ -23,6 +23,7 @@ from dvtcli.device.change.other_pdos import OtherPdos, cob_ids_beside, is_of_pdo
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.transaction import Transaction
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, Plan, Step
 from dvtcli.errors import DvtcliError, LeftChanged, Restarted
 
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.observe import Found
     from dvtcli.domain.rules import Finding
+
+#: below it there is no control word
+_FIRST_OF_MAKER = 0x2000
 
 
 def carry_out(
@@ -153,9 +157,26 @@ def run(node: Changeable, plan: Plan, others: OtherPdos) -> int:
         others=others,
         on_altered=note,
         on_step=took,
+        control_words=_control_words(node, plan),
     )
     try:
         transaction.run()
     finally:
         node.forget()
+    node.answered_otherwise = dict(transaction.answered_otherwise)
     return transaction.boot_ups_verified
+
+
+def _control_words(node: Changeable, plan: Plan) -> frozenset[tuple[int, int]]:
+    """The control word that *plan* alone writes, unless a virtual PDO of the device writes it."""
+    step = plan.changes[0].steps[0] if len(plan) == 1 else None
+    if step is None or Pdo.at(step.index) is not None or step.index < _FIRST_OF_MAKER:
+        return frozenset()
+    from dvtcli.domain.command_object import is_control_word
+    from dvtcli.domain.profile import within
+
+    dictionary, place = node.dictionary, (step.index, step.sub_index)
+    entry = None if dictionary is None else dictionary.entry(*place)
+    names = "" if dictionary is None or entry is None else f"{entry.name} {dictionary.display_name(*place)}"
+    is_driven = any(within(step.index, group.drives) for group in node.profile.vpdo.values())
+    return frozenset({place}) if is_control_word(step.index, entry, names) and not is_driven else frozenset()

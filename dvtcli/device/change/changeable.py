@@ -33,6 +33,8 @@ class Changeable(KnownPdos):
     only_one: Callable[[], bool] = lambda: False
     #: what this session knows that the node's RAM must hold before it is stored: changed here, or seen beside a change
     expected: Expected = field(default_factory=Expected)
+    #: control words of the last change that read back neither what was written nor what they held before, as `6040:00`
+    answered_otherwise: dict[str, bytes] = field(default_factory=dict)
     #: told of every step of a change that the node took
     on_step: Callable[[Progress], None] = lambda _progress: None
     #: the identity (0x1018) of what is about to store

@@ -5,9 +5,9 @@ Knows plans and errors. Neither reads nor writes devices, and does not know what
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-from dvtcli.domain.plan import Plan, Step
+from dvtcli.domain.plan import Change, Plan, Step
 from dvtcli.domain.several import few_bytes, several
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
 
@@ -59,6 +59,29 @@ def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> Lef
         hint=f"{first}look at it with `pdo --all`; a power cycle brings the stored settings back",
         state="left_changed",
     )
+
+
+def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change]) -> str:
+    """The state after a refusal of *blind*, which cannot be read back, once the rest of *begun* was put back."""
+    read = [change.label for change in begun if change not in blind]
+    names = several(change.label for change in blind)
+    back = f"{several(read)} is as it was, read back equal; " if read else ""
+    return f"rolled back: {back}{names} was refused, and what it holds cannot be read; nothing was stored"
+
+
+def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -> LeftChanged:
+    """After *fault* all of *plan* is put back but *taken*: these were acknowledged, and nobody knows what they held."""
+    names = several(change.label for change in taken)
+    left = LeftChanged(
+        f"{names} of node {plan.node_id} could not be put back",
+        node=plan.node_id,
+        why=f"{fault}{_reason(fault)}; {names} was acknowledged before that, and what it held cannot be read",
+        hint="set it by hand: its value before is not known",
+        state="left_changed",
+    )
+    left.state_text = f"LEFT CHANGED: {names} was written; all else of this change is as it was, read back equal"
+    left.details = list(fault.details) if isinstance(fault, DvtcliError) else []
+    return left
 
 
 def not_taken_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -> LeftChanged:

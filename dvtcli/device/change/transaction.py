@@ -5,13 +5,20 @@ The only place that writes a plan to a device. Does not decide what is legal and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.acknowledged import Acknowledged
-from dvtcli.device.change.failed_change import TRY_AGAIN, left_changed, refused, step_text
+from dvtcli.device.change.failed_change import (
+    TRY_AGAIN,
+    left_changed,
+    refused,
+    refused_unreadable,
+    step_text,
+    unreadable_left,
+)
 from dvtcli.device.change.other_pdos import OtherPdos, altered_too
 from dvtcli.device.change.put_back import (
     Clock,
@@ -40,7 +47,8 @@ class Transaction:
     *cancellation* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
     *on_step* is told of every step that the device took; *before_retry* makes the device writable again when a
     roll-back has to be tried anew, since the fault may have been a reboot; *clock* is the bus's. *witness* tells of
-    restarts: what was read in two lives of the device proves nothing. *others* are the PDOs that the plan leaves
+    restarts: what was read in two lives of the device proves nothing. *control_words* may read back something else than
+    was written or was there before: the device took the command. *others* are the PDOs that the plan leaves
     alone: a device that alters the COB-ID of one did not do what was planned; *on_altered* is told what has to be put
     back besides the plan, before that is done.
     """
@@ -53,6 +61,7 @@ class Transaction:
     before_retry: Callable[[], None] = lambda: None
     clock: Clock = field(kw_only=True)
     witness: Witness = field(default_factory=Undisturbed)
+    control_words: Collection[tuple[int, int]] = ()
     others: OtherPdos = field(default_factory=OtherPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
     _started: list[Change] = field(default_factory=list)
@@ -60,6 +69,8 @@ class Transaction:
     #: PDOs beside the plan that are not as they were, and were left so, in words
     _left: dict[Pdo, str] = field(default_factory=dict)
     _touched: bool = False
+    #: control words that the device changed to something else than was written, with what they read back
+    answered_otherwise: dict[str, bytes] = field(default_factory=dict, init=False)
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
     _boot_ups: int = 0
@@ -128,9 +139,14 @@ class Transaction:
     def _verify(self) -> None:
         """Read back what the plan set; what differs is a refusal that came without an abort."""
         self.boot_ups_verified = self.witness.boot_ups()
+        self.answered_otherwise.clear()
         for change in self.plan.changes:
             if isinstance(change, ValueChange):
                 if otherwise := held_otherwise(self.sdo, change):
+                    place = change.step.index, change.step.sub_index
+                    if place in self.control_words and otherwise[0] != change.step.before and not self._restarted():
+                        self.answered_otherwise[change.label] = otherwise[0]
+                        continue
                     raise self._differs(change, bytes_differ(change, *otherwise), otherwise)
             elif difference := self._difference(change):
                 raise self._differs(change, difference)
@@ -183,9 +199,7 @@ class Transaction:
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
             raise left_changed(self.plan, fault, second) from fault
         if isinstance(fault, DvtcliError):
-            unreadable = any(isinstance(one, ValueChange) and one.step.before is None for one in self._started)
-            refusal = isinstance(fault, DeviceRefused)
-            fault.state = "unknown" if unreadable and not refusal else "rolled_back"
+            self._say_unreadable(fault)
             fault.details += [("put back", finding.text) for finding in put_back_findings(otherwise)]
             if otherwise and fault.state == "rolled_back":
                 fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
@@ -199,6 +213,16 @@ class Transaction:
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
                 fault.hint = fault.hint or "two nodes with one node-ID, or another SDO client? -vv shows the frames"
+
+    def _say_unreadable(self, fault: DvtcliError) -> None:
+        """All that can be read is as it was; LeftChanged where the device took what nobody can read or put back."""
+        unreadable = Plan(self.plan.node_id, tuple(self._started)).unreadable
+        if taken := [change for change in unreadable if self._acknowledged.was_taken(change)]:
+            raise unreadable_left(self.plan, taken, fault) from fault
+        refusal = isinstance(fault, DeviceRefused)
+        fault.state = "unknown" if unreadable and not refusal else "rolled_back"
+        if unreadable and refusal:
+            fault.state_text = refused_unreadable(self._started, unreadable)
 
     def _say_lost(self, fault: DvtcliError) -> None:
         """What is as it was is the plan's alone: nobody put back what else a restart took."""

@@ -13,7 +13,7 @@ from dvtcli.device.wish import Wish, unlike
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
-from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.rules.raw_write import why_unreadable
 from dvtcli.domain.several import several
 from dvtcli.domain.stamp import DATE, TIME, is_own_date
 from dvtcli.domain.value_order import altering
@@ -22,8 +22,6 @@ from dvtcli.errors import SafetyRefusal, UsageError
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.known_pdos import KnownPdos
-
-RULES = (Rule("write-only", WARNING, "what a write-only object held is not known, so it is not put back", "ours"),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +65,7 @@ def way_back(node: Changeable, asked: TakeBack) -> WayBack:
     undone = chain[-count:]
     plan = node.observed(lambda: plan_back(node, undone, rolls_back=asked.rolls_back))
     unknown = unknown_before(undone)
-    if unknown and not plan.changes and not asked.force:
+    if unknown and not plan.changes and not (asked.force or asked.rolls_back):
         raise UsageError(unknown[0].text, node=node.node_id, hint="undo --force leaves it so and forgets that change")
     return WayBack(plan, tuple(undone), unknown)
 
@@ -186,7 +184,11 @@ def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
     """A warning for each write-only object of *plans*: what it held is not known, so it stays as it is."""
     steps = (change.step for plan in plans for change in plan.changes if isinstance(change, ValueChange))
     return tuple(
-        warning("write-only", f"0x{step.object}", f"0x{step.object} is write-only: what it held is not known, it stays")
+        warning(
+            "write-only",
+            f"0x{step.object}",
+            f"0x{step.object} {why_unreadable(step.index)}: what it held is not known, it stays",
+        )
         for step in steps
         if step.before is None
     )

@@ -7,15 +7,17 @@ from dataclasses import dataclass, replace
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
-from dvtcli.domain.rules.finding import Finding, Proposal, error
+from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
 from dvtcli.domain.rules.mappable import mapping_findings
 from dvtcli.domain.rules.mapped_object import decimal_hint
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+from dvtcli.domain.several import value_text
 
 _FROZEN_WHILE_VALID = "CiA 301, 7.5.2.35 to 7.5.2.38"
 RULES = (
@@ -31,6 +33,9 @@ RULES = (
          _FROZEN_WHILE_VALID, (Abort.VALUE_RANGE,)),
     Rule("mapping-while-valid", ERROR, "`write` to a mapping while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
+    Rule("write-only", WARNING,
+         "what is written cannot be read back: nothing shows that the device took it, and `undo` does not put it back",
+         "the EDS, AccessType (CiA 306); CiA 301, 7.5.2.13 and 7.5.2.14; CiA 302-2, CiA 302-3"),
     Rule("entry-while-counted", ERROR, "`write` to an entry while the count is not 0",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
 )  # fmt: skip
@@ -95,6 +100,18 @@ def _write_findings(dictionary: ObjectDictionary, index: int, sub_index: int, da
         yield error("limits", place, f"{value} is above the limit {entry.high:g} of {where}", Abort.VALUE_HIGH)
     if entry.low is not None and value < entry.low:
         yield error("limits", place, f"{value} is below the limit {entry.low:g} of {where}", Abort.VALUE_LOW)
+
+
+def why_unreadable(index: int) -> str:
+    """Why the object at *index* does not read back what was written, in words that follow its name."""
+    return "reads back a state" if answers_with_state(index) else "is write-only"
+
+
+def unreadable_finding(index: int, sub_index: int, held: bytes | None = None) -> Finding:
+    """The warning that a value cannot be read back; *held* is what a control word reads back instead."""
+    place = f"0x{index:04X}:{sub_index:02X}"
+    why = why_unreadable(index) if held is None else f"is a control word and reads back {value_text(held)}"
+    return warning("write-only", place, f"{place} {why}: what was written cannot be read back")
 
 
 def parameter_findings(

@@ -82,6 +82,7 @@ def changed(
         saved=saved and not session.dry_run,
         named=len(session.known_ids()) > 1,
         not_put_back=applied.not_put_back,
+        unreadable=applied.unreadable,
         as_before=undone and not applied.not_put_back and _is_as_stored(node, applied),
         understood=understood(node, applied.plan.changes),
     )

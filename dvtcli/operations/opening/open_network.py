@@ -163,7 +163,7 @@ class Network:
         Each is asked once until `asked_again` is emptied, and once more where it was heard since.
         """
         for node_id, before in tuple(self.left.items()):
-            if before.wanted or before.wanted_values or before.unstored or before.history:
+            if before.wanted or before.wanted_values or before.unreadable_values or before.unstored or before.history:
                 heard = self.bus.boot_ups(node_id), self.bus.nmt_state(node_id)
                 if self.asked_again.get(node_id) != heard:
                     self.asked_again[node_id] = heard

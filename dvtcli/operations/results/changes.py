@@ -41,6 +41,8 @@ class Changed(Answer):
     not_put_back: tuple[Finding, ...] = ()
     #: whether it was put back, and no store of dvtcli took what was put back
     as_before: bool = False
+    #: objects that were acknowledged and cannot be read back, as `2050:00`
+    unreadable: tuple[str, ...] = ()
     #: what the values of single objects mean, by object
     understood: Mapping[str, Understood] = field(default_factory=dict)
 
@@ -93,7 +95,8 @@ class Changed(Answer):
             "pdos": pdos,
             "steps": steps,
             "writes": len(steps),
-            "verified": not self.not_put_back,
+            "verified": not (self.not_put_back or self.unreadable),
+            "readable": not self.unreadable,
             "stored": self.saved,
             "dry_run": self.dry_run,
             "findings": [finding_document(finding) for finding in (*self.findings, *self.not_put_back)],
@@ -163,7 +166,7 @@ class ChangedNodes(Answer):
             "pdos": [f"{one['node']}:{pdo}" for one in documents for pdo in one["pdos"]],
             "steps": [{"node": one["node"], **step} for one in documents for step in one["steps"]],
             "writes": sum(one["writes"] for one in documents),
-            **{key: all(one[key] for one in documents) for key in ("verified", "stored", "dry_run")},
+            **{key: all(one[key] for one in documents) for key in ("verified", "readable", "stored", "dry_run")},
             "findings": [row for one in documents for row in one["findings"]],
             **_left(self.not_put_back, dry_run=self.nodes[0].dry_run),
             "nodes": documents,

@@ -36,6 +36,8 @@ class Compared(Answer):
     named: bool = False
     #: how many more parameters these PDOs have, of which a file says nothing
     unsaid: int = 0
+    #: objects that cannot be read back, and were not compared, as `2050:00`
+    not_comparable: tuple[str, ...] = ()
     #: every PDO and object that was compared
     labels: tuple[str, ...] = ()
     #: where a network file says what a label should be; of an empty label where it says the node (0: nowhere)
@@ -76,6 +78,7 @@ class Compared(Answer):
             "objects": self.objects,
             "parameters": self.parameters,
             "unsaid": self.unsaid,
+            "not_comparable": [{"node": self.node, "object": label} for label in self.not_comparable],
             "equal": not self.differences,
             "lacking": [],
             "differences": [{"node": self.node, **_what(label), "text": text} for label, text in self.differences],
@@ -138,6 +141,9 @@ class ComparedNodes(Answer):
             **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters", "unsaid")},
             "equal": not self.lacking and all(one["equal"] for one in documents),
             "lacking": lacking_documents(self.lacking),
-            **{key: [row for one in documents for row in one[key]] for key in ("differences", "frames")},
+            **{
+                key: [row for one in documents for row in one[key]]
+                for key in ("not_comparable", "differences", "frames")
+            },
             "nodes": documents,
         }

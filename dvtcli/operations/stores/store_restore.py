@@ -157,6 +157,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     node.wanted.clear()
     if proof is None or not proof.differences:  # what is not restored is looked at again the next time
         node.wanted_values.clear()
+        node.unreadable_values.clear()
     node.expected.clear()
     node.pending.forget(done.sub_index)
     if proof is not None:

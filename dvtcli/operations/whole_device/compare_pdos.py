@@ -11,6 +11,7 @@ from dvtcli.device.change.pending import REBOOT, VERIFY
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
+from dvtcli.domain.several import several
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
 from dvtcli.operations.meanings.planned_words import planned_words
@@ -96,7 +97,7 @@ def _is_network(file: str) -> bool:
 def _session_wishes(session: Session) -> dict[int, Wish]:
     network = session.network
     for node_id, before in tuple(network.left.items()):
-        if before.wanted or before.wanted_values:
+        if before.wanted or before.wanted_values or before.unreadable_values:
             network.node(node_id)  # it was changed before the bus was gone: who is it now?
     return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
 
@@ -142,6 +143,9 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
     wished = {node_id: wish for node_id, wish in wishes.items() if wish}
     if not wished:
         said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
+        blind = [f"{label} of node {node_id}" for node_id, wish in wishes.items() for label in wish.unreadable]
+        if blind:
+            said = f"{against} set{'' if against == SESSION else 's'} {several(blind)} only, which cannot be read back"
         raise UsageError(
             f"nothing to compare: {said}",
             hint="verify FILE compares with a script, a DCF or an EDS, with --frame, too; without FILE it compares "
@@ -187,7 +191,8 @@ def compare(
         _judge(node, wish, differs=bool(found))
     return Compared(
         node.node_id, len(wish.pdos), wish.parameters, found, file or SESSION, frames, note,
-        objects=wish.objects, frame_asked=frame, named=named, unsaid=wish.unsaid, labels=tuple(_labels(wish)),
+        objects=wish.objects, frame_asked=frame, named=named, unsaid=wish.unsaid, not_comparable=wish.unreadable,
+        labels=tuple(_labels(wish)),
     )  # fmt: skip
 
 

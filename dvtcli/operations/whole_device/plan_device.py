@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.wish import Wish
+from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, PdoConfig
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.whole_device.held_device import HeldDevice
+
+#: why an object is not written that does not read back what was written to it either
+_READS_ANOTHER_VALUE = frozenset({NotWritten.WRITE_ONLY, NotWritten.STORE, NotWritten.REQUEST, NotWritten.PROGRAM})
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +92,17 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
     unwritten = tuple((one.object, _unwritten(node, one)) for one in found.left_out.values() if one.remains)
     pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
     said = {pdo: _said_of(held, pdo, config) for pdo, config in pdos.items()}
-    return Wish(pdos, found.wants.values, said, unwritten=unwritten, also_equal=tuple(found.also_equal))
+    unreadable = tuple(one.object for one in found.left_out.values() if _reads_another_value(node, one))
+    return Wish(
+        pdos, found.wants.values, said, unwritten=unwritten, also_equal=tuple(found.also_equal), unreadable=unreadable
+    )
+
+
+def _reads_another_value(node: Node, one: LeftOut) -> bool:
+    """Whether the object can be written and does not read back what was written."""
+    index, sub_index = (int(part, 16) for part in one.object.split(":")) if ":" in one.object else (0, 0)
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    return one.why in _READS_ANOTHER_VALUE and entry is not None and entry.access.writable
 
 
 def _said_of(held: HeldDevice, pdo: Pdo, config: PdoConfig) -> frozenset[str]:

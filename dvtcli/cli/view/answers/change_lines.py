@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
@@ -41,12 +42,8 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     yield from table.lines(width)
     writes = f"{count} write{'' if count == 1 else 's'}"
     if result.dry_run:
-        yield [
-            Cell("dry run: ", "cyan"),
-            Cell(
-                f"{_counted(result, labels, 'would be set')}: {writes} on the twin, read back equal. Nothing was sent."
-            ),
-        ]
+        set_on_twin = f"{_counted(result, labels, 'would be set')}: {writes} on the twin, {_read_back(result)}"
+        yield [Cell("dry run: ", "cyan"), Cell(f"{set_on_twin}. Nothing was sent.")]
         return
     yield from _outcome_lines(result, labels, writes)
 
@@ -54,7 +51,7 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
 def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     """What became of *labels* with so many *writes*, who keeps it, and what reverts it."""
     verb = "put back" if result.undone else "set"
-    equal = "read back equal"
+    equal = _read_back(result)
     if result.not_put_back:
         verb, equal = "NOT put back as it was", "which alone were read back equal"
     keeps = f"In RAM only: {result.keep}" if result.volatile else "The device keeps it by itself"
@@ -69,6 +66,18 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
         Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. {_others(result)}"),
         Cell(f"{keeps}{next_step}.", "dim"),
     ]
+
+
+def _read_back(result: Changed) -> str:
+    """What of the writes was read back equal, and what could not be read back."""
+    count = len(result.unreadable)
+    if not count:
+        return "read back equal"
+    states = all(answers_with_state(int(place[:4], 16)) for place in result.unreadable)
+    words = any(finding.rule == "write-only" and "control word" in finding.text for finding in result.findings)
+    why = "it reads back a state, not what was written" if states or words else "write-only: nothing can be read back"
+    read = len(result.plan) - count
+    return f"acknowledged; {why}" if not read else f"{read} read back equal, {count} acknowledged; {why}"
 
 
 def _written(result: Changed) -> list[str]:

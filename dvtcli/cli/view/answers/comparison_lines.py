@@ -33,6 +33,8 @@ def compared_lines(result: Compared, _width: int) -> Iterator[Line]:
         yield f"read back   {plural(result.parameters, 'parameter')} of {what}{where} equal to {result.against}"
     if result.unsaid:
         yield f"            {result.against} says nothing of {plural(result.unsaid, 'more parameter')}: not compared"
+    if result.not_comparable:
+        yield f"            {', '.join(result.not_comparable)}{where} cannot be read back: not compared"
     yield from _frame_lines(result, where)
     if result.state_note:
         yield f"            {result.state_note}"
