@@ -174,7 +174,11 @@ def _bug(session: Conversation, bug: BaseException) -> Bug:
         hint = f"please report it with {keep(bug, _last_exchange(session))}"
     except OSError as failed:
         hint = f"please report it; its traceback cannot be kept: {failed.strerror}"
-    return Bug(text, hint=hint, state="unknown")
+    if session.is_open:
+        return Bug(text, hint=hint, state="unknown")
+    unsent = Bug(text, hint=hint)
+    unsent.state_text = "unchanged: nothing was sent"
+    return unsent
 
 
 def _last_exchange(session: Conversation) -> list[str]:

@@ -49,7 +49,7 @@ class ProgramNotes:
                 document = json.loads(opened.read(_MOST_BYTES))
             stage, file = Stage[document["stage"]], str(document["file"])
             said = f"the download of {file} into node {node_id} was not completed ({document['when']}): it holds "
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return ""
         except (OSError, ValueError, KeyError, TypeError):
             return f"a program download into node {node_id} was not completed: {_NEXT}"

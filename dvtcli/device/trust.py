@@ -18,6 +18,10 @@ _EVERYBODY, _GROUP = 0o002, 0o020
 _CAREFUL = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
 _CAREFUL |= getattr(os, "O_BINARY", 0)
 
+_OTHER_STATE = "let its owner give you the right to write it" + (
+    "; XDG_STATE_HOME=DIR takes another state folder" if sys.platform == "linux" else ""
+)
+
 
 def stranger(path: str, status: os.stat_result) -> tuple[str, str] | None:
     """Who else decides what is in *path*, by its *status*, and the shell command that cures it; None for nobody."""
@@ -57,16 +61,39 @@ def sudo_user() -> int | None:
 def private_folder(folder: str | os.PathLike[str]) -> None:
     """Make *folder* and what is missing above it, the user's alone (0700) whatever the umask.
 
-    SafetyRefusal where it is there already and others can write it, OSError where it cannot be made.
+    SafetyRefusal with the cure if others can write it, or if something that is no folder is in its place; OSError if it
+    cannot be made.
     """
     path = os.path.abspath(folder)  # noqa: PTH100
     missing = []
     while not os.path.isdir(path):  # noqa: PTH112
+        if os.path.lexists(path):
+            raise _no_folder(path)
         missing.append(path)
         path = os.path.dirname(path)  # noqa: PTH120
     for new in reversed(missing):
         _make(new)
     check_folder(folder)
+
+
+def unusable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
+    """Why nothing can be kept in *folder*, which may be missing yet, with the cure; None if it can. Makes nothing."""
+    path = os.path.abspath(folder)  # noqa: PTH100
+    while not os.path.isdir(path):  # noqa: PTH112
+        if os.path.lexists(path):
+            return _no_folder(path)
+        path = os.path.dirname(path)  # noqa: PTH120
+    if os.access(path, os.W_OK | os.X_OK):
+        return None
+    return SafetyRefusal(f"{path} is not used: it cannot be written", place=path, hint=_OTHER_STATE)
+
+
+def _no_folder(path: str) -> SafetyRefusal:
+    from shlex import quote
+
+    what = "a link that leads nowhere" if os.path.islink(path) else "a file, and no folder"  # noqa: PTH114
+    hint = f"mv {quote(path)} {quote(path + '.old')}"
+    return SafetyRefusal(f"{path} is not used: it is {what}", place=path, hint=hint)
 
 
 def _make(folder: str) -> None:

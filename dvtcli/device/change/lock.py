@@ -165,18 +165,28 @@ class NodeLock:
         try:
             with os.fdopen(open_private(self.path, os.O_RDONLY), "rb") as file:
                 return _Noted.parse(file.read(_MOST_BYTES).decode("utf-8", "replace"))
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return _Noted(Holder(""))
 
     def is_free(self) -> bool:
-        """Whether nobody else is writing right now."""
+        """Whether nobody else is writing right now. Writes nothing: a full disk or a file in the way is no matter.
+
+        SafetyRefusal if others can write the lock's folder.
+        """
         if self._file is not None:
             return True
         try:
-            self.take(LOOK_S)
-        except SafetyRefusal:
-            return False
-        self.release()
+            check_folder(self.folder.parent)
+            check_folder(self.folder)
+            file = os.fdopen(open_private(self.path, os.O_RDWR), "rb+", buffering=0)
+        except (FileNotFoundError, NotADirectoryError):
+            return True
+        with file:
+            try:
+                _lock_within(file, LOOK_S)
+            except OSError:
+                return False
+            self._look_back()
         return True
 
     def release(self) -> None:

@@ -100,7 +100,7 @@ class OwnJournal:
             self._goes_on = self._announced is not None
             try:
                 self.lock.note(self.path if self._is_kept() else self._write())
-            except OSError:  # nothing of this is written to the device: there is nothing to recover
+            except (OSError, SafetyRefusal):  # nothing of this is written to the device: there is nothing to recover
                 self._course.in_hand = None
                 if not self._course.made:
                     self._on_disk = None

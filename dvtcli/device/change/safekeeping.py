@@ -60,8 +60,9 @@ class Keeper:
 
     def open_journal(self) -> Path | None:
         """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""
-        own, noted = self.journals.path(self.node_id), self.lock.noted()
-        return next((path for path in (own, noted) if path is not None and self.journals.counts(path)), None)
+        with self._files("read"):
+            own, noted = self.journals.path(self.node_id), self.lock.noted()
+            return next((path for path in (own, noted) if path is not None and self.journals.counts(path)), None)
 
     def interrupted(self) -> Journal | None:
         """The journal of a change that nobody is working on any more, or None; InputFileError where it is damaged."""

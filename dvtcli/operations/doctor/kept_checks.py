@@ -26,11 +26,17 @@ def library_check() -> Check:
 
 def state_checks(session: Session) -> Iterator[Check]:
     """Whether backups and journals can be written, and whether a journal waits."""
-    from dvtcli.device.trust import private_folder
+    from dvtcli.device.trust import private_folder, unusable
+    from dvtcli.operations.user.keeping import state_folder
 
-    folder = session.state_folder
+    folder, always = session.state_folder, state_folder(None)
+    needed = [folder / name for name in ("journals", "backups")]
+    needed += [always / name for name in ("locks", "changes", "habits", "programs")]
     try:
         private_folder(folder)
+        for refused in filter(None, map(unusable, needed)):
+            yield failed("state", refused)
+            return
         with tempfile.NamedTemporaryFile(dir=folder):
             yield Check("state", "ok", f"{folder} can be written")
     except OSError as failure:

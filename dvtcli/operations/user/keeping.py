@@ -15,6 +15,7 @@ from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.device.program_note import ProgramNotes
+from dvtcli.device.trust import unusable
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -45,8 +46,13 @@ class Keeping:
     _said: set[str] = field(default_factory=set)
 
     def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
-        """Lock, backup and journal of a node; says so where a change of it was interrupted."""
+        """Lock, backup and journal of a node; says so if a change of it was interrupted, or if nothing can be kept."""
         keeper = self._keeper(node_id, dictionary)
+        needed = (keeper.lock.folder, keeper.journals.folder, self.folder / "backups")
+        refused = next(filter(None, map(unusable, needed)), None)
+        if refused is not None and refused.text not in self._said:
+            self._said.add(refused.text)
+            self.say(f"{refused.text}; until that is mended no node of this bus can be changed ({refused.hint})")
         interrupted, is_damaged = _interrupted(keeper)
         if interrupted and interrupted not in self._said:
             self._said.add(interrupted)

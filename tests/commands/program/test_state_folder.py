@@ -24,7 +24,10 @@ pytestmark = [
 def run(server: Served, *words: str, umask: int = 0o022, state: str = "state-home") -> subprocess.CompletedProcess[str]:
     """Run dvtcli on the served node under *umask*, with the state folder below *state* of the test's folder."""
     env = own_environment(server.folder) | {"XDG_STATE_HOME": str(server.folder / state)}
-    return process.run([*bus_words(server.port), "-n", "1", "--json", *words], env=env, umask=umask)
+    words = words if "--text" in words else ("--json", *words)
+    return process.run(
+        [*bus_words(server.port), "-n", "1", *(word for word in words if word != "--text")], env=env, umask=umask
+    )
 
 
 def mode(path: Path) -> int:
@@ -173,3 +176,91 @@ def test_the_traceback_of_a_bug_is_the_users_alone(tmp_path: Path) -> None:
             (tmp_path / "link" / "dvtcli" / "crash").symlink_to(tmp_path / "elsewhere")
         else:
             assert where.parent == tmp_path, "the system's folder, where the state folder is not ours alone"
+
+
+#: what is in the way: of the state folder, above it, of a folder in it that every change needs
+IN_THE_WAY = ["dvtcli", "", "a link", "dvtcli/locks", "dvtcli/journals"]
+READING = ["pdo", "read 1018:1", "scan", "verify net.yaml", "plan net.yaml", "diff net.yaml", "monitor --duration 0.1",
+           "nmt start", "doctor"]  # fmt: skip
+CHANGING = ["set tpdo1 --timer 70", "write 1800:5 70", "apply net.yaml"]
+
+
+def in_the_way(folder: Path, what: str) -> Path:
+    """Put a file, or a link that leads nowhere, in the place of a folder below *folder*; the state's home."""
+    home = folder / "state-home"
+    path = home / ("dvtcli" if what == "a link" else what)
+    for parent in reversed(path.relative_to(folder).parents):
+        (folder / parent).mkdir(mode=0o700, exist_ok=True)
+    if what == "a link":
+        path.symlink_to(folder / "nowhere")
+    else:
+        path.write_text("x\n")
+    return path
+
+
+@pytest.mark.parametrize("what", IN_THE_WAY)
+def test_a_file_in_the_place_of_the_state_folder_stops_changes_only(tmp_path: Path, what: str) -> None:
+    (tmp_path / "net.yaml").write_text(
+        "nodes: {drive: {node_id: 1, profile: gen4, tpdo: {1: {enabled: true, event_timer: 70}}}}\n"
+    )
+    path = in_the_way(tmp_path, what)
+    with served(tmp_path, "gen4@1") as server:
+        before = event_timer_ms(server)
+        assert before != 70
+        for line in READING:
+            ran = run(server, "--text", *line.replace("net.yaml", str(tmp_path / "net.yaml")).split())
+            assert ran.returncode in ((0, 3) if line != "doctor" else (6,)), (line, ran.stdout, ran.stderr)
+            said = " ".join(ran.stderr.split()).replace("- ", "-")
+            assert f"note: {path} is not used: it is " in said or line == "scan", (line, ran.stderr)
+        for line in CHANGING:
+            ran = run(server, "--yes", *line.replace("net.yaml", str(tmp_path / "net.yaml")).split())
+            error = documents(ran.stdout)[-1]
+            assert (ran.returncode, error["error"], error["state"]) == (6, "safety", "unchanged"), (line, error)
+        assert event_timer_ms(server) == before
+        assert not list(tmp_path.glob("**/crash"))
+        path.rename(path.with_name(f"{path.name}.old"))  # what the hint says
+        assert run(server, "--yes", "set", "tpdo1", "--timer", "70").returncode == 0
+        assert event_timer_ms(server) == 70
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root can become somebody without rights")
+@pytest.mark.parametrize("bits", [0o500, 0o000])
+def test_a_state_folder_without_rights_stops_changes_only(tmp_path: Path, bits: int) -> None:
+    """Looked at from inside a process that gave up its rights: `unusable` and the lock are all that decide."""
+    folder = tmp_path / "state"
+    folder.mkdir()
+    folder.chmod(bits)
+    for parent in tmp_path.parents:
+        assert parent.exists()
+    program = (
+        "import os,sys\nfrom pathlib import Path\nfrom dvtcli.device.trust import unusable\n"
+        "from dvtcli.device.change.safekeeping import Keeper\nfrom dvtcli.errors import SafetyRefusal\n"
+        f"os.chown({str(folder)!r}, 65534, 65534)\nos.chdir({str(tmp_path)!r})\nos.setgroups([])\n"
+        "os.setgid(65534)\nos.setuid(65534)\nfolder = Path('state')\n"
+        "print(unusable(folder / 'locks').text)\nkeeper = Keeper(folder, folder / 'locks', 'can0', 5)\n"
+        "try:\n    keeper.refuse_while_open()\nexcept SafetyRefusal as refused:\n    print('refused', refused.text)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False,
+                         timeout=PATIENCE_S)  # fmt: skip
+    assert "it cannot be written" in ran.stdout, ran.stderr
+    assert "refused" in ran.stdout, ran.stderr
+
+
+def test_a_file_in_the_place_of_program_notes_tells_of_no_download(tmp_path: Path) -> None:
+    in_the_way(tmp_path, "dvtcli/programs")
+    with served(tmp_path, "gen4@1") as server:
+        ran = run(server, "pdo", "tpdo1")
+        assert (ran.returncode, "was not completed" in ran.stderr) == (0, False)
+
+
+def test_a_bug_before_the_bus_is_open_says_that_nothing_was_sent(tmp_path: Path) -> None:
+    program = (
+        "import sys\nfrom dvtcli.cli.view.output import Output\nfrom dvtcli.cli.conversation import Conversation\n"
+        "from dvtcli.cli.boundary import guarded\nsys.exit(guarded(Conversation(Output()), lambda: 1 / 0))\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", env=own_environment(tmp_path),
+        timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    assert ran.returncode == 70
+    assert "state   unchanged: nothing was sent" in ran.stderr
