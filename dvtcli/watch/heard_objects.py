@@ -14,7 +14,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from dvtcli.domain.ports import Frame
 
@@ -73,6 +73,8 @@ class _Heard:
     down: _Transfer | None = None
     up: _Transfer | None = None
     block: _Block = _Block.NONE
+    #: the indices that are followed; empty: all
+    only: frozenset[int] = frozenset()
 
     def request(self, data: bytes) -> None:
         """What a client sends. A download counts once the node took it."""
@@ -86,7 +88,7 @@ class _Heard:
             self.block = _Block.OF_SERVER
         else:
             self.block = _Block.OF_CLIENT if command == _BLOCK_DOWNLOAD else _Block.NONE
-        self.down = _first(data) if command == _DOWNLOADS else None
+        self.down = self._first(data) if command == _DOWNLOADS else None
 
     def answer(self, data: bytes) -> Place | None:
         """What the node sends; the object of which it says the value by that."""
@@ -96,7 +98,7 @@ class _Heard:
         if self.block is _Block.OF_CLIENT and (command != _BLOCK_UPLOAD or data[0] == _BLOCK_END):
             self.block = _Block.NONE
         if command in (_UPLOADED, _UPLOADED_SEGMENT):
-            self.up = done = _first(data) if command == _UPLOADED else _longer(self.up, data)
+            self.up = done = self._first(data) if command == _UPLOADED else _longer(self.up, data)
         elif command == _TAKEN and self.down and self.down.place == _place(data) and not self.down.whole:
             return None  # the first answer of a download in segments
         elif command in (_TAKEN, _SEGMENT_TAKEN):
@@ -109,6 +111,10 @@ class _Heard:
         self.up = self.down = None
         self._hold(done, written=command in (_TAKEN, _SEGMENT_TAKEN))
         return done.place
+
+    def _first(self, data: bytes) -> _Transfer | None:
+        """The transfer that begins with *data*; None for an object that is not followed."""
+        return _first(data) if not self.only or _place(data)[0] in self.only else None
 
     def _hold(self, done: _Transfer, *, written: bool) -> None:
         index, sub_index = done.place
@@ -126,9 +132,10 @@ class _Heard:
 
 
 class HeardObjects:
-    """Follows the SDO transfers of all nodes."""
+    """Follows the SDO transfers of all nodes: of the objects whose indices are in *only*, or of all."""
 
-    def __init__(self) -> None:
+    def __init__(self, only: Collection[int] = ()) -> None:
+        self._only = frozenset(only)
         self._nodes: dict[int, _Heard] = {}
 
     def take(self, frame: Frame) -> tuple[int, Place] | None:
@@ -140,7 +147,7 @@ class HeardObjects:
             self._nodes[node_id].start()
         if service not in (_REQUESTS, _ANSWERS) or len(frame.data) != _SDO_BYTES:
             return None
-        node = self._nodes.setdefault(node_id, _Heard())
+        node = self._nodes.setdefault(node_id, _Heard(only=self._only))
         if service == _REQUESTS:
             node.request(frame.data)
             return None

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.heartbeats import HEARTBEATS, HeartbeatTimes
 from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.recent_load import BusLoad
 from dvtcli.watch.service import Service, event_of, state_in
@@ -65,6 +66,7 @@ class FrameStore:
         self.decoder = decoder
         self.load = BusLoad(bitrate)
         self._bitrate = bitrate
+        self._heartbeat_times = HeartbeatTimes()
         self.rows: dict[Address, Row] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.states: dict[int, NmtState] = {}
@@ -76,6 +78,7 @@ class FrameStore:
         """Take *frame*, whose time is its `timestamp_s`; whether it says anything new."""
         self.frames += 1
         self.load.add(frame, frame.timestamp_s)
+        self._follow_heartbeat_time(frame)
         row = self._row(frame)
         if row is None:
             self.unlisted += 1
@@ -100,6 +103,13 @@ class FrameStore:
                 if course.last is not None:
                     course.take(course.last, time_s)
         return first or changed or news
+
+    def _follow_heartbeat_time(self, frame: Frame) -> None:
+        """Forget how often a node's heartbeat came if *frame* acknowledges another 0x1017: it comes by the new one."""
+        heard = self._heartbeat_times.take(frame)
+        row = self.rows.get((HEARTBEATS + heard.node_id, False)) if heard is not None and heard.written else None
+        if row is not None:
+            row.rhythm = Rhythm()
 
     def _row(self, frame: Frame) -> Row | None:
         address = frame.can_id, frame.extended

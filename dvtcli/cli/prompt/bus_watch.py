@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from json import dumps
 from time import monotonic, strftime
 from typing import TYPE_CHECKING
@@ -28,6 +27,7 @@ from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.come_back import come_back, goes_on
 from dvtcli.operations.session.slept import Sleeps
 from dvtcli.operations.session.steady_listener import left_alone
+from dvtcli.watch.heartbeats import Heartbeats
 from dvtcli.watch.recent_load import BusLoad
 
 if TYPE_CHECKING:
@@ -35,16 +35,6 @@ if TYPE_CHECKING:
 
 #: How long the bus is read in one go (s): how late a message is shown, and how long stopping takes.
 TICK_S = 0.1
-#: A heartbeat is missing after this many of the node's own periods and this much time (s) more.
-PERIODS, GRACE_S = 2, 0.5
-
-
-@dataclass(slots=True)
-class Beat:
-    """A node's heartbeat: when the last one came and how long it took since the one before (s, monotonic)."""
-
-    last_s: float
-    period_s: float | None = None
 
 
 class Life:
@@ -64,7 +54,7 @@ class Life:
         self.emergencies: dict[int, tuple[int, int]] = {}
         #: what ended the listening, None while all is well
         self.failure: str | None = None
-        self._beats: dict[int, Beat] = {}
+        self._heartbeats = Heartbeats()
         self._silences = Silences()
         #: the last frame of each CAN-ID, at times of time.monotonic
         self.frames = LastFrames()
@@ -99,11 +89,7 @@ class Life:
 
     def silence_s(self, node_id: int) -> tuple[float, bool] | None:
         """Seconds since the last heartbeat and whether the next one is overdue; None where the node sends none."""
-        beat = self._beats.get(node_id)
-        if beat is None or beat.period_s is None:
-            return None
-        age_s = monotonic() - beat.last_s
-        return age_s, age_s > PERIODS * beat.period_s + GRACE_S
+        return self._heartbeats.silence_s(node_id, monotonic())
 
     def load(self) -> float | None:
         """The share of the bit rate that the frames of the last second took, 0..1; None where the rate is not known."""
@@ -141,7 +127,7 @@ class Life:
     def _come_back(self, failed: BusUnavailable) -> None:
         """Wait for the bus, which *failed*, and listen to it again; nothing that was heard before counts then."""
         self.failure = "GONE"
-        self.states, self._beats = {}, {}
+        self.states, self._heartbeats = {}, Heartbeats()
         if not come_back(self._session, self._bus, failed, self._is_stopping, self._tell_event, self._between_lines):
             return
         self._bus = self._session.wire
@@ -177,7 +163,7 @@ class Life:
 
     def _tell_silence(self) -> None:
         """Say which heartbeats are missing, and which are back."""
-        found = {node_id: self.silence_s(node_id) for node_id in tuple(self._beats)}
+        found = {node_id: self.silence_s(node_id) for node_id in self._heartbeats.node_ids}
         silences = {node_id: silence for node_id, silence in found.items() if silence is not None}
         for text in self._silences.heard_of(silences, monotonic()):
             self._say(text)
@@ -191,18 +177,14 @@ class Life:
         if self._load is not None:
             self._load.add(frame, now_s)
         self.frames.take(frame, now_s)
-        if sent or frame.extended or frame.can_id & ~0x7F != HEARTBEAT or len(frame.data) != 1 or not frame.data[0]:
-            return
-        node_id = frame.can_id & 0x7F
-        known = self._beats.get(node_id)
-        self._beats[node_id] = Beat(now_s, None if known is None else now_s - known.last_s)
+        if not sent or frame.can_id & ~0x7F != HEARTBEAT:  # one that we send is no node's
+            self._heartbeats.take(frame, now_s)
 
     def _on_event(self, event: NodeEvent) -> None:
         node_id = event.node_id
         told = isinstance(event, BootUp | Emergency) or self._is_news(node_id)
         if isinstance(event, BootUp):
             self._booted.add(node_id)
-            self._beats.pop(node_id, None)
             self._silences.started(node_id)
         elif isinstance(event, Emergency):
             count, _ = self.emergencies.get(node_id, (0, 0))

@@ -17,6 +17,8 @@ _NMT, _LSS = 0x000, 0x7E5
 _REQUESTS = range(0x601, 0x680)
 _EMERGENCIES = range(0x081, 0x100)
 _HEARTBEATS = range(0x701, 0x780)
+#: an expedited download of 0x1017, without the bits that say how many bytes it carries
+_DOWNLOADS, _HEARTBEAT_TIME = 1, b"\x17\x10\x00"
 #: Times of one CAN-ID that are remembered.
 _MOST_TIMES = 1000
 
@@ -46,6 +48,8 @@ class HeardTraffic:
     by_id: defaultdict[Identifier, HeardId] = field(default_factory=lambda: defaultdict(HeardId))
     #: SDO requests by the node that is asked
     requests: Counter[int] = field(default_factory=Counter)
+    #: nodes to whose 0x1017 somebody wrote meanwhile: some of their heartbeats came by the old value
+    heartbeat_written: set[int] = field(default_factory=set)
     #: NMT commands in words, and how many LSS commands there were
     commands: Counter[str] = field(default_factory=Counter)
     lss: int = 0
@@ -77,6 +81,8 @@ class HeardTraffic:
             self.lss += 1
         elif can_id in _REQUESTS:
             self.requests[node_id] += 1
+            if data[:1] and data[0] >> 5 == _DOWNLOADS and data[1:4] == _HEARTBEAT_TIME:
+                self.heartbeat_written.add(node_id)
         elif can_id in _EMERGENCIES and len(data) >= 2:
             self.emergencies[node_id][int.from_bytes(data[:2], "little")] += 1
         elif can_id in _HEARTBEATS and len(data) == 1:

@@ -192,7 +192,8 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
     traffic = network.traffic
     if traffic is None:
         return
-    if why := _more(network, "heartbeat", (0x700 + node_id, False)):
+    period_is_known = node_id not in traffic.heartbeat_written
+    if period_is_known and (why := _more(network, "heartbeat", (0x700 + node_id, False))):
         yield f"of its heartbeats {why}"
     states = [one for one in traffic.states.get(node_id, ()) if one is not NmtState.INITIALISING]
     if len(states) > 2 and not traffic.commands and not traffic.boot_ups[node_id]:
@@ -205,7 +206,9 @@ def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
     traffic = network.traffic
     for node in () if traffic is None else network.nodes:
         wait_ms = _PATIENCE * node.heartbeat_ms
-        if traffic is not None and 0 < wait_ms < traffic.seconds * 1000 and node.node_id not in traffic.states:
+        if traffic is None or node.node_id in traffic.states or node.node_id in traffic.heartbeat_written:
+            continue
+        if 0 < wait_ms < traffic.seconds * 1000:
             text = f"0x1017 is {node.heartbeat_ms} ms, and none came within {traffic.seconds:.1f} s"
             yield held(node, PRODUCER_HEARTBEAT), text
 

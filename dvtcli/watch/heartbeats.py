@@ -1,0 +1,93 @@
+"""When each node's heartbeat is due: by its 0x1017 as far as it was heard, else by the time between the last two.
+
+Pure: frames and times are handed in. Does not know a bus, a clock, or how a missing heartbeat is shown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.ports import Frame
+from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
+
+HEARTBEAT_TIME = 0x1017
+#: CAN-ID of a heartbeat, without the node-ID
+HEARTBEATS = 0x700
+#: A heartbeat is missing after this many of the node's own periods and this much time (s) more.
+PERIODS, GRACE_S = 2, 0.5
+
+
+@dataclass(slots=True)
+class _Beat:
+    """A node's heartbeat: when the last one came and how long it took since the one before (s)."""
+
+    last_s: float
+    period_s: float | None = None
+
+
+class Heartbeats:
+    """Follows the heartbeats of all nodes, and the SDO transfers of 0x1017, whoever reads or writes it."""
+
+    def __init__(self) -> None:
+        self._beats: dict[int, _Beat] = {}
+        self._times = HeartbeatTimes()
+        #: the last value of 0x1017 that was heard of a node since its boot-up (s); 0: it sends no heartbeat
+        self._told_s: dict[int, float] = {}
+
+    def take(self, frame: Frame, now_s: float) -> None:
+        """Take *frame*, which others or we sent at *now_s*; called with every frame, so it must be quick."""
+        if (heard := self._times.take(frame)) is not None:
+            self._note_time(heard, now_s)
+        elif is_boot_up(frame):
+            self._beats.pop(frame.can_id & 0x7F, None)
+            self._told_s.pop(frame.can_id & 0x7F, None)
+        elif frame.can_id & ~0x7F == HEARTBEATS and len(frame.data) == 1 and not frame.extended and not frame.remote:
+            node_id = frame.can_id & 0x7F
+            known = self._beats.get(node_id)
+            self._beats[node_id] = _Beat(now_s, None if known is None else now_s - known.last_s)
+
+    def _note_time(self, heard: HeardTime, now_s: float) -> None:
+        self._told_s[heard.node_id] = heard.time_s
+        if not heard.time_s:
+            self._beats.pop(heard.node_id, None)
+        elif heard.written and heard.node_id in self._beats:  # the next one comes a new period after the write
+            self._beats[heard.node_id].last_s = max(now_s, self._beats[heard.node_id].last_s)
+
+    @property
+    def node_ids(self) -> tuple[int, ...]:
+        """The nodes that send heartbeats."""
+        return tuple(self._beats)
+
+    def silence_s(self, node_id: int, now_s: float) -> tuple[float, bool] | None:
+        """Seconds since the last heartbeat and whether the next one is overdue; None if the node sends none."""
+        beat = self._beats.get(node_id)
+        period_s = None if beat is None else self._told_s.get(node_id) or beat.period_s
+        if beat is None or period_s is None:
+            return None
+        age_s = now_s - beat.last_s
+        return age_s, age_s > PERIODS * period_s + GRACE_S
+
+
+@dataclass(frozen=True, slots=True)
+class HeardTime:
+    """The value of a node's 0x1017 in seconds, and whether it was *written*; else it was read."""
+
+    node_id: int
+    time_s: float
+    written: bool
+
+
+class HeartbeatTimes:
+    """Follows the SDO transfers of 0x1017 on the bus."""
+
+    def __init__(self) -> None:
+        self._objects = HeardObjects({HEARTBEAT_TIME})
+
+    def take(self, frame: Frame) -> HeardTime | None:
+        """The heartbeat time of which *frame* ends the transfer; None for every other frame."""
+        heard = self._objects.take(frame)
+        if heard is None:
+            return None
+        node_id, place = heard
+        value = self._objects.values(node_id).values[place]
+        return HeardTime(node_id, int.from_bytes(value[:2], "little") / 1000, is_taken(frame))
