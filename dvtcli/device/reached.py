@@ -42,6 +42,8 @@ class Reached:
     consent: Callable[[str], None] = lambda _question: None
     #: told of every object that is read ahead of a change or for a list
     on_look: Callable[[Looking], None] = lambda _looking: None
+    #: how many of its boot-ups had been heard when this process met it
+    boot_ups_met: int = 0
     _gate: Gate | None = field(default=None, init=False)
     #: how many PDOs of how many were read, where they all are
     _looked: tuple[int, int] = field(default=(0, 0), init=False)

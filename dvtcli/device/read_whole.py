@@ -76,10 +76,9 @@ def read_whole(
     """Read *entries* of *node* once, those for which *again* is true twice.
 
     What is write-only, flagged against it, or a secret by *known*, is not asked for; an abort stands in its place.
-    Each upload is done within *around* it. NoAnswer where the node falls silent, or restarts meanwhile: what was read
-    in two of its lives belongs to none.
+    Each upload is done within *around* it. Does not tell whether the node restarts meanwhile (`read_together` does).
+    NoAnswer if the node falls silent.
     """
-    boot_ups = node.bus.boot_ups(node.node_id)
     found = {one.place: one for one in (_judged(entry, known) for entry in entries)}
     reading = _Reading(node, on_object, around)
     reading.read(found, [place for place, one in found.items() if one.unread is None])
@@ -90,11 +89,6 @@ def read_whole(
     reading.read(second, twice)
     for place, one in second.items():
         found[place] = replace(found[place], changes=one.data != found[place].data)
-    if node.bus.boot_ups(node.node_id) != boot_ups:
-        raise NoAnswer(
-            f"node {node.node_id} restarted while it was read", node=node.node_id,
-            hint="look at its supply and its wiring, then try again",
-        )  # fmt: skip
     return found
 
 

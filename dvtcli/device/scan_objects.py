@@ -38,10 +38,10 @@ def scan_objects(
 ) -> dict[ObjectAddress, ReadObject]:
     """Ask *node* for each index of *areas*, and for the sub-indices of those that it has.
 
-    Programs, the operating system's channels and what *known* says is part of a login are not asked for. NoAnswer where
-    the node says nothing about what it lacks, or restarts meanwhile.
+    Programs, the operating system's channels and what *known* says is part of a login are not asked for. Does not
+    tell whether the node restarts meanwhile (`read_together` does). NoAnswer if the node says nothing about what it
+    lacks.
     """
-    boot_ups = node.bus.boot_ups(node.node_id)
     scan = _Scan(node, known)
     indices = [index for area in areas for index in area if index not in _CHANNELS and index != _PROGRAM]
     since_s = node.bus.now_s()
@@ -49,8 +49,6 @@ def scan_objects(
         pace_s = (node.bus.now_s() - since_s) / number if number >= _PACE_FROM else None
         on_object(index, 0, number, len(indices), None if pace_s is None else pace_s * (len(indices) - number))
         scan.ask_index(index)
-    if node.bus.boot_ups(node.node_id) != boot_ups:
-        raise NoAnswer(f"node {node.node_id} restarted while it was read", node=node.node_id)
     return scan.found
 
 

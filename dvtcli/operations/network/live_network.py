@@ -65,7 +65,7 @@ def live_state(session: Session, traffic: HeardTraffic | None, others: Collectio
     """What the nodes on the bus hold, with what only rules look at: those `present`, and *others*."""
     heard = () if traffic is None else traffic.by_id
     ids = sorted({*present(session, heard), *others})
-    return network_state(answering(session, ids), for_rules=True)
+    return session.read_together(lambda: network_state(answering(session, ids), for_rules=True))
 
 
 def refuse_without_bus(session: Session) -> None:

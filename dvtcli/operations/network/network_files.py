@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dvtcli.device.node import Node
+    from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
@@ -49,10 +50,14 @@ def planned(
     says that they are so; *include* as of `DeviceOptions`; with *manager* as of `plan_manager`. Raises as these and
     `plan_network`; but what devices lack is said in the answer, which has all the rest, where nothing is *saved*.
     """
-    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=saved is None)
+
+    def read() -> tuple[NetworkPlan, BusNeed | None]:
+        plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=saved is None)
+        return plan, None if manager is not None or plan.lacking else load_after(session, plan)
+
+    plan, need = session.read_together(read)
     keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
-    need = None if manager is not None or plan.lacking else load_after(session, plan)
     answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
         text = _saved_text(session, answer, saved)

@@ -87,6 +87,7 @@ class Network:
                 only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
                 unlike_file=self.files.unlike(node_id, dictionary),
             )  # fmt: skip
+            node.boot_ups_met = boot_ups
             node.memory.learn(self.files.memory(node_id))
             self._remark(node_id)
             if node.unlike_file:

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.checked_networks import NetworkFinding
     from dvtcli.operations.session.session import Session
 
+#: what passed on the bus: counted for the load, and kept for the rules; None if nobody listened
+_Heard = tuple[Measured | None, HeardTraffic | None]
+
 
 @dataclass(frozen=True, slots=True)
 class PictureWishes:
@@ -74,9 +77,17 @@ def _of_file(session: Session, file: str, wishes: PictureWishes) -> NetworkPictu
 
 def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> NetworkPicture:
     wish = None if file is None else read_wish(file)
+    heard = _heard(session, wishes)
+    return session.read_together(lambda: _of_nodes(session, file, wish, wishes, heard))
+
+
+def _of_nodes(
+    session: Session, file: str | None, wish: NetworkWish | None, wishes: PictureWishes, heard: _Heard
+) -> NetworkPicture:
+    """The picture of the nodes on the bus, on which *heard* was received, compared with the *wish* of *file*."""
     wished = () if wish is None else wish.nodes
     names = {node.node_id: node.name for node in wished}
-    measured, traffic = _heard(session, wishes)
+    measured, traffic = heard
     state = live_state(session, traffic, names)
     if not state.nodes:
         raise NoAnswer(
@@ -92,7 +103,7 @@ def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> Networ
     return picture if file is None or wish is None else _compared(session, picture, state, file, wish)
 
 
-def _heard(session: Session, wishes: PictureWishes) -> tuple[Measured | None, HeardTraffic | None]:
+def _heard(session: Session, wishes: PictureWishes) -> _Heard:
     """What passes on the bus: counted for the load, and kept for the rules."""
     simulated = session.wire.simulated
     for_s = wishes.for_s if wishes.for_s is not None else 0.0 if simulated else LISTEN_S

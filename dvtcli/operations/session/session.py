@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.opening.opened import Opened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.options import Options
     from dvtcli.operations.user.telling import Teller
 
+T = TypeVar("T")
 #: Exit codes after which a device may be half configured, and must not go back to OPERATIONAL.
 _HALF_CONFIGURED = frozenset({7, 70})
 
@@ -102,6 +103,33 @@ class Session(Opened):
         """Node-IDs that are known without asking any bus: those met, those simulated, and the selected one."""
         met = set(self._network.nodes) | set(self._network.simulated_ids) if self._network is not None else set()
         return sorted(met | {one for one in (self.selected, *self.base.nodes) if one is not None})
+
+    def read_together(self, look: Callable[[], T]) -> T:
+        """Read several nodes by *look*, and again until no node restarted from the first to the last upload.
+
+        A node that *look* meets counts from its first contact on. NoAnswer if that fails `MOST_LOOKS` times.
+        """
+        from dvtcli.device.observe import MOST_LOOKS
+        from dvtcli.errors import NoAnswer
+
+        for left in reversed(range(MOST_LOOKS)):
+            boot_ups = {node_id: node.bus.boot_ups(node_id) for node_id, node in self.seen_nodes().items()}
+            found = look()
+            restarted = [
+                node_id
+                for node_id, node in sorted(self.seen_nodes().items())
+                if node.bus.boot_ups(node_id) != boot_ups.get(node_id, node.boot_ups_met)
+            ]
+            if not restarted:
+                return found
+            names = f"node {', '.join(map(str, restarted))}"
+            if left:
+                self.tell.note(f"{names} restarted while it was read: it is read again")
+        raise NoAnswer(
+            f"{names} restarted each of {MOST_LOOKS} times that it was read",
+            node=restarted[0],
+            hint="look at its supply and its wiring, then try again",
+        )
 
     def end_line(self, code: int, *, alone: bool = False) -> None:
         """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.

@@ -58,7 +58,9 @@ def backup_device(
         return _as_dcf(session, node, path, file, twice=twice)
     if node.dictionary is None:
         found: Mapping[ObjectAddress, ReadObject]
-        found = scan_objects(node, Configuration(node.profile), areas, told(session, node))
+        found = session.read_together(
+            lambda: scan_objects(node, Configuration(node.profile), areas, told(session, node))
+        )
     else:
         found = look_through(session, node, twice=twice).objects
     return _as_lines(session, node, path, file, found)

@@ -42,7 +42,8 @@ def compare_device(
     if other is None:
         node = session.node(_meant(session, first) if node_id is None else node_id)
         first = first if first.node_id else held_by(file, node.node_id)
-        return _compared(first, side_of_node(session, node, first), node.node_id, shows_all=shows_all)
+        side = session.read_together(lambda: side_of_node(session, node, first))
+        return _compared(first, side, node.node_id, shows_all=shows_all)
     second = held_by(other, first.node_id)
     for text in second.unread:
         session.tell.warning(text)

@@ -51,7 +51,15 @@ def verify(
     None for the selected node; none means everything. With *frame* each node is started and a frame of each enabled
     TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
     """
-    if file is not None and not _is_network(file) and not _is_script(file):
+    is_device = file is not None and not _is_network(file) and not _is_script(file)
+    return session.read_together(lambda: _verified(session, rehearse, pdos, file, frame=frame, is_device=is_device))
+
+
+def _verified(
+    session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None, *, frame: bool, is_device: bool
+) -> Compared | ComparedNodes:
+    """Compare once; with *is_device* the *file* is about one device."""
+    if file is not None and is_device:
         pdos, wanted = _device_wishes(session, pdos, file)
         plan = None
     else:

@@ -68,7 +68,10 @@ def read_entries(
         text = f"node {node.node_id}: reading 0x{entry.index:04X}:{entry.sub_index:02X}"
         return transfer_progress(session, node.node_id, text)
 
-    return read_whole(node, entries, known, again=again, on_object=told(session, node), around=around)
+    listed = list(entries)
+    return session.read_together(
+        lambda: read_whole(node, listed, known, again=again, on_object=told(session, node), around=around)
+    )
 
 
 def told(session: Session, node: Node) -> OnObject:
