@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.after_change import left_open
@@ -15,16 +15,34 @@ from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.device.change.put_back import first_difference, restore_patiently
 from dvtcli.device.proposal import proposal
+from dvtcli.device.raw_write_check import raw_write_findings
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Change, Plan, plan_pdo
+from dvtcli.domain.plan import (
+    EVENT_TIMER,
+    INHIBIT_TIME,
+    TRANSMISSION_TYPE,
+    Change,
+    Plan,
+    Step,
+    ValueChange,
+    plan_pdo,
+)
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
 
-#: How many places are tried before a device counts as one that has none.
+#: How many places of a kind are tried before a device counts as one that has none of it.
 _TRIES = 3
+#: How many are tried of all that is left then.
+_MOST_BESIDE = 8
+_HEARTBEAT, _GUARD_TIME, _LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D
+#: A heartbeat where there was none is slow, so that it does no harm where it has to stay (ms).
+_SLOW_HEARTBEAT_MS = 60_000
 #: What may be changed of a PDO that is not on the bus, in order: field, sub-index, values to choose from beside the
 #: held one's neighbours. The first is slow, so that it does no harm where it has to stay.
 _FIELDS = (
@@ -32,23 +50,32 @@ _FIELDS = (
     ("inhibit_time", INHIBIT_TIME, (100,)),
     ("transmission_type", TRANSMISSION_TYPE, (255, 254, 1)),
 )
-_NAMES = {"event_timer": "event timer", "inhibit_time": "inhibit time", "transmission_type": "transmission type"}
+_NAMES = {
+    "event_timer": "event timer",
+    "inhibit_time": "inhibit time",
+    "transmission_type": "transmission type",
+    "cob_id": "COB-ID",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One parameter of a PDO that is disabled, from *before* to *after*."""
+    """One parameter of a PDO, from *before* to *after*.
+
+    With *is_on* the PDO is enabled: then nothing is changed unless the node is PRE-OPERATIONAL, where no PDO is sent.
+    """
 
     pdo: Pdo
     field: str
     sub_index: int
     before: PdoConfig
     after: PdoConfig
+    is_on: bool = False
 
     @property
     def text(self) -> str:
         """The place and what happens there, for a person."""
-        held, put = (_value(config, self.field) for config in (self.before, self.after))
+        held, put = (_shown(config, self.field) for config in (self.before, self.after))
         place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
         return f"{place} ({self.name}) {held} -> {put}"
 
@@ -56,17 +83,76 @@ class Place:
     def put_back_text(self) -> str:
         """The same after it was put back, and read back."""
         place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
-        return f"{place} ({self.name}) is put back to {_value(self.before, self.field)}, read back equal"
+        return f"{place} ({self.name}) is put back to {_shown(self.before, self.field)}, read back equal"
 
     @property
     def name(self) -> str:
         """What the parameter is called, and of which PDO it is."""
         return f"{_NAMES[self.field]} of {self.pdo.label}"
 
+    @property
+    def change(self) -> Change:
+        """It as a change."""
+        return plan_pdo(self.pdo, self.before, self.after)
 
-def _value(config: PdoConfig, field: str) -> int | None:
-    value: int | None = getattr(config.communication, field)
+    def survived(self, _node: Node, pdos: Mapping[Pdo, PdoConfig]) -> bool:
+        """Whether *pdos*, read after a restart, still have the changed value."""
+        held = pdos.get(self.pdo)
+        return held is not None and _value(held, self.field) == _value(self.after, self.field)
+
+    def without(self, pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
+        """*pdos* with the value as it was before: it has been put back."""
+        held = pdos[self.pdo]
+        value = getattr(self.before.communication, self.field)
+        return {**pdos, self.pdo: replace(held, communication=replace(held.communication, **{self.field: value}))}
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectPlace:
+    """One object that is no parameter of an active PDO, called *name*, from what *step* found to what it writes."""
+
+    step: Step
+    name: str
+    is_on: bool = False
+
+    @property
+    def text(self) -> str:
+        """The place and what happens there, for a person."""
+        held, put = self.step.text(self.step.before), self.step.text(self.step.after)
+        return f"0x{self.step.object} ({self.name}) {held} -> {put}"
+
+    @property
+    def put_back_text(self) -> str:
+        """The same after it was put back, and read back."""
+        return f"0x{self.step.object} ({self.name}) is put back to {self.step.text(self.step.before)}, read back equal"
+
+    @property
+    def change(self) -> Change:
+        """It as a change."""
+        return ValueChange(self.step)
+
+    def survived(self, node: Node, _pdos: Mapping[Pdo, PdoConfig]) -> bool:
+        """Whether *node*, which was restarted, still holds the changed value."""
+        return node.upload(self.step.index, self.step.sub_index) == self.step.after
+
+    def without(self, pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
+        """*pdos* as they are: the object is no part of what is read of them."""
+        return dict(pdos)
+
+
+#: What is changed to see whether a restart takes it.
+AnyPlace = Place | ObjectPlace
+
+
+def _value(config: PdoConfig, field: str) -> int | CobId | None:
+    value: int | CobId | None = getattr(config.communication, field)
     return value
+
+
+def _shown(config: PdoConfig, field: str) -> str:
+    """The value of a parameter, for a person."""
+    value = _value(config, field)
+    return f"{value} {'enabled' if value.valid else 'off'}" if isinstance(value, CobId) else str(value)
 
 
 def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Place]:
@@ -78,6 +164,74 @@ def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Place
                 yield from islice(_allowed(node, pdo, config, field, sub_index, values), 1)
 
 
+def places_beside(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[AnyPlace]:
+    """What else may be changed for a moment, the most harmless first, where no PDO that is off offers anything.
+
+    A heartbeat that is a millisecond faster, an entry of an empty mapping, the event timer of a TPDO, a PDO that is
+    taken off or its type (these only while no PDO is sent), and a slow heartbeat where there was none.
+    """
+    heartbeat = _number(node, _HEARTBEAT)
+    if heartbeat:
+        yield from _heartbeats(node, heartbeat, heartbeat - 1 if heartbeat > 1 else heartbeat + 1)
+    for pdo, config in pdos.items():
+        if _is_off(config) and not config.count and node.profile.store.needed_for(pdo.mapping_index):
+            yield from _unused_entries(node, pdo, pdos)
+    yield from _places_of_enabled(node, pdos)
+    if heartbeat == 0 and not (_number(node, _GUARD_TIME) and _number(node, _LIFE_TIME_FACTOR)):
+        yield from _heartbeats(node, 0, _SLOW_HEARTBEAT_MS)
+
+
+def _places_of_enabled(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Place]:
+    """What of PDOs that are enabled may be changed while none is sent: an event timer, bit 31, a type."""
+    timer, _, kind = _FIELDS
+    on = [(pdo, config) for pdo, config in pdos.items() if _is_whole_and_on(node, pdo, config)]
+    timers = (islice(_allowed(node, pdo, config, *timer), 1) for pdo, config in on if pdo.is_tpdo)
+    off = (_taken_off(node, pdo, config) for pdo, config in on)
+    types = (islice(_allowed(node, pdo, config, *kind), 1) for pdo, config in on)
+    for place in chain.from_iterable(chain(timers, off, types)):
+        yield replace(place, is_on=True)
+
+
+def _number(node: Node, index: int) -> int | None:
+    try:
+        return read_optional(node.memory, index, 0, 2)
+    except SdoAborted:
+        return None
+
+
+def _heartbeats(node: Node, held: int, put: int) -> Iterator[ObjectPlace]:
+    before, after = (value.to_bytes(2, "little") for value in (held, put))
+    if node.profile.store.needed_for(_HEARTBEAT) and not errors_in(raw_write_findings(node, _HEARTBEAT, 0, after)):
+        yield ObjectPlace(Step(_HEARTBEAT, 0, before, after, "test the reset"), "heartbeat time in ms")
+
+
+def _unused_entries(node: Node, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[ObjectPlace]:
+    """The first entry of the empty mapping of *pdo*, with what another PDO of that direction maps."""
+    entries = (entry for other, config in pdos.items() if other.is_tpdo is pdo.is_tpdo for entry in config.mapping)
+    held = read_optional(node.memory, pdo.mapping_index, 1, 4)
+    if held is None:
+        return
+    for entry in islice((entry for entry in entries if entry.raw != held), MAX_ENTRIES):
+        after = entry.raw.to_bytes(4, "little")
+        if not errors_in(raw_write_findings(node, pdo.mapping_index, 1, after)):
+            step = Step(pdo.mapping_index, 1, held.to_bytes(4, "little"), after, "test the reset")
+            yield ObjectPlace(step, f"unused entry of {pdo.label}")
+            return
+
+
+def _is_whole_and_on(node: Node, pdo: Pdo, config: PdoConfig) -> bool:
+    is_whole = config.has_cob_id and config.mpdo is None and not config.inconsistency
+    return is_whole and config.enabled and node.profile.store.needed_for(pdo.communication_index)
+
+
+def _taken_off(node: Node, pdo: Pdo, config: PdoConfig) -> Iterator[Place]:
+    """*pdo* switched off, where the rules let that be done and undone."""
+    off = replace(config, communication=replace(config.communication, cob_id=config.communication.cob_id.disabled()))
+    ways = ((config, off), (off, config))
+    if not any(errors_in(check_pdo(proposal(node, pdo, now, want))) for now, want in ways):
+        yield Place(pdo, "cob_id", 1, config, off)
+
+
 def _is_off(config: PdoConfig) -> bool:
     """Whether it was read that it sends nothing; one whose COB-ID cannot be read may be sending."""
     return config.has_cob_id and not config.enabled and config.mpdo is None
@@ -87,7 +241,7 @@ def _allowed(
     node: Node, pdo: Pdo, config: PdoConfig, field: str, sub_index: int, values: tuple[int, ...]
 ) -> Iterator[Place]:
     held = _value(config, field)
-    if held is None:
+    if not isinstance(held, int):
         return
     neighbours = () if field == "transmission_type" else (held + 1, held - 1)
     for value in (*(() if held and neighbours else values), *neighbours):
@@ -98,39 +252,61 @@ def _allowed(
             yield Place(pdo, field, sub_index, config, want)
 
 
+def proving_place(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
+    """The first harmless place that *node* lets be changed, which was tried and put back; None where there is none.
+
+    Asks before a node leaves OPERATIONAL for it. LeftChanged where what was tried could not be put back.
+    """
+    beside = (place for place in places_beside(node, pdos) if not _is_default(node, place))
+    off = (place for place in harmless_places(node, pdos) if not _is_default(node, place))
+    for place in chain(islice(off, _TRIES), islice(beside, _MOST_BESIDE)):
+        if place.is_on:
+            node.gate.enter_to_test()
+        canary = Canary(node, place)
+        if canary.plant():
+            canary.put_back()
+            return place
+    return None
+
+
+def _is_default(node: Node, place: AnyPlace) -> bool:
+    """Whether *place* would be changed to what the node may come up with where it has stored nothing."""
+    step = place.change.steps[-1]
+    entry = node.dictionary.entry(step.index, step.sub_index) if node.dictionary else None
+    default = None if entry is None else entry.initial(node.node_id)
+    if default is None:
+        return False
+    is_cob_id = isinstance(place, Place) and place.field == "cob_id"
+    return not CobId.from_raw(int.from_bytes(default, "little")).valid if is_cob_id else default == step.after
+
+
 @dataclass(slots=True)
 class Canary:
-    """A value at *place* of *node* that was changed and read back; the journal stays until `gone` or `put_back`."""
+    """A value at *place* of *node* that is changed and read back; the journal stays until `gone` or `put_back`."""
 
     node: Node
-    place: Place
+    place: AnyPlace
 
-    @classmethod
-    def planted(cls, node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Canary | None:
-        """Change the first harmless place among *pdos* that the device lets be changed; None where there is none."""
-        for place in islice(harmless_places(node, pdos), _TRIES):
-            canary = cls(node, place)
-            try:
-                carry_out(node, canary.plan, keep_journal=True)
-            except DvtcliError as failed:
-                if failed.state == "unknown":  # it was changed, and what came after that failed
-                    canary.put_back_after(failed)
-                elif isinstance(failed, DeviceRefused):
-                    continue  # it was put back; another place may be free
-                raise
-            return canary
-        return None
+    def plant(self) -> bool:
+        """Change the value; false where the device does not let it be changed, and holds what it held."""
+        try:
+            carry_out(self.node, self.plan, keep_journal=True)
+        except DvtcliError as failed:
+            if failed.state == "unknown":  # it was changed, and what came after that failed
+                self.put_back_after(failed)
+            elif isinstance(failed, DeviceRefused):
+                return False  # it was put back; another place may be free
+            raise
+        return True
 
     @property
     def plan(self) -> Plan:
         """The change as a plan of its own."""
-        place = self.place
-        return Plan(self.node.node_id, (plan_pdo(place.pdo, place.before, place.after),))
+        return Plan(self.node.node_id, (self.place.change,))
 
     def survived(self, pdos: Mapping[Pdo, PdoConfig]) -> bool:
-        """Whether *pdos*, read after the reset, still have the changed value."""
-        held = pdos.get(self.place.pdo)
-        return held is not None and _value(held, self.place.field) == _value(self.place.after, self.place.field)
+        """Whether the changed value is still there; *pdos* were read after the restart."""
+        return self.place.survived(self.node, pdos)
 
     def gone(self) -> None:
         """The reset took the changed value: there is nothing to put back."""

@@ -63,7 +63,7 @@ class Access:
         A node that is a master takes its state from an object of its own, a slave from NMT. A master remembers what
         it was asked for, even without power: a request that it did not obey is taken back (the published Gen4 manual).
         """
-        if self.profile.state_request is None or not self._is_master():
+        if self.profile.state_request is None or not self.is_master():
             command = NmtCommand.ENTER_PRE_OPERATIONAL if state is NmtState.PRE_OPERATIONAL else NmtCommand.START
             self.bus.send_nmt(command, self.node_id)
             self._confirm(state)
@@ -105,7 +105,8 @@ class Access:
             else:
                 return
 
-    def _is_master(self) -> bool:
+    def is_master(self) -> bool:
+        """Whether it says that it is an NMT master, which obeys no NMT command."""
         if self.profile.master_object is None:
             return False
         return bool(read_optional(self.bus.sdo(self.node_id), *self.profile.master_object, 1))  # none: not one
@@ -160,6 +161,15 @@ class Gate:
     def enter_agreed(self) -> None:
         """PRE-OPERATIONAL whatever the profile says, after a question that said so was answered with yes."""
         self._enter(lambda _question: None)
+
+    def enter_to_test(self) -> None:
+        """PRE-OPERATIONAL whatever the profile says; asks before a node leaves OPERATIONAL.
+
+        A node whose state nobody knows is told to: it is restarted after the test anyway.
+        """
+        if not self.entered and self.access.state() is None:
+            self.access.bus.send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, self.access.node_id)
+        self._enter(self.consent)
 
     def _enter(self, consent: Callable[[str], None]) -> None:
         if self.entered:

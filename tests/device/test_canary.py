@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.canary import Canary, Place, harmless_places
+from dvtcli.device.canary import Canary, Place, harmless_places, proving_place
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.node import Node
 from dvtcli.device.storing import prepare_store
@@ -119,8 +119,11 @@ class Choosy(DirectSdo):
         super().download(index, sub_index, data)
 
 
-@pytest.mark.parametrize(("refused", "planted"), [(0, "tpdo1"), (1, "tpdo2"), (2, "tpdo3"), (3, None)])
-def test_three_places_are_tried(refused: int, planted: str | None) -> None:
+@pytest.mark.parametrize(
+    ("refused", "planted"), [(0, "event timer of TPDO1"), (1, "event timer of TPDO2"), (2, "event timer of TPDO3"),
+                             (3, "heartbeat time in ms")],
+)  # fmt: skip
+def test_three_places_of_a_kind_are_tried_and_put_back(refused: int, planted: str) -> None:
     device = booted()
     channel = Choosy(device)
     channel.spared = tuple(range(0x1800, 0x1800 + refused))
@@ -129,13 +132,12 @@ def test_three_places_are_tried(refused: int, planted: str | None) -> None:
         cob_id = 0x8000_0181 + number * 0x100
         channel.download(0x1800 + number, 1, cob_id.to_bytes(4, "little"))
     before = one.pdos()
-    canary = Canary.planted(one, before)
-    if planted is None:
-        assert canary is None
-        assert one.pdos() == before
-        return
-    assert canary is not None
-    assert str(canary.place.pdo) == planted
+    found = proving_place(one, before)
+    assert found is not None
+    assert found.name == planted
+    assert one.pdos() == before
+    canary = Canary(one, found)
+    assert canary.plant()
     assert canary.survived(one.pdos())
     canary.put_back()
     assert one.pdos() == before
@@ -152,9 +154,9 @@ def kept(tmp_path: Path) -> Iterator[KeptBench]:
 
 def plant(kept: KeptBench) -> tuple[Canary, dict[Pdo, PdoConfig]]:
     before = kept.node.pdos()
-    canary = Canary.planted(kept.node, before)
-    assert canary is not None
-    assert canary.place.pdo == TPDO1
+    canary = Canary(kept.node, next(harmless_places(kept.node, before)))
+    assert canary.plant()
+    assert canary.place.name == "event timer of TPDO1"
     return canary, before
 
 
@@ -227,6 +229,6 @@ def test_one_that_was_changed_before_something_failed_is_put_back_at_once(kept: 
 
     kept.node.on_step = restart
     with pytest.raises(DvtcliError) as caught:
-        Canary.planted(kept.node, before)
+        proving_place(kept.node, before)
     assert kept.node.pdos() == before
     assert any(text.endswith("put back, read back equal") for _, text in caught.value.details)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.device.canary import proving_place
 from dvtcli.device.change.proven import prepare_proof, prove_store
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.change.proving import Restart
@@ -16,8 +17,8 @@ from dvtcli.device.store_parameters import RESTORE, STORE, Signed
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy
-from dvtcli.domain.proof import POWER, RESET_NODE
-from dvtcli.errors import NoAnswer
+from dvtcli.domain.proof import POWER, RESET_NODE, Proof
+from dvtcli.errors import DeviceRefused, NoAnswer
 from tests.laws.bench import NODE, DirectBus, booted, dictionary, profile
 
 TPDO1 = Pdo.parse("tpdo1")
@@ -45,6 +46,11 @@ class Bench:
         self.bus.heard_boot_ups += 1
         self.bus.device.nmt(NmtCommand.START)
 
+    def prove(self, before: Held, restart: Restart) -> Proof:
+        """Store nothing more, restart, and compare with *before*."""
+        place = proving_place(self.node, before.pdos)
+        return prove_store(self.node, before, STORED, restart, place)
+
     def restart(self, run: Callable[[], None], *, certain: bool = False) -> Restart:
         return Restart(POWER if certain else RESET_NODE, run)
 
@@ -56,7 +62,7 @@ def test_a_store_that_stored_is_proved_by_what_the_restart_took() -> None:
     before = Held.now(bench.node)
     bench.store()
     bench.bus.device.nmt(NmtCommand.START)
-    proof = prove_store(bench.node, before, STORED, bench.restart(bench.reset))
+    proof = bench.prove(before, bench.restart(bench.reset))
     assert (proof.holds, proof.objects, proof.compared) == (True, 1, len(before.pdos))
     assert proof.canary.startswith("0x1800:05 (event timer of TPDO1)")
     assert bench.bus.device.state is NmtState.OPERATIONAL, "as it was found"
@@ -66,7 +72,7 @@ def test_a_store_that_stored_is_proved_by_what_the_restart_took() -> None:
 def test_a_store_that_stored_nothing_is_told_by_what_is_not_there() -> None:
     bench = Bench()
     before = Held.now(bench.node)
-    proof = prove_store(bench.node, before, STORED, bench.restart(bench.reset))
+    proof = bench.prove(before, bench.restart(bench.reset))
     assert proof.differences
     assert not proof.holds
     assert all(text.startswith("TPDO1: COB-ID") for text in proof.differences)
@@ -78,7 +84,7 @@ def test_a_canary_that_survived_is_put_back_and_nothing_is_proved(family: str, c
     bench = Bench(family)
     before = Held.now(bench.node)
     bench.store()
-    proof = prove_store(bench.node, before, STORED, bench.restart(bench.keep_ram, certain=certain))
+    proof = bench.prove(before, bench.restart(bench.keep_ram, certain=certain))
     assert (proof.differences, bool(proof.unproved)) == ((), True)
     assert ("no power cycle" in proof.unproved) is certain
     assert proof.put_back.endswith("read back equal")
@@ -105,7 +111,7 @@ def test_nor_does_a_device_that_starts_itself_end_the_gate() -> None:
         bench.reset()
         bench.bus.device.nmt(NmtCommand.START)
 
-    assert prove_store(bench.node, before, STORED, bench.restart(start_itself)).holds
+    assert bench.prove(before, bench.restart(start_itself)).holds
     assert bench.bus.device.state is NmtState.PRE_OPERATIONAL
 
 
@@ -118,7 +124,7 @@ def test_what_goes_wrong_says_first_that_the_store_was_acknowledged() -> None:
         raise NoAnswer("no boot-up", state="unknown")
 
     with pytest.raises(NoAnswer) as caught:
-        prove_store(bench.node, before, STORED, bench.restart(silent))
+        bench.prove(before, bench.restart(silent))
     (first, said), (second, _) = caught.value.details
     assert (first, said) == ("store", "0x1010:01 acknowledged it before; it is not proved")
     assert second == "changed"
@@ -131,27 +137,35 @@ def test_a_pdo_that_is_gone_after_the_restart_is_no_proof() -> None:
     held = Held.now(bench.node)
     before = replace(held, pdos={**held.pdos, Pdo.parse("tpdo400"): held.pdos[TPDO1]})
     bench.store()
-    proof = prove_store(bench.node, before, STORED, bench.restart(bench.reset))
+    proof = bench.prove(before, bench.restart(bench.reset))
     assert (proof.holds, proof.differences) == (False, ("TPDO400 is gone",))
 
 
-def test_why_nothing_could_be_changed_to_find_out() -> None:
+def test_what_cannot_be_proved_is_refused_ahead_of_the_store() -> None:
+    """Where the device keeps all of it by itself, nothing is in RAM only."""
     bench = Bench()
     bench.node.profile = replace(GENERIC, store=StorePolicy(covers=(0x2000, 0xFFFF)))
-    proof = prove_store(bench.node, Held.now(bench.node), STORED, bench.restart(bench.reset))
-    assert proof.unproved == "no PDO that is off has a timer or a type that may be changed to test the reset"
+    held, restart = Held.now(bench.node), bench.restart(bench.reset)
+    with pytest.raises(DeviceRefused) as caught:
+        prepare_proof(bench.node, held, 1, restart)
+    assert "lets nothing be changed harmlessly" in (caught.value.why or "")
+    assert "store --prove power" in (caught.value.hint or "")
+    assert prepare_proof(bench.node, held, 1, replace(restart, by=POWER)) is None
 
 
+@pytest.mark.parametrize("family", ["generic", "gen4"])
 @pytest.mark.parametrize("off", [True, False])
-def test_the_gate_is_asked_for_ahead_of_the_store_where_the_proof_needs_it(off: bool) -> None:
-    bench = Bench("gen4")
+def test_the_gate_is_asked_for_ahead_of_the_store_where_the_proof_needs_it(off: bool, family: str) -> None:
+    """A heartbeat is changed in any state; a family that takes no write while it runs is led back first."""
+    bench = Bench(family)
     if not off:
         bench.reset()
     bench.bus.device.nmt(NmtCommand.START)
-    held = bench.node.pdos()
-    held = held if off else {pdo: config for pdo, config in held.items() if config.enabled}
-    prepare_proof(bench.node, held)
-    assert bench.bus.device.state is (NmtState.PRE_OPERATIONAL if off else NmtState.OPERATIONAL)
+    held = Held.now(bench.node)
+    held = held if off else replace(held, pdos={pdo: one for pdo, one in held.pdos.items() if one.enabled})
+    assert prepare_proof(bench.node, held, 1, bench.restart(bench.reset)) is not None
+    state = NmtState.PRE_OPERATIONAL if family == "gen4" else NmtState.OPERATIONAL
+    assert bench.bus.device.state is state
 
 
 @pytest.mark.parametrize(

@@ -7,18 +7,18 @@ know screens, and asks nobody.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.canary import Canary, Place, harmless_places
+from dvtcli.device.canary import AnyPlace, Canary, proving_place
 from dvtcli.device.change.proving import AGAIN, Restart, acknowledged, uncovered_group, unread_of
 from dvtcli.device.compare import differences as pdo_differences
 from dvtcli.device.held import Held
 from dvtcli.device.resets import return_to
-from dvtcli.device.store_parameters import Signed
+from dvtcli.device.store_parameters import STORE, Signed, chosen
 from dvtcli.device.wish import Says, unlike_values, value_in_hex
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.proof import Proof
+from dvtcli.errors import DeviceRefused, Interrupted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -28,32 +28,93 @@ Pdos = Mapping[Pdo, PdoConfig]
 _BY_ITSELF = 2
 #: What finds out what a reset cannot, and what to do where a power cycle was none.
 _POWER = "store --prove power finds out"
+_ALL = "store all --prove takes and compares them"
+#: Why no value could be changed in RAM.
+_NO_PLACE = "it lets nothing be changed harmlessly to test the reset: no timer, no heartbeat, no PDO"
 _OFF_FOR_LONGER = "switch it off until nothing of it is lit, and `store --prove power` again"
 
 
-def prepare_proof(node: Node, before: Pdos) -> None:
-    """Ask now what the proof would have to ask later, when the store is done: the canary needs the gate."""
-    if next(harmless_places(node, before), None) is not None:
-        node.gate.enter()
+def prepare_proof(node: Node, before: Held, sub_index: int | None, restart: Restart) -> AnyPlace | None:
+    """Find out before the store what the proof would find out too late: what it compares, and what it changes to test.
+
+    *sub_index* is that of `sign`. Tries the change and puts it back; None where a power cycle needs none. DeviceRefused
+    where the store could not be proved: nothing is stored.
+    """
+    signed = refuse_unprovable(node, sub_index, certain=restart.certain)
+    if unread := unread_of(before, signed, before.pdos):
+        raise _unprovable(node, unread, AGAIN)
+    if _saves_itself(signed):
+        return None
+    place = proving_place(node, before.pdos)
+    if node.cancellation.requested:
+        stopped = Interrupted("stopped before the store", node=node.node_id)
+        stopped.exit_code = node.cancellation.exit_code
+        raise stopped
+    if place is None and not restart.certain:
+        raise _unprovable(node, _NO_PLACE, _POWER)
+    return place
 
 
-def prove_store(node: Node, before: Held, signed: Signed, restart: Restart, says: Says = value_in_hex) -> Proof:
+def refuse_unprovable(node: Node, sub_index: int | None, *, certain: bool) -> Signed:
+    """What would be signed for a store; DeviceRefused where no restart, *certain* for a power cycle, could prove it.
+
+    Tells what is known without a look at what the node holds; writes nothing.
+    """
+    where, capability = chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
+    signed = Signed(STORE, where, 0.0, capability)
+    if uncovered := uncovered_group(where):
+        raise _unprovable(node, uncovered, _ALL)
+    if (by_itself := _saves_itself(signed)) and not certain:
+        raise _unprovable(node, by_itself, _POWER)
+    if not certain:
+        refuse_deaf_to_reset(node, _POWER)
+    return signed
+
+
+def refuse_deaf_to_reset(node: Node, hint: str) -> None:
+    """DeviceRefused, with *hint*, where *node* says that it is an NMT master: it obeys no NMT reset."""
+    if node.access.is_master():
+        place = node.profile.master_object
+        at = "" if place is None else f"{place[0]:04X}:{place[1]:02X}"
+        raise DeviceRefused(
+            f"node {node.node_id} obeys no NMT reset: nothing was stored or restored",
+            node=node.node_id, place=at, why=f"0x{at} says that it is an NMT master", hint=hint,
+        )  # fmt: skip
+
+
+def _unprovable(node: Node, why: str, hint: str) -> DeviceRefused:
+    """That nothing was stored, since a restart could not show that *node* keeps it."""
+    text = f"node {node.node_id} is not stored: that it keeps it could not be proved"
+    return DeviceRefused(text, node=node.node_id, why=why, hint=f"{hint}; `store` alone stores without a proof")
+
+
+def _saves_itself(signed: Signed) -> str:
+    """That a device saves without being told, so that nothing is in RAM only; empty where it does not say so."""
+    if signed.capability is None or not signed.capability & _BY_ITSELF:
+        return ""
+    return f"0x{signed.place} is {signed.capability}: the device saves by itself, too"
+
+
+def prove_store(
+    node: Node, before: Held, signed: Signed, restart: Restart, place: AnyPlace | None, says: Says = value_in_hex
+) -> Proof:
     """Restart *node* and compare it with *before*, read ahead of the store that the device acknowledged.
 
-    Values are said as *says* does. A canary, changed after the store, shows whether the restart took what was in RAM.
+    Values are said as *says* does. The canary at *place*, changed after the store, shows whether the restart took what
+    was in RAM.
     Errors say that the store was acknowledged; LeftChanged where the canary could not be put back.
     """
     covered, policy = before.of_group(signed.sub_index), node.profile.store
     values = {place: value for place, value in covered.items() if policy.needed_for(place[0])}
     with acknowledged(node, signed):
         found = node.access.state()
-        canary, blind = _canary(node, before.pdos, signed)
+        canary, blind = _canary(node, place, signed)
         after, lost, survived = _restarted(node, restart, canary)
         unlike = [f"{place}: {text}" for place, text in unlike_values(node, values, says)]
         return_to(node.access, found)
     hint = _POWER
     if survived is not None:
-        after = {**after, survived.pdo: _without(survived, after[survived.pdo])}
+        after = survived.without(after)
         blind = "RAM is kept over a reset, or it was saved by itself"
         if restart.certain:
             blind, hint = "RAM was kept, so this was no power cycle, or it was saved by itself", _OFF_FOR_LONGER
@@ -69,55 +130,41 @@ def prove_store(node: Node, before: Held, signed: Signed, restart: Restart, says
         "" if canary is None else canary.place.text,
         lost,
         len(values),
-        "store all --prove takes and compares them" if uncovered else AGAIN if unread else hint if blind else "",
+        _ALL if uncovered else AGAIN if unread else hint if blind else "",
         "" if survived is None else survived.put_back_text,
         notes=before.notes,
     )
 
 
-def _canary(node: Node, before: Pdos, signed: Signed) -> tuple[Canary | None, str]:
+def _canary(node: Node, place: AnyPlace | None, signed: Signed) -> tuple[Canary | None, str]:
     """The canary, or why there is none."""
-    if signed.capability is not None and signed.capability & _BY_ITSELF:
-        return None, f"0x{signed.place} is {signed.capability}: the device saves by itself, too"
-    canary = Canary.planted(node, before)
-    return canary, "" if canary is not None else _why_none(node, before)
-
-
-def _why_none(node: Node, before: Pdos) -> str:
-    """Why no value could be changed in RAM."""
-    if all(config.enabled for config in before.values()):
-        return "no PDO is off, so nothing could be changed harmlessly to test the reset"
-    if next(harmless_places(node, before), None) is None:
-        return "no PDO that is off has a timer or a type that may be changed to test the reset"
-    return "it refused every harmless change of a PDO that is off, so the reset could not be tested"
+    if place is None:
+        return None, _saves_itself(signed) or _NO_PLACE
+    canary = Canary(node, place)
+    return (canary, "") if canary.plant() else (None, f"it refused {place.name} after the store, and took it before")
 
 
 def _restarted(
     node: Node, restart: Restart, canary: Canary | None
-) -> tuple[dict[Pdo, PdoConfig], tuple[str, ...], Place | None]:
+) -> tuple[dict[Pdo, PdoConfig], tuple[str, ...], AnyPlace | None]:
     """The PDOs after the restart, the changes that it took, and the canary's place where the canary survived."""
     try:
         restart.run()
         lost = node.was_reset(communication=restart.communication)
         node.gate.renew()
         after = node.pdos()
+        survived = canary is not None and canary.survived(after)
     except BaseException as fault:
         if canary is not None:
             canary.put_back_after(fault)
         raise
     if canary is None:
         return after, lost, None
-    if not canary.survived(after):
+    if not survived:
         canary.gone()
         return after, lost, None
     canary.put_back()
     return after, lost, canary.place
-
-
-def _without(place: Place, held: PdoConfig) -> PdoConfig:
-    """*held* with the canary's value as it was before: it has been put back."""
-    value = getattr(place.before.communication, place.field)
-    return replace(held, communication=replace(held.communication, **{place.field: value}))
 
 
 def _differences(before: Pdos, after: Pdos) -> list[str]:

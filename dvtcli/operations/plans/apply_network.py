@@ -27,6 +27,7 @@ from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.power_stage import refuse_powered
 from dvtcli.operations.plans.plan_network import with_unknown_syncs
 from dvtcli.operations.results.networks import NetworkApplied
+from dvtcli.operations.stores.possible_stores import refuse_unprovable_stores
 from dvtcli.operations.stores.store_network import store_network
 from dvtcli.operations.sync.unknown_sync import short_frames
 
@@ -56,6 +57,8 @@ def apply_network(
     nodes = {one.node_id: session.node(one.node_id) for one in plan.nodes}
     powered_off = [one.node_id for one in planned if one.needs_power_off]
     refuse_powered(session, powered_off)
+    if prove and not session.dry_run:
+        refuse_unprovable_stores(nodes, {one.node_id: one.store for one in planned if one.stores}, prove)
     if planned:
         if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
             session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))

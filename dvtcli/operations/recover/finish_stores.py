@@ -12,7 +12,7 @@ from dvtcli.device.canary import holds_test, put_test_back
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.last_look import Verified
@@ -101,18 +101,23 @@ def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: 
 
 def _wanted(journal: Journal) -> tuple[Change, ...]:
     """What *journal* says that its node is to hold, without what only tested a store."""
-    tested = {one.pdo: one.before for one in journal.part.tests if isinstance(one, PdoChange)}
-    return tuple(
-        replace(one, after=tested[one.pdo]) if isinstance(one, PdoChange) and one.pdo in tested else one
-        for one in journal.plan.changes
-    )
+    tested = {one.label: one for one in journal.part.tests}
+    return tuple(_without(one, tested[one.label]) if one.label in tested else one for one in journal.plan.changes)
+
+
+def _without(change: Change, test: Change) -> Change:
+    """*change*, which ends with *test*, as it was before that."""
+    if isinstance(change, PdoChange):
+        return replace(change, after=test.before) if isinstance(test, PdoChange) else change
+    before = change.step.before if isinstance(test, PdoChange) else test.step.before
+    return ValueChange(replace(change.step, after=before or b""))
 
 
 def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
     """What a node *holds* while it still holds what *journal* says that tested a store."""
-    tested = {one.pdo for one in journal.part.tests if isinstance(one, PdoChange)}
-    others = (one for one in holds if not (isinstance(one, PdoChange) and one.pdo in tested))
-    return (*others, *(one for one in journal.plan.changes if isinstance(one, PdoChange) and one.pdo in tested))
+    tested = {one.label for one in journal.part.tests}
+    others = (one for one in holds if one.label not in tested)
+    return (*others, *(one for one in journal.plan.changes if one.label in tested))
 
 
 def _store(

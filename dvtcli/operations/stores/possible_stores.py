@@ -64,6 +64,14 @@ def refuse_stores_of(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog)
         raise every
 
 
+def refuse_unprovable_stores(nodes: Mapping[int, Node], stores: Mapping[int, str], prove: str) -> None:
+    """DeviceRefused where one of *nodes* stores, as *stores* say, what a restart (`reset`, `power`) could not prove."""
+    from dvtcli.device.change.proven import refuse_unprovable
+
+    for node_id, word in stores.items():
+        refuse_unprovable(nodes[node_id], store_group(word), certain=prove == "power")
+
+
 def _finding(node: Node, word: str) -> Finding | None:
     with suppress(SdoAborted):  # what it answers to the store itself is told then
         try:

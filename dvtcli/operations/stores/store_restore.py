@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
-from dvtcli.device.change.proven import prepare_proof, prove_store
+from dvtcli.device.change.proven import prepare_proof, prove_store, refuse_deaf_to_reset
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.change.proving import Restart
 from dvtcli.device.held import Held
@@ -52,16 +52,16 @@ def store_settings(
     restart = _restart(session, node, prove, wait_s) if prove else None
     boot_ups = node.bus.boot_ups(node.node_id)
     prepare_store(node, force=session.options.force)
-    before = None
+    before = place = None
     if restart is not None:
         before = Held.now(node)
-        prepare_proof(node, before.pdos)
+        place = prepare_proof(node, before, sub_index, restart)
     stored_at = node.pending.stored_at
     done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary)
     node.gate.done.append(f"0x{done.place} acknowledged the store")
     refuse_after_restart(node, boot_ups, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
-    proof = None if restart is None or before is None else prove_store(node, before, done, restart, _says(node))
+    proof = None if restart is None or before is None else prove_store(node, before, done, restart, place, _says(node))
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
         node.pending.was_not_kept(stored_at)
     is_stored(node, set(changed) - set(() if proof is None else proof.differing))
@@ -140,6 +140,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )
     asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
+        refuse_deaf_to_reset(node, "restore without --prove, then switch the node off and on")
         consent_to_reset(session, [node.node_id])
     prepare_store(node, force=session.options.force, confirm=False)
     communication = sub_index == COMMUNICATION

@@ -72,7 +72,8 @@ def test_a_store_that_is_not_proved_says_that_the_test_value_was_put_back(fault:
 
 def test_a_group_that_has_no_pdos_gets_the_hint_of_the_one_that_has() -> None:
     with sim() as bench:
-        assert rows(bench.run("store --prove application"))["hint"] == "store all --prove takes and compares them"
+        hint = "store all --prove takes and compares them; `store` alone stores without a proof"
+        assert rows(bench.run("store --prove application"))["hint"] == hint
         assert rows(bench.run("restore --prove application"))["hint"] == "restore all --prove takes and compares them"
 
 
@@ -180,7 +181,12 @@ def test_where_nothing_was_changed_no_proof_of_the_save_itself_is_claimed() -> N
 
 
 def test_a_device_that_refuses_the_canary_is_not_said_to_have_no_pdo_that_is_off() -> None:
-    with sim(*(f"refuse@{number}=0x06090030" for number in range(2, 20))) as bench:
+    """It is asked before the store; where it takes the change then, and not after the store, that is said."""
+    with sim(*(f"refuse@{number}=0x06090030" for number in range(1, 40))) as bench:
+        ran = bench.run("store --prove --json")
+    assert (ran.code, ran.document["state"]) == (1, "unchanged")
+    assert "it lets nothing be changed harmlessly to test the reset" in ran.document["why"]
+    with sim("refuse@4=0x06090030") as bench:
         document = bench.run("store --prove --json").documents[-1]
     assert document["canary"] is None
-    assert document["unproved"].startswith("it refused every harmless change of a PDO that is off")
+    assert document["unproved"] == "it refused event timer of TPDO3 after the store, and took it before"

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.device.canary import Canary
+from dvtcli.device.canary import Canary, proving_place
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.proven_restore import prove_restore
 from dvtcli.device.change.proving import Restart
@@ -114,34 +114,22 @@ def test_ram_that_is_kept_proves_nothing(fault: str) -> None:
         assert document["unproved"] == "RAM is kept over a reset, or it was saved by itself"
 
 
-def test_a_device_that_says_that_it_saves_by_itself_gets_no_canary() -> None:
+def test_a_device_that_says_that_it_saves_by_itself_is_not_told_to_store_for_a_proof() -> None:
     node = device("generic")
     node.set_value(0x1010, 1, (3).to_bytes(4, "little"))
     node.areas.saves_itself = True
     with Wire(node) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         wire.frames()
-        document = proved(bench.run("store --prove --json"))
+        ran = bench.run("store --prove")
         downloads = [m for m in wire.frames() if m.arbitration_id == 0x601 and m.data[0] >> 5 == 1]
-    assert (document["proved"], document["canary"]) == (False, None)
-    assert "0x1010:01 is 3" in document["unproved"]
-    assert [bytes(m.data[4:]) for m in downloads] == [b"save"], "one save, and nothing else was written"
-
-
-def test_a_device_without_a_harmless_place_is_not_proved() -> None:
-    with sim() as bench:
-        for pdo in bench.run("pdo --all --json").document["pdos"]:
-            if not pdo["enabled"]:
-                entry = "6041" if pdo["pdo"].startswith("t") else "6040"
-                assert bench.run(f"map {pdo['pdo']} {entry} --cob-id auto").code == 0
-        ran = bench.run("store --prove --json")
-        assert ran.code == 1
-        document = proved(ran)
-        assert (document["proved"], document["canary"]) == (False, None)
-        assert document["unproved"].startswith("no PDO is off")
+    assert ran.code == 1
+    assert "0x1010:01 is 3: the device saves by itself, too" in ran.stderr
+    assert "hint    store --prove power" in ran.stderr
+    assert downloads == []
 
 
 def test_save_is_never_repeated() -> None:
-    bus, saves = beside([device("generic")], "lose-response@1"), list[bytes]()
+    bus, saves = beside([device("generic")], "lose-response@3"), list[bytes]()
     bus.tap(lambda frame, sent: saves.append(frame.data) if sent and frame.data[4:] == b"save" else None)
     with Bench((), {"node": 1, "yes": True}, bus) as bench:
         assert bench.run("store --prove").code == 5
@@ -160,8 +148,8 @@ def test_a_dry_run_stores_and_proves_nothing() -> None:
 def test_a_group_that_has_no_pdos_is_not_proved_by_them() -> None:
     with sim() as bench:
         ran = bench.run("store --prove application --json")
-        assert ran.code == 1
-        assert "group 3" in proved(ran)["unproved"]
+        assert (ran.code, ran.document["state"]) == (1, "unchanged")
+        assert "group 3" in ran.document["why"]
         assert bench.run("store --prove communication --json").document["proved"] is True
 
 
@@ -210,8 +198,8 @@ def test_the_canary_is_journalled_and_put_back(tmp_path: Path) -> None:
 
 def test_a_canary_that_cannot_be_put_back_is_said_and_recover_finishes_it(tmp_path: Path) -> None:
     node = device("generic")
-    # downloads: 1 the save, 2 the canary, 3 what puts it back; its repetitions go on for PATIENCE_S
-    faults = ("keeps-ram", *(f"refuse@{number}=0x08000020" for number in range(3, 60)))
+    # downloads: 1 and 2 try the canary, 3 the save, 4 the canary, 5 what puts it back; it is repeated for PATIENCE_S
+    faults = ("keeps-ram", *(f"refuse@{number}=0x08000020" for number in range(5, 62)))
     options = {"yes": True, "timeout": 0.2, "journal": str(tmp_path), "eds": generic(), "node": 1}
     with Bench((), options, beside([node], *faults)) as bench:
         before = timers(bench)
@@ -232,8 +220,11 @@ def test_the_canary_is_never_without_its_journal(tmp_path: Path) -> None:
     with Wire(device("generic")) as wire, on_bus(wire, tmp_path) as bench:
         node = bench.session.node()
         before = timers(bench)
-        canary = Canary.planted(node, node.pdos())
-        assert canary is not None
+        place = proving_place(node, node.pdos())
+        assert place is not None
+        assert (timers(bench), journals(tmp_path)) == (before, [])
+        canary = Canary(node, place)
+        assert canary.plant()
         assert timers(bench) != before
         assert len(journals(tmp_path)) == 1
         canary.put_back()
@@ -281,7 +272,7 @@ def test_a_proof_that_fails_does_not_say_that_nothing_was_written(tmp_path: Path
 
 
 def test_a_canary_that_kills_the_node_does_not_say_that_nothing_was_stored() -> None:
-    with sim("silent@2") as bench:
+    with sim("silent@4") as bench:
         ran = bench.run("store --prove")
     assert ran.code in (5, 7), ran.stderr
     assert "0x1010:01 acknowledged the store, which is not proved" in ran.stderr
