@@ -115,7 +115,8 @@ def test_what_it_answers_is_so_when_it_ends(tmp_path: Path, command: str, node_i
         disturbed, made = machine.run()
         machine.bus.after = []
         again, remade = machine.run()
-        assert (disturbed.code, disturbed.stdout, made) == (again.code, again.stdout, remade), (after, count, disturbed, again)
+        seen = (after, count, disturbed, again)
+        assert (disturbed.code, disturbed.stdout, made) == (again.code, again.stdout, remade), seen
 
 
 @pytest.mark.parametrize("line", ["backup {}/made.dcf", "compare {}/press.dcf"])
