@@ -424,7 +424,8 @@ def test_screens_look_as_they_did(request: pytest.FixtureRequest, mode: str, col
     lines = ["".join(cell.text for cell in line).rstrip() for line in drawn]
     events = [line for line in lines if "EMCY node 5" in line and line.startswith("!")]
     assert len(events) == 1
-    lines = [re.sub(r"^(.) \d\d:\d\d:\d\d", r"\1 HH:MM:SS", line) for line in lines]  # the time of day is local
+    clock = re.compile(r"^(.) \d\d:\d\d:\d\d(\.\d\d\d)[+-]\d\d:\d\d")  # the time of day is local
+    lines = [clock.sub(r"\1 HH:MM:SS\2+HH:MM", line) for line in lines]
     path = SCREENS / f"{mode}_{columns}x{rows}.txt"
     text = "\n".join([*lines, ""])
     if request.config.getoption("--update-transcripts"):

@@ -29,7 +29,7 @@ _VOLATILE = [
     (re.compile(r"equal, \d+\.\d\d s"), "equal, 0.00 s"),
     (re.compile(r"dvtcli \d+\.\d+\.\d+"), "dvtcli 0.0.0"),
     (re.compile(r"127\.0\.0\.1:\d{4,5}"), "127.0.0.1:00000"),
-    (re.compile(r"\d\d:\d\d:\d\d\.\d{3}"), "00:00:00.000"),
+    (re.compile(r"\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d"), "00:00:00.000+00:00"),
     (re.compile(r"\d+ frames  \d+/s"), "0 frames  0/s"),
     # the mapping was read at once, or more than 5 s ago
     (re.compile(r"(0x\d{3} SDO \w+ node 5 .*\n){1,2}(  1 idle SDO row .*\n)?"), f"{_SDO_IDLE}\n\n"),

@@ -5,8 +5,6 @@ Pure. Does not know the terminal, the keys or the bus.
 
 from __future__ import annotations
 
-from datetime import datetime
-
 from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.monitor.looked_at import GRAPH, TABLE, Moment, View
 from dvtcli.cli.monitor.node_line import node_line
@@ -15,6 +13,7 @@ from dvtcli.cli.monitor.signal_lines import Lines, row_line, signal_line, title_
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.several import plural
+from dvtcli.domain.wall_clock import local_clock
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.recent_load import HIGH_LOAD
 from dvtcli.watch.seen import Event, FrameStore, Row
@@ -108,7 +107,7 @@ def _keys(view: View) -> list[Cell]:
 
 
 def _event_line(event: Event) -> list[Cell]:
-    at = datetime.fromtimestamp(event.time_s).strftime("%H:%M:%S.%f")[:-3]
+    at = local_clock(event.time_s, "milliseconds")
     style = "red" if event.bad else ""
     return [Cell("! " if event.bad else "  ", style), Cell(f"{at}  ", "dim"), Cell(event.text, style)]
 

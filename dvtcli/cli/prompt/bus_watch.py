@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from json import dumps
-from time import monotonic, strftime
+from time import monotonic, time
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import HEARTBEAT
@@ -22,6 +22,7 @@ from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.wall_clock import local_clock
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.come_back import come_back, goes_on
@@ -169,7 +170,7 @@ class Life:
             self._say(text)
 
     def _say(self, text: str) -> None:
-        self.notices.add(f"{strftime('%H:%M:%S')}  {text}")
+        self.notices.add(f"{local_clock(time())}  {text}")
 
     def _on_frame(self, frame: Frame, sent: bool) -> None:
         """Count bits, keep the frame and time heartbeats; called with every frame, so it must be quick."""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import localtime, strftime
 from typing import ClassVar
 
-from dvtcli.domain.wall_clock import utc
+from dvtcli.domain.wall_clock import local_clock, utc
 from dvtcli.operations.results.documents import Answer, Document
 
 
@@ -29,7 +28,7 @@ class BusEvent(Answer):
             said = f"is gone ({self.why}): waiting for it"
         else:
             said = f"is back after {self.after_s:.1f} s"
-        return f"{strftime('%H:%M:%S', localtime(self.time_s))}  {self.bus} {said}"
+        return f"{local_clock(self.time_s)}  {self.bus} {said}"
 
     def document(self) -> Document:
         """`dvtcli.bus/1`."""

@@ -7,6 +7,7 @@ import io
 import signal
 import subprocess
 import sys
+from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -172,8 +173,10 @@ def test_decode_by_a_network_file(tmp_path: Path) -> None:
 
 def test_without_a_mapping_frames_stay_bytes(tmp_path: Path) -> None:
     done = dvtcli("decode", str(ramp(tmp_path / "run.log", 2)))
-    assert done.stdout.splitlines()[0].split() == [
-        "22:13:20.000000", "0x281", "TPDO2?", "node", "1", "9C", "FF", "FF", "FF", "78", "00", "88", "FF",
+    at, *rest = done.stdout.splitlines()[0].split()
+    assert at == datetime.fromtimestamp(BEGIN_S).astimezone().timetz().isoformat(timespec="microseconds")
+    assert rest == [
+        "0x281", "TPDO2?", "node", "1", "9C", "FF", "FF", "FF", "78", "00", "88", "FF",
     ]  # fmt: skip
 
 

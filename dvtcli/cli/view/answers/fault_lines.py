@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from datetime import UTC, datetime
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.emergency_codes import register_words
+from dvtcli.domain.wall_clock import local_clock
 from dvtcli.operations.results.node_errors import FaultRow, Faults, FaultSeen
 
 _SOURCES = {"active": "active now", "history": "history", "heard": "EMCY heard"}
@@ -16,7 +16,7 @@ def fault_lines(result: Faults, width: int) -> Iterator[Line]:
     """A node's errors with what helps, and what its error register says."""
     yield from _remembered(result)
     if result.rows:
-        table = Table(("WHERE", "CODE", "MEANING", "COUNT", "LAST (UTC)", "MORE"), frozenset({3}), shrink=2)
+        table = Table(("WHERE", "CODE", "MEANING", "COUNT", "LAST", "MORE"), frozenset({3}), shrink=2)
         for row in result.rows:
             count = "" if row.count is None else str(row.count)
             table.add(_SOURCES[row.source], f"0x{row.code:04X}", Cell(row.text, "bold"), count, _at(row), _more(row))
@@ -58,7 +58,7 @@ def _remedies(rows: Iterable[FaultRow]) -> Iterator[Line]:
 
 
 def _at(row: FaultRow) -> str:
-    return "" if row.last_s is None else datetime.fromtimestamp(row.last_s, UTC).strftime("%H:%M:%S.%f")[:-3]
+    return "" if row.last_s is None else local_clock(row.last_s, "milliseconds")
 
 
 def _more(row: FaultRow) -> str:
@@ -69,7 +69,7 @@ def _more(row: FaultRow) -> str:
 
 
 def fault_seen_lines(result: FaultSeen, _width: int) -> Iterator[Line]:
-    """An EMCY message with its time of day (UTC), what it means, and what helps when it comes for the first time."""
+    """An EMCY message with its local time of day, what it means, and what helps when it comes for the first time."""
     fault = result.fault
     register = ", ".join(register_words(fault.register or 0)) or "no error now"
     more = _more(fault)

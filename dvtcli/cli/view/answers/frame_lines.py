@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import UTC, datetime
 
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.several import plural
 from dvtcli.domain.shown_value import value_text
+from dvtcli.domain.wall_clock import local_clock
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.results.frames import FrameSeen, Plotted
 
 
 def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
-    """A frame with its time of day (UTC), what it is, its bytes and its signals."""
+    """A frame with its local time of day and its offset, what it is, its bytes and its signals."""
     frame = result.frame
-    at = datetime.fromtimestamp(frame.timestamp_s, UTC).strftime("%H:%M:%S.%f")
+    at = local_clock(frame.timestamp_s, "microseconds")
     node = f" node {result.node}" if result.node else ""
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
     signals = "  ".join(

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 _LIFTED = frozenset(str(one) for one in NotWritten if one.is_lifted_by_include)
 
 
-def plan_lines(plan: NetworkPlan, width: int) -> Iterator[Line]:
-    """Each node with what differs, and what that comes to."""
+def plan_lines(plan: NetworkPlan, width: int, *, compares: bool = False) -> Iterator[Line]:
+    """Each node with what differs, and what that comes to; *compares* is as of `node_plan_lines`."""
     for node in plan.nodes:
-        yield from node_plan_lines(plan.file, node, width)
+        yield from node_plan_lines(plan.file, node, width, compares=compares)
     yield ""
     if plan.changed or any(node.stores for node in plan.nodes):
         yield [Cell("Plan: ", "bold"), Cell(f"{_counted(plan)}.")]
@@ -34,7 +34,7 @@ def plan_lines(plan: NetworkPlan, width: int) -> Iterator[Line]:
 
 def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     """The plan, and what to do with it."""
-    yield from plan_lines(result.plan, width)
+    yield from plan_lines(result.plan, width, compares=result.tells)
     yield from _remaining(result.plan)
     yield from _untold(result.plan)
     if result.plan.lacking:

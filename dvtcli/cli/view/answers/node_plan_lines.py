@@ -25,17 +25,17 @@ _MOST_REMAINING = 12
 _SIGNS = {"prune": ("-", "red"), "disable": ("~", "yellow"), "enable": ("~", "yellow"), "change": ("~", "yellow")}
 
 
-def node_plan_lines(file: str, node: NodePlan, width: int) -> Iterator[Line]:
-    """What *file* changes on the node, what of it is not written, and why."""
+def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = False) -> Iterator[Line]:
+    """What *file* changes on the node, what of it is not written, and why; with *compares* what is, and is expected."""
     place = f"  {file}:{node.line}" if node.line else ""
     title = f"({node.title})" if node.title else ""
     said = " ".join(filter(None, (node.name, title)))
     yield [Cell(f"node {node.node_id}  {said}", "bold"), Cell(place, "dim")]
     for change in node.plan.changes:
         if isinstance(change, PdoChange):
-            yield from _pdo(node, change, width)
+            yield from _pdo(node, change, width, compares=compares)
         else:
-            yield _object(node, change.step)
+            yield _object(node, change.step, compares=compares)
             yield from _downloads(change.step.object, change.step.before, change.step.after)
     if not node.is_read:
         yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{STAMP:04X}) is that of the file")]
@@ -91,15 +91,24 @@ def _downloads(place: str, before: bytes | None, after: bytes | None) -> Iterato
     yield from ([Cell(f"      {text}")] for text in download_lines(place, before, after))
 
 
-def _object(node: NodePlan, step: Step) -> Line:
+def _sides(held: str, wanted: str, *, compares: bool) -> tuple[str, ...]:
+    """The cells for what a node holds and what it is to hold: a difference, or a change."""
+    return (f"is {held}, expected {wanted}",) if compares else (held, "->", wanted)
+
+
+def _object(node: NodePlan, step: Step, *, compares: bool) -> Line:
     """A single object: what it holds, what it is to hold, and what that means."""
     known = node.understood.get(step.object)
     before, after = step_text(step, step.before, known), step_text(step, step.after, known)
     said = "" if step.reason == "write" else f"  {step.reason}"
-    return [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {before} -> {after}"), Cell(said)]
+    return [
+        Cell("  ~ ", "yellow"),
+        Cell(f"0x{step.object}  {' '.join(_sides(before, after, compares=compares))}"),
+        Cell(said),
+    ]
 
 
-def _pdo(node: NodePlan, change: PdoChange, width: int) -> Iterator[Line]:
+def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> Iterator[Line]:
     kind = action(node, change)
     sign, style = _SIGNS[kind]
     if kind == "prune":
@@ -113,15 +122,17 @@ def _pdo(node: NodePlan, change: PdoChange, width: int) -> Iterator[Line]:
     table = Table(indent=6, shrink=3)
     for key, was, will in differing(change):
         if key == "map":
-            _entries(table, node, was, will)
+            _entries(table, node, was, will, compares=compares)
         else:
-            table.add(key, parameter_text(key, was, change.pdo), "->", parameter_text(key, will, change.pdo))
+            held, wanted = (parameter_text(key, value, change.pdo) for value in (was, will))
+            table.add(key, *_sides(held, wanted, compares=compares))
     yield from table.lines(width)
 
 
-def _entries(table: Table, node: NodePlan, was: list[str], will: list[str]) -> None:
+def _entries(table: Table, node: NodePlan, was: list[str], will: list[str], *, compares: bool) -> None:
     for number in range(max(len(was), len(will))):
         before, after = (side[number] if number < len(side) else "-" for side in (was, will))
         if before != after:
             name = node.names.get(after.rpartition("/")[0], "")
-            table.add(f"map {number + 1}", entry_text(before), "->", f"{entry_text(after)}  {name}".rstrip())
+            wanted = f"{entry_text(after)}  {name}".rstrip()
+            table.add(f"map {number + 1}", *_sides(entry_text(before), wanted, compares=compares))

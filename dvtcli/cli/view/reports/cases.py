@@ -10,6 +10,7 @@ from dvtcli.cli.view.answers.whole_device_lines import value_text
 from dvtcli.domain.parameter_text import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.several import plural, several
+from dvtcli.domain.shown_value import step_text
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.networks import NetworkPlanned, differing
 from dvtcli.operations.results.whole_devices import WholeCompared
@@ -66,7 +67,7 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
         yield Case(node.node_id, "stamp", says, "skipped", result.plan.file, node.line)
     for change in node.plan.changes:
         yield Case(
-            node.node_id, change.label, tuple(_differences(change)), level, result.plan.file, _line(node, change)
+            node.node_id, change.label, tuple(_differences(node, change)), level, result.plan.file, _line(node, change)
         )
     for held in node.holds:
         yield Case(node.node_id, held.label, file=result.plan.file, line=_line(node, held))
@@ -95,14 +96,15 @@ def _line(node: NodePlan, change: Change) -> int:
     return node.object_lines.get((change.step.index, change.step.sub_index), 0) or node.line
 
 
-def _differences(change: Change) -> Iterator[str]:
+def _differences(node: NodePlan, change: Change) -> Iterator[str]:
     if isinstance(change, PdoChange):
         for key, was, will in differing(change):
-            yield f"{key}: {parameter_text(key, was, change.pdo)} -> {parameter_text(key, will, change.pdo)}"
+            held, expected = (parameter_text(key, value, change.pdo) for value in (was, will))
+            yield f"{key} is {held}, expected {expected}"
     else:
-        step = change.step
-        before = "-" if step.before is None else step.before.hex(" ").upper()
-        yield f"{before} -> {step.after.hex(' ').upper()}  {step.reason}"
+        known = node.understood.get(change.step.object)
+        held, expected = (step_text(change.step, data, known) for data in (change.step.before, change.step.after))
+        yield f"is {held}, expected {expected}"
 
 
 def _compared(one: Compared) -> Iterator[Case]:
@@ -135,4 +137,4 @@ def _named(one: ObjectDifference) -> str:
 
 def _sides(one: ObjectDifference) -> str:
     before, after = (one.unread or "-" if data is None else value_text(one, data) for data in (one.before, one.after))
-    return f"{before} -> {after}"
+    return f"is {after}, expected {before}"
