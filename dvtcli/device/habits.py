@@ -30,15 +30,18 @@ Parameter = tuple[Direction, int]
 
 @dataclass(frozen=True, slots=True)
 class Habit:
-    """The device answered *abort* to *parameter* of a PDO that was on, and took it once the PDO was off."""
+    """The device answered *abort* to *parameter* of a PDO that was on, and took it once the PDO was off.
 
-    parameter: Parameter
+    Without a *parameter*: it answered so to a PDO write while it was OPERATIONAL, and took it in PRE-OPERATIONAL.
+    """
+
+    parameter: Parameter | None
     abort: int
 
 
 @dataclass(slots=True)
 class Habits:
-    """The parameters that a device takes only while their PDO is off, kept in *folder*; *say* shows what goes wrong."""
+    """What devices take only with a PDO off or in PRE-OPERATIONAL, kept in *folder*; *say* shows what goes wrong."""
 
     folder: Path | None = None
     say: Callable[[str], None] = lambda _text: None
@@ -51,10 +54,17 @@ class Habits:
 
     def off_first(self, identity: Identity) -> frozenset[Parameter]:
         """What the device of *identity* takes only while the PDO is off, as far as that is sure."""
-        return frozenset(one.parameter for one, times in self._of(identity).items() if times >= OFTEN_ENOUGH)
+        known = self._of(identity).items()
+        return frozenset(
+            habit.parameter for habit, times in known if times >= OFTEN_ENOUGH and habit.parameter is not None
+        )
+
+    def is_pre_operational_wanted(self, identity: Identity) -> bool:
+        """Whether the device of *identity* takes PDO writes only in PRE-OPERATIONAL, as far as that is sure."""
+        return any(times >= OFTEN_ENOUGH and habit.parameter is None for habit, times in self._of(identity).items())
 
     def add(self, identity: Identity, refusal: Habit) -> int:
-        """The device of *identity* took a parameter only once its PDO was off; returns how often that was so by now."""
+        """The device of *identity* took a change only so; returns how often that was the case by now."""
         known = self._of(identity)
         known[refusal] += 1
         name = name_of(identity)
@@ -97,7 +107,11 @@ def read_habits(path: Path) -> Counter[Habit]:
         document = json.loads(file.read(_MOST_BYTES))
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise ValueError(f"it does not say {SCHEMA}")
-    return Counter(dict(map(_refusal, _list(document.get("refused")))))
+    rows = [
+        *map(_refusal, _list(document.get("refused"))),
+        *map(_in_operational, _list(document.get("operational", []))),
+    ]
+    return Counter(dict(rows))
 
 
 def _list(value: Any) -> Iterable[Any]:
@@ -113,6 +127,12 @@ def _refusal(row: Any) -> tuple[Habit, int]:
     return Habit(parameter, _number(row.get("abort"), 0, 0xFFFF_FFFF)), _number(row.get("times"), 1, _MOST_TIMES)
 
 
+def _in_operational(row: Any) -> tuple[Habit, int]:
+    if not isinstance(row, dict):
+        raise ValueError("a refusal is malformed")
+    return Habit(None, _number(row.get("abort"), 0, 0xFFFF_FFFF)), _number(row.get("times"), 1, _MOST_TIMES)
+
+
 def _number(value: Any, least: int, most: int) -> int:
     if type(value) is not int or not least <= value <= most:
         raise ValueError("a refusal is malformed")
@@ -123,6 +143,12 @@ def _document(known: Counter[Habit]) -> dict[str, Any]:
     rows = [
         {"direction": str(direction), "sub_index": sub, "abort": refusal.abort, "times": min(times, _MOST_TIMES)}
         for refusal, times in known.items()
+        if refusal.parameter is not None
         for direction, sub in [refusal.parameter]
     ]
-    return {"schema": SCHEMA, "refused": rows}
+    running = [
+        {"abort": refusal.abort, "times": min(times, _MOST_TIMES)}
+        for refusal, times in known.items()
+        if refusal.parameter is None
+    ]
+    return {"schema": SCHEMA, "refused": rows} | ({"operational": running} if running else {})

@@ -151,12 +151,22 @@ class Gate:
     entered: bool = False
     #: what was done to the node since it was entered, in words: it stays so where the node does not come back
     done: list[str] = field(default_factory=list)
+    #: what is asked before the node leaves OPERATIONAL if it, whatever its profile says, takes the next change only in
+    #: PRE-OPERATIONAL; None: the profile alone counts
+    wanted: Callable[[str], None] | None = None
     _vanished: bool = False
 
     def enter(self) -> None:
         """Make PDO writes possible; remembers the state that was found."""
-        if self.access.profile.pre_operational_gate is PreOperational.REQUIRED:
+        if self.wanted is not None:
+            self._enter(self.wanted)
+        elif self.access.profile.pre_operational_gate is PreOperational.REQUIRED:
             self._enter(self.consent)
+
+    @property
+    def question(self) -> str:
+        """What is asked before the node leaves OPERATIONAL."""
+        return f"node {self.access.node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?"
 
     def enter_agreed(self) -> None:
         """PRE-OPERATIONAL whatever the profile says, after a question that said so was answered with yes."""
@@ -179,7 +189,7 @@ class Gate:
         if state is NmtState.STOPPED:
             raise stopped_node(node_id)
         if state is NmtState.OPERATIONAL:
-            consent(f"node {node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?")
+            consent(self.question)
             self.found = state  # before it is left: a fault on the way must not hide where it was
             self.access.request(NmtState.PRE_OPERATIONAL)
         self.entered = True

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.lazy_pdos import LazyMapping
 from dvtcli.device.neighbours import producers
-from dvtcli.device.read_pdos import learnt_lengths, service_can_ids
+from dvtcli.device.read_pdos import learnt_objects, service_can_ids
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Proposal
@@ -34,6 +34,7 @@ def proposal(
     *elsewhere* is what the other nodes will send, None for what they send now.
     """
     learn = node.dictionary is None and now.mapping != want.mapping
+    lengths, absent = learnt_objects(want.mapping, node.memory.upload) if learn else ({}, {})
     others, cob_ids = _others(node, pdo, together or {})
     return Proposal(
         node.node_id,
@@ -43,10 +44,11 @@ def proposal(
         others,
         node.profile,
         node.dictionary,
-        learnt_lengths(want.mapping, node.length_of) if learn else {},
+        lengths,
         cache(lambda: service_can_ids(node.memory)),
         elsewhere or cache(lambda: producers(node.neighbours())),
         cob_ids,
+        absent,
     )
 
 

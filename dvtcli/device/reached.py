@@ -44,6 +44,8 @@ class Reached:
     on_look: Callable[[Looking], None] = lambda _looking: None
     #: how many of its boot-ups had been heard when this process met it
     boot_ups_met: int = 0
+    #: as *consent*, for what no question before it named: it is asked also in the middle of what was agreed to
+    consent_anew: Callable[[str], None] = lambda _question: None
     _gate: Gate | None = field(default=None, init=False)
     #: how many PDOs of how many were read, where they all are
     _looked: tuple[int, int] = field(default=(0, 0), init=False)

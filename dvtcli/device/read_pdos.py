@@ -59,12 +59,23 @@ def read_identity(sdo: SdoReader, sub_index: int) -> int | None:
         return None
 
 
-def learnt_lengths(
-    entries: Iterable[PdoMappingEntry], length_of: Callable[[int, int], int | None]
-) -> dict[tuple[int, int], int]:
-    """Lengths in bits of mapped objects that no file describes, as *length_of* learns them; those that it can."""
-    places = [(entry.index, entry.sub_index) for entry in entries if not entry.is_dummy]
-    return {place: bits for place in places if (bits := length_of(*place)) is not None}
+def learnt_objects(
+    entries: Iterable[PdoMappingEntry], upload: Callable[[int, int], bytes]
+) -> tuple[dict[tuple[int, int], int], dict[tuple[int, int], int]]:
+    """What one upload each tells of mapped objects that no file describes.
+
+    Returns the lengths in bits of the objects that can be read, and the abort codes for objects that the device says it
+    does not have. An object that cannot be read (write-only) is in neither.
+    """
+    lengths: dict[tuple[int, int], int] = {}
+    absent: dict[tuple[int, int], int] = {}
+    for place in dict.fromkeys((entry.index, entry.sub_index) for entry in entries if not entry.is_dummy):
+        try:
+            lengths[place] = 8 * len(upload(*place))
+        except SdoAborted as aborted:
+            if aborted.code in ABSENT:
+                absent[place] = aborted.code
+    return lengths, absent
 
 
 def service_can_ids(sdo: SdoReader) -> tuple[int, int | None]:

@@ -1,4 +1,4 @@
-"""A change of which the device takes a parameter only while the PDO is off: put back, and made again that way.
+"""A change that the device takes only while the PDO is off, or in PRE-OPERATIONAL: put back, and made again that way.
 
 CiA 301 lets the transmission type and the event timer be written while a PDO is valid; stricter families do not.
 """
@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit, name_of
 from dvtcli.device.proposal import proposal
+from dvtcli.device.seen_state import present_state
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
 from dvtcli.domain.rules import Finding, check_pdo, errors_in
 from dvtcli.domain.rules.finding import note
 from dvtcli.domain.rules.rule import NOTE, Rule
-from dvtcli.errors import DeviceRefused, DvtcliError
+from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
@@ -27,10 +28,14 @@ if TYPE_CHECKING:
 
 #: What stricter families answer to a parameter of a PDO that is on.
 _WHILE_ON = (Abort.VALUE_RANGE, Abort.DEVICE_STATE, Abort.READ_ONLY)
+#: What devices answer to a PDO write that they take in PRE-OPERATIONAL only.
+_WHILE_OPERATIONAL = (Abort.DEVICE_STATE, Abort.GENERAL)
 
 RULES = (
     Rule("off-first", NOTE, "the device takes this parameter only while the PDO is off", "the device's own answer",
          _WHILE_ON),
+    Rule("pre-operational-first", NOTE, "the device takes PDO writes only in PRE-OPERATIONAL",
+         "the device's own answer", _WHILE_OPERATIONAL),
 )  # fmt: skip
 
 
@@ -39,27 +44,48 @@ def carry_out_as_taken(
 ) -> tuple[Plan, tuple[Finding, ...]]:
     """Carry *plan* out; what was carried out in the end, and *findings* with what the device wanted otherwise.
 
-    Where the device refuses a parameter of a PDO that is on, and everything was put back, it is done again with that
-    PDO disabled, once. Where the same refusal comes a second time it is remembered of the device, and its PDOs are
-    disabled right away from then on.
+    If the device refuses a parameter of a PDO that is on, and everything was put back, the plan is done again with that
+    PDO disabled, once. If it refuses a PDO write for its state and is OPERATIONAL, the plan is done again, once, in
+    PRE-OPERATIONAL, with consent. A refusal that comes a second time is remembered of the device: from then on its PDOs
+    are disabled, or it is brought to PRE-OPERATIONAL, right away.
     """
     plan = _as_known(node, plan)
 
     def run(one: Plan, found: Found | None) -> None:
         carry_out(node, one, findings, found=found, done=lambda boot_ups: done(one, boot_ups))
 
+    if _wants_pre_operational(node, plan) and present_state(node.access) is NmtState.OPERATIONAL:
+        node.gate.wanted = node.gate.consent
     try:
-        run(plan, found)
-    except DeviceRefused as refused:
-        change, step = _refused_while_on(plan, refused)
-        if change is None or step is None or not _may_be_off(node, change):
-            raise
+        try:
+            run(plan, found)
+        except DeviceRefused as refused:
+            plan, remark = _carry_out_again(node, plan, refused, run)
+            return plan, (*findings, remark)
+    finally:
+        node.gate.wanted = None
+    return plan, findings
+
+
+#: carries a plan out; None: the node is claimed anew
+_Run = Callable[[Plan, "Found | None"], None]
+
+
+def _carry_out_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> tuple[Plan, Finding]:
+    """Carry *plan*, of which the device *refused* a step, out otherwise; what was carried out, and what to say of it.
+
+    *refused* itself is raised if there is no other way.
+    """
+    change, step = _refused_while_on(plan, refused)
+    if change is not None and step is not None and _may_be_off(node, change):
         again, passing = _with_off(plan, change), _may_pass(node, refused)
         try:
             run(again, None)
         except DvtcliError as second:
             second.details.append(("first try", f"0x{step.object} was refused while {change.label} was on, too"))
-            raise
+            if not isinstance(second, DeviceRefused) or not _is_for_its_state(node, again, second):
+                raise
+            return again, _in_pre_operational(node, again, second, run)
         remembered = (
             "the node was OPERATIONAL, so nothing is remembered" if passing else _noted(node, change, step, refused)
         )
@@ -67,24 +93,72 @@ def carry_out_as_taken(
             f"0x{step.object} was refused while {change.label} was on (abort 0x{refused.abort or 0:08X}): all was put "
             f"back, and done again with {change.label} off; {remembered}"
         )
-        return again, (*findings, note("off-first", f"0x{step.object}", text))
-    return plan, findings
+        return again, note("off-first", f"0x{step.object}", text)
+    if not _is_for_its_state(node, plan, refused):
+        raise refused
+    return plan, _in_pre_operational(node, plan, refused, run)
+
+
+def _is_for_its_state(node: Changeable, plan: Plan, refused: DeviceRefused) -> bool:
+    """Whether a PDO write was *refused*, and put back, perhaps because the node is OPERATIONAL, which it says it is."""
+    steps = {step.object for change in plan.changes for step in change.steps if _is_of_pdo(change)}
+    return (
+        refused.state == "rolled_back"
+        and refused.abort in _WHILE_OPERATIONAL
+        and refused.place in steps
+        and not node.gate.entered
+        and present_state(node.access) is NmtState.OPERATIONAL
+    )
+
+
+def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> Finding:
+    """Carry *plan* out in PRE-OPERATIONAL after consent to that; *refused* is raised without."""
+    try:
+        node.consent_anew(node.gate.question)
+    except SafetyRefusal as declined:
+        refused.hint = f"it is OPERATIONAL: `nmt preop {node.node_id}`, then again; or --yes: it goes there and back"
+        raise refused from declined
+    node.gate.wanted = lambda _question: None
+    try:
+        run(plan, None)
+    except DvtcliError as second:
+        second.details.append(("first try", f"0x{refused.place} was refused while the node was OPERATIONAL, too"))
+        raise
+    times = node.habits.add(node.identity(), Habit(None, refused.abort or 0))
+    text = (
+        f"0x{refused.place} was refused while node {node.node_id} was OPERATIONAL (abort 0x{refused.abort or 0:08X}): "
+        f"all was put back, and done again in PRE-OPERATIONAL; {_remembered(node, times, 'brought there')}"
+    )
+    return note("pre-operational-first", f"0x{refused.place}", text)
+
+
+def _wants_pre_operational(node: Changeable, plan: Plan) -> bool:
+    """Whether it was found out before that the device takes a PDO change as *plan* has one only in PRE-OPERATIONAL."""
+    return any(map(_is_of_pdo, plan.changes)) and not node.gate.entered and node.is_found_to_want_pre_operational
+
+
+def _is_of_pdo(change: Change) -> bool:
+    return isinstance(change, PdoChange) or Pdo.at(change.step.index) is not None
 
 
 def _noted(node: Changeable, change: PdoChange, step: Step, refused: DeviceRefused) -> str:
     """Note what the device wanted; what that means for the next time, for people."""
-    identity = node.identity()
-    times = node.habits.add(identity, Habit((change.pdo.direction, step.sub_index), refused.abort or 0))
+    times = node.habits.add(node.identity(), Habit((change.pdo.direction, step.sub_index), refused.abort or 0))
+    return _remembered(node, times, "disabled")
+
+
+def _remembered(node: Changeable, times: int, what: str) -> str:
+    """What it means for the next time that something was found out so many *times*; *what* is done first then."""
     if times < OFTEN_ENOUGH:
         return "where that comes again it is remembered"
-    if not name_of(identity):
-        return "from now on it is disabled first; the node says no identity, so no later process knows"
+    if not name_of(node.identity()):
+        return f"from now on it is {what} first; the node says no identity, so no later process knows"
     return "this is remembered of devices like this one (`profiles habits` shows it, `profiles forget` forgets it)"
 
 
 def _may_pass(node: Changeable, refused: DeviceRefused) -> bool:
     """Whether *refused* says no more than that the device does not take it in its present state, and it runs."""
-    return refused.abort == Abort.DEVICE_STATE and node.access.state() is NmtState.OPERATIONAL
+    return refused.abort == Abort.DEVICE_STATE and present_state(node.access) is NmtState.OPERATIONAL
 
 
 def _refused_while_on(plan: Plan, refused: DeviceRefused) -> tuple[PdoChange, Step] | tuple[None, None]:

@@ -30,6 +30,8 @@ CONFIRM_S = 1.5
 GUARD_S = 0.2
 #: Aborts of an object that is there: it cannot be read now, or in this state.
 _NOT_NOW = frozenset({Abort.TIME_OUT, Abort.CANNOT_STORE, Abort.LOCAL_CONTROL, Abort.DEVICE_STATE})
+#: Longest wait for a heartbeat of a node that was not commanded, in seconds.
+_LISTEN_S = 10.0
 #: What a heartbeat may be late, in seconds.
 _LATE_S = 0.5
 
@@ -53,6 +55,21 @@ def _settled(access: Access, wanted: NmtState, state: NmtState | None) -> NmtSta
         longer_s = 2 * period_s + _LATE_S - CONFIRM_S
         return access.confirmed(wanted, longer_s) if longer_s > 0 else state
     return _guarded(access) if state is None and period_s == 0 else state
+
+
+def present_state(access: Access) -> NmtState | None:
+    """The state that a node is in, which was not commanded; None if nothing tells it.
+
+    If it was not heard yet, and no object tells it, the next heartbeat is waited for (0x1017 says how long), or the
+    node is asked once by node guarding, as in `seen_state`.
+    """
+    state = access.state()
+    if state is not None:
+        return state
+    period_s = _heartbeat_s(access)
+    if period_s:
+        return access.bus.nmt_state(access.node_id, min(2 * period_s + _LATE_S, _LISTEN_S))
+    return _guarded(access) if period_s == 0 else None
 
 
 def _heartbeat_s(access: Access) -> float | None:

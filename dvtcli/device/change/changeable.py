@@ -13,6 +13,7 @@ from dvtcli.device.change.expected import Expected
 from dvtcli.device.change.pending import Pending
 from dvtcli.device.known_pdos import KnownPdos
 from dvtcli.device.observe import Found
+from dvtcli.domain.profile import PreOperational
 
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
@@ -52,6 +53,17 @@ class Changeable(KnownPdos):
             keeper = self.keeper
             self._habits = Habits() if keeper is None else Habits(keeper.locks.parent / "habits", keeper.warn)
         return self._habits
+
+    @property
+    def is_pre_operational_wanted(self) -> bool:
+        """Whether PDO writes need PRE-OPERATIONAL: by the profile, or as was found out of devices like this one."""
+        required = self.profile.pre_operational_gate is PreOperational.REQUIRED
+        return required or self.is_found_to_want_pre_operational
+
+    @property
+    def is_found_to_want_pre_operational(self) -> bool:
+        """Whether devices like this one were found to take PDO writes only in PRE-OPERATIONAL, often enough."""
+        return self.habits.are_there and self.habits.is_pre_operational_wanted(self.identity())
 
     def claim(self) -> Found:
         """Before the first read of a change: let no other dvtcli write to the node until the line ends.

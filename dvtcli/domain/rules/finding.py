@@ -43,7 +43,8 @@ class Proposal:
     *others* are the node's other PDOs as they will be, and *cob_ids* their COB-IDs where these are known without the
     rest (None: *others* tell them); *dictionary* is None without an EDS; *lengths* are
     object lengths in bits that were learnt by reading the device; *services* tells the CAN-IDs of SYNC and of the
-    node's EMCY as 0x1005 and 0x1014 say, or the defaults; *elsewhere* tells what the other known nodes send.
+    node's EMCY as 0x1005 and 0x1014 say, or the defaults; *elsewhere* tells what the other known nodes send;
+    *absent* has the abort codes with which the device refused uploads of objects that it does not have.
     """
 
     node_id: int
@@ -57,6 +58,7 @@ class Proposal:
     services: Callable[[], tuple[int, int | None]] = lambda: (0x080, None)
     elsewhere: Callable[[], Collection[Producer]] = tuple
     cob_ids: Mapping[Pdo, CobId] | None = None
+    absent: Mapping[tuple[int, int], int] = field(default_factory=dict)
 
     @property
     def other_cob_ids(self) -> Mapping[Pdo, CobId]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dvtcli.domain.abort import Abort
+from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
 from dvtcli.domain.profile import DeviceProfile, Severity
@@ -12,7 +12,9 @@ from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
 from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
 
 RULES = (
-    Rule("object-exists", ERROR, "the object or its sub-index is not in the device's file", "the EDS",
+    Rule("object-exists", ERROR,
+         "the object or its sub-index is not in the device's file; without a file: not in the device",
+         "the EDS, or the device's answer to an upload",
          (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)),
     Rule("direction", ERROR, "a TPDO would send what cannot be read, an RPDO set what cannot be written",
          "the EDS, AccessType (CiA 306, 4.6.3)", (Abort.NOT_MAPPABLE,)),
@@ -55,9 +57,11 @@ def _of_read_write(profile: DeviceProfile, access: Access, *, tpdo: bool) -> Sev
 
 
 def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
-    """Judge the object of one *entry* at *place*; nothing where there is no file that tells of it."""
+    """Judge the object of one *entry* at *place*: by its file, else by whether the device says that it has it."""
     dictionary = proposal.dictionary
     if dictionary is None:
+        if entry not in proposal.now.mapping and (abort := proposal.absent.get((entry.index, entry.sub_index))):
+            yield _absent_object(proposal, place, entry, abort)
         return
     found = dictionary.entry(entry.index, entry.sub_index)
     if found is None and entry.index in DUMMY_BITS:
@@ -68,6 +72,12 @@ def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> I
         return
     yield from _direction(proposal, dictionary, place, found)
     yield from _access_advice(proposal, dictionary, place, found)
+
+
+def _absent_object(proposal: Proposal, place: str, entry: PdoMappingEntry, abort: int) -> Finding:
+    """The finding for an object without a file of which the device refused the upload; it may map it all the same."""
+    text = f"0x{entry.index:04X}:{entry.sub_index:02X} cannot be read from node {proposal.node_id}: {abort_text(abort)}"
+    return error("object-exists", place, f"{text} (0x{abort:08X})", abort, "--eds FILE names its objects")
 
 
 def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_index: int) -> Finding:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.device.seen_state import present_state
 from dvtcli.device.store_parameters import STORE, chosen
 from dvtcli.domain.gateway.plan_lines import Around, plan_lines
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.profile import PreOperational
 from dvtcli.operations.consent.power_stage import refuse_powered
 from dvtcli.operations.stores.possible_stores import store_group
 
@@ -37,7 +37,9 @@ def _around(session: Session, planned: NodePlan, stores: Sequence[str]) -> Aroun
     node = session.node(planned.node_id)
     if not (len(planned.plan) or planned.stores):
         return Around()
-    required = node.profile.pre_operational_gate is PreOperational.REQUIRED
+    required = node.is_pre_operational_wanted
     groups = [store_group(word) for word in stores] if planned.stores else []
     chose = (chosen(node.access, node.profile.store, STORE, group, node.dictionary)[0] for group in groups)
-    return Around(required, required and node.access.state() is NmtState.OPERATIONAL, tuple(dict.fromkeys(chose)))
+    return Around(
+        required, required and present_state(node.access) is NmtState.OPERATIONAL, tuple(dict.fromkeys(chose))
+    )

@@ -1,14 +1,15 @@
-"""What is remembered of devices that want a PDO off first: shown and forgotten. Needs no bus and no session."""
+"""What is remembered of devices that want a PDO off or PRE-OPERATIONAL first: shown and forgotten. Needs no bus."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from dvtcli.device.habits import OFTEN_ENOUGH, read_habits
+from dvtcli.device.habits import OFTEN_ENOUGH, Habit, read_habits
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.results import HabitListing
-from dvtcli.operations.results.habit_listing import HabitRow, Wanted
+from dvtcli.operations.results.habit_listing import HabitRow, Wanted, WantedState
 from dvtcli.operations.user.keeping import state_folder
 
 
@@ -49,12 +50,19 @@ def habits_folder() -> Path:
 
 def _row(name: str) -> HabitRow:
     try:
-        return HabitRow(name, tuple(_wanted(habits_folder() / f"{name}.json")))
+        known = read_habits(habits_folder() / f"{name}.json")
+        return HabitRow(name, tuple(_wanted(known)), pre_operational=tuple(_pre_operational(known)))
     except (OSError, ValueError, RecursionError) as wrong:
         return HabitRow(name, (), f"it cannot be read ({wrong}), and does not count")
 
 
-def _wanted(path: Path) -> Iterator[Wanted]:
-    for refusal, times in sorted(read_habits(path).items(), key=lambda item: item[0].parameter):
-        direction, sub = refusal.parameter
-        yield Wanted(str(direction), sub, refusal.abort, times, times >= OFTEN_ENOUGH)
+def _wanted(known: Counter[Habit]) -> Iterator[Wanted]:
+    of_parameters = ((habit.parameter, habit.abort, times) for habit, times in known.items() if habit.parameter)
+    for (direction, sub), abort, times in sorted(of_parameters):
+        yield Wanted(str(direction), sub, abort, times, times >= OFTEN_ENOUGH)
+
+
+def _pre_operational(known: Counter[Habit]) -> Iterator[WantedState]:
+    for habit, times in known.items():
+        if habit.parameter is None:
+            yield WantedState(habit.abort, times, times >= OFTEN_ENOUGH)

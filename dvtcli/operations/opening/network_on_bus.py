@@ -37,6 +37,7 @@ def network_on_bus(
         on_look=lambda looking: session.tell.progress(*look_progress(looking)),
         on_step=lambda progress: session.tell.progress(*step_progress(progress)),
         warn=session.tell.warning, note=session.tell.note, comes_back=comes_back and not bus.simulated,
+        consent_anew=session.consent_anew,
     )  # fmt: skip
 
 

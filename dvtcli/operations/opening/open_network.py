@@ -65,6 +65,9 @@ class Network:
     #: boot-ups and NMT state that were heard of each of these when it was asked last, in the line that is being done
     asked_again: dict[int, tuple[int, NmtState | None]] = field(default_factory=dict)
 
+    #: as *consent*, also in the middle of what was agreed to; None: *consent* itself
+    consent_anew: Callable[[str, int], None] | None = None
+
     @property
     def simulated_ids(self) -> tuple[int, ...]:
         """Node-IDs of the simulated nodes, in the order they were given."""
@@ -86,6 +89,7 @@ class Network:
                 neighbours=lambda: self._others(node_id), on_step=self.on_step, on_look=self.on_look,
                 only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
                 unlike_file=self.files.unlike(node_id, dictionary),
+                consent_anew=lambda question: (self.consent_anew or self.consent)(question, node_id),
             )  # fmt: skip
             node.boot_ups_met = boot_ups
             node.memory.learn(self.files.memory(node_id))

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.observe import MOST_LOOKS
+from dvtcli.device.seen_state import present_state
 from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import Change
-from dvtcli.domain.profile import PreOperational
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural
 from dvtcli.errors import DvtcliError, Restarted, SafetyRefusal
@@ -188,8 +188,7 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> 
 
 
 def _leaves_operational(node: Node) -> bool:
-    required = node.profile.pre_operational_gate is PreOperational.REQUIRED
-    return required and node.access.state() is NmtState.OPERATIONAL
+    return node.is_pre_operational_wanted and present_state(node.access) is NmtState.OPERATIONAL
 
 
 def refuse_stale(node: Node, planned: NodePlan, changes: Iterable[Change], what: str = "has changed") -> None:

@@ -28,16 +28,38 @@ class Wanted(Short):
 
 
 @dataclass(frozen=True, slots=True)
+class WantedState(Short):
+    """PDO writes were refused with *abort* so many *times* in OPERATIONAL, and taken in PRE-OPERATIONAL.
+
+    *counts* says whether that was often enough for the node to be brought there right away, after a question.
+    """
+
+    abort: int
+    times: int
+    counts: bool
+
+    def document(self) -> Document:
+        """One refusal of `dvtcli.device-habits/1`."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
 class HabitRow(Short):
     """What devices of one identity want; *name* is vendor, product and revision, *problem* why that is not known."""
 
     name: str
     wanted: tuple[Wanted, ...]
     problem: str | None = None
+    pre_operational: tuple[WantedState, ...] = ()
 
     def document(self) -> Document:
         """One device of `dvtcli.device-habits/1`."""
-        return {"name": self.name, "off_first": [one.document() for one in self.wanted], "problem": self.problem}
+        return {
+            "name": self.name,
+            "off_first": [one.document() for one in self.wanted],
+            "pre_operational": [one.document() for one in self.pre_operational],
+            "problem": self.problem,
+        }
 
 
 @dataclass(frozen=True, slots=True)

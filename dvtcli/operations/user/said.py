@@ -67,7 +67,12 @@ class Said:
 
         Returns on yes, raises SafetyRefusal otherwise.
         """
-        if self.options.yes or self.dry_run or self._agreed:
+        if not self._agreed:
+            self.consent_anew(question, node_id)
+
+    def consent_anew(self, question: str, node_id: int | None = None) -> None:
+        """The same, of what no question before it named: it is asked also in the middle of what was agreed to."""
+        if self.options.yes or self.dry_run:
             return
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.tell.ask(question)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import can
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -13,7 +14,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from tests.commands.bench import Bench
+from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire
 from tests.surroundings import HOMES, kept_in
 
@@ -78,7 +79,7 @@ def test_it_is_done_again_with_the_pdo_off_and_known_after_two(abort: int, check
         with on(wire) as another:
             wire.frames()
             ran = another.run(line)
-            assert (ran.code, "was refused" in ran.stdout) == (0, False)
+            assert (ran.code, "was refused" in ran.stdout) == (0, False), ran.stderr
             assert written(wire) == [cob_id, place, cob_id], "a later process knows it, too"
 
 
@@ -290,8 +291,8 @@ def test_one_that_the_device_takes_is_not_read_back_as_if_it_were_a_value() -> N
 
 
 @pytest.mark.parametrize("abort", [0x08000000, 0x08000022])
-@pytest.mark.parametrize("line", ["set tpdo1 --inhibit 10", "write 1017 70"])
-def test_a_refusal_of_a_node_that_runs_hints_to_stop_it(abort: int, line: str) -> None:
+@pytest.mark.parametrize(("line", "yes"), [("set tpdo1 --inhibit 10", False), ("write 1017 70", True)])
+def test_a_refusal_of_a_node_that_runs_hints_to_stop_it(abort: int, line: str, yes: bool) -> None:
     class Busy(StrictDevice):
         def download(self, index: int, sub_index: int, data: bytes) -> None:
             if self.state is NmtState.OPERATIONAL:
@@ -301,6 +302,7 @@ def test_a_refusal_of_a_node_that_runs_hints_to_stop_it(abort: int, line: str) -
     device = stricter(Busy)
     with Wire(device) as wire, on(wire) as bench:
         assert bench.run("nmt start").code == 0
+        bench.session.base = bench.session.options = bench.session.base._replace(yes=yes)
         ran = bench.run(line)
         assert ran.code == 1
         assert "nmt preop 1" in ran.stderr
@@ -308,3 +310,101 @@ def test_a_refusal_of_a_node_that_runs_hints_to_stop_it(abort: int, line: str) -
             device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
         assert bench.run("nmt preop").code == 0
         assert bench.run(line).code == 0
+
+
+def gated(family: str, abort: int, first: int = 0x1400, last: int = 0x1BFF) -> StrictDevice:
+    """A device of *family* that takes writes to PDOs in PRE-OPERATIONAL only, and answers *abort* otherwise."""
+    kind = replace(load_family(family), pre_operational_writes=((first, last),), wrong_state=abort)
+    device = StrictDevice(read_eds(family_eds(family)).dictionary, kind, 1)
+    device.set_value(0x1018, 1, (0xABC).to_bytes(4, "little"))
+    return device
+
+
+def commands(frames: list[can.Message]) -> list[int]:
+    """The NMT commands among *frames*."""
+    return [m.data[0] for m in frames if m.arbitration_id == 0]
+
+
+def typed(bench: Bench, line: str) -> Ran:
+    """Run *line* as one that ends: the node goes back to its NMT state."""
+    ran = bench.run(line)
+    bench.session.end_line(ran.code)
+    return ran
+
+
+THERE_AND_BACK = [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.START]
+#: profiles that ask for no PRE-OPERATIONAL by themselves
+FAMILIES = ["generic", "lely", "canopennode"]
+
+
+@pytest.mark.parametrize("abort", [0x08000000, 0x08000022])
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("line", ["set tpdo1 --timer 30", "disable tpdo1", "clear tpdo1", "write 1800:5 30"])
+def test_a_running_node_goes_to_pre_operational_and_back_once_and_is_known_after_two(
+    abort: int, family: str, line: str
+) -> None:
+    device = gated(family, abort)
+    with Wire(device) as wire:
+        options = {**wire.options, "yes": True, "eds": str(family_eds(family)), "force": True}
+        with Bench((), options) as bench:
+            if bench.run("enable tpdo1").code:
+                assert bench.run("set tpdo1 --cob-id 0x1A5").code == 0
+            assert bench.run("nmt start").code == 0
+            before = bench.run("pdo --all --json").document["pdos"]
+            wire.frames()
+            ran = typed(bench, line)
+            assert ran.code == 0, ran.stderr
+            assert commands(wire.frames()) == THERE_AND_BACK
+            assert "where that comes again it is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
+            assert device.state is NmtState.OPERATIONAL
+            ran = typed(bench, "undo")
+            assert ran.code == 0, ran.stderr
+            assert "this is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
+            assert bench.run("pdo --all --json").document["pdos"] == before
+        with Bench((), options) as later:
+            wire.frames()
+            ran = typed(later, line)
+            frames = wire.frames()
+            assert (ran.code, "was refused" in ran.stdout) == (0, False), ran.stderr
+            assert commands(frames) == THERE_AND_BACK
+            refused = [bytes(m.data[4:]) for m in frames if m.arbitration_id == 0x581 and m.data[0] == 0x80]
+            assert abort.to_bytes(4, "little") not in refused, "it was there before the first write"
+        assert "PDO writes while it is OPERATIONAL" in Bench(()).run("profiles habits").stdout
+
+
+@pytest.mark.parametrize("abort", [0x08000000, 0x08000022])
+def test_without_consent_a_running_node_is_left_as_it_was(abort: int) -> None:
+    device = gated("generic", abort)
+    with Wire(device) as wire, Bench((), {**wire.options, "eds": EDS}) as bench:
+        assert bench.run("nmt start").code == 0
+        before = bench.run("pdo --all --json").document["pdos"]
+        wire.frames()
+        ran = typed(bench, "set tpdo1 --timer 30")
+        assert ran.code == 1
+        assert "goes there and back" in ran.stderr
+        assert commands(wire.frames()) == []
+        assert bench.run("pdo --all --json").document["pdos"] == before
+
+
+@pytest.mark.parametrize("abort", [0x08000000, 0x08000022])
+def test_what_is_refused_there_too_is_as_it_was_and_the_node_runs_again(abort: int) -> None:
+    class Never(StrictDevice):
+        """A device that takes no other event timer, whatever its state."""
+
+        def download(self, index: int, sub_index: int, data: bytes) -> None:
+            if (index, sub_index) == (0x1800, 5) and data != bytes(2):
+                raise Refusal(abort)
+            super().download(index, sub_index, data)
+
+    device = Never(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
+    with Wire(device) as wire, on(wire) as bench:
+        assert bench.run("nmt start").code == 0
+        before = bench.run("pdo --all --json").document["pdos"]
+        wire.frames()
+        ran = typed(bench, "set tpdo1 --timer 30")
+        assert ran.code == 1
+        assert "while the node was OPERATIONAL, too" in " ".join(ran.stderr.split())
+        assert commands(wire.frames()) == THERE_AND_BACK
+        assert device.state is NmtState.OPERATIONAL
+        assert bench.run("pdo --all --json").document["pdos"] == before
+        assert "nothing is remembered" in bench.run("profiles habits").stdout
