@@ -104,7 +104,8 @@ def _differences(node: NodePlan, change: Change) -> Iterator[str]:
     else:
         known = node.understood.get(change.step.object)
         held, expected = (step_text(change.step, data, known) for data in (change.step.before, change.step.after))
-        yield f"is {held}, expected {expected}"
+        why = "" if change.step.reason == "write" else f" ({change.step.reason})"
+        yield f"is {held}, expected {expected}{why}"
 
 
 def _compared(one: Compared) -> Iterator[Case]:
