@@ -60,12 +60,13 @@ def _node(document: Any) -> NodePlan:
         identity, plan = read_identity(document), Plan(node_id, ())
     else:
         identity, plan = read_plan(document)
-    wanted, values = _wanted([*_holds(document), *plan.changes])
+    wanted, values = _wanted([*_holds(document, "holds"), *plan.changes])
+    _, also_held = _wanted(_holds({"also_holds": [], **document}, "also_holds"))
     return NodePlan(
         name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored)),
         is_read=document.get("read") is not False, needs_power_off=document.get("power_off") is True,
         doubt=str(document.get("doubt") or ""), left_out=tuple(map(_left_out, document.get("left_out") or ())),
-        also_equal=read_number({"also_equal": 0, **document}, "also_equal", MOST_CHANGES),
+        also_equal=read_number({"also_equal": 0, **document}, "also_equal", MOST_CHANGES), also_held=also_held,
     )  # fmt: skip
 
 
@@ -78,9 +79,9 @@ def _left_out(document: Any) -> LeftOut:
     return LeftOut(place, why, document.get("remains") is True, held, said)
 
 
-def _holds(document: dict[str, Any]) -> list[Change]:
-    """What the node held as wanted when the plan was made."""
-    holds = document.get("holds")
+def _holds(document: dict[str, Any], key: str) -> list[Change]:
+    """What the node held as wanted when the plan was made, by *key* of the *document*."""
+    holds = document.get(key)
     if not isinstance(holds, list) or len(holds) > MOST_CHANGES:
         raise ValueError("it does not say what is not to be changed")
     return list(map(read_change, holds))

@@ -169,7 +169,7 @@ def run(node: Changeable, plan: Plan, others: OtherPdos) -> int:
 
 def _control_words(node: Changeable, plan: Plan) -> frozenset[tuple[int, int]]:
     """The control word that *plan* alone writes, unless a virtual PDO of the device writes it."""
-    step = plan.changes[0].steps[0] if len(plan) == 1 else None
+    step = next(iter(plan.steps)) if len(plan) == 1 else None
     if step is None or Pdo.at(step.index) is not None or step.index < _FIRST_OF_MAKER:
         return frozenset()
     from dvtcli.domain.command_object import is_control_word

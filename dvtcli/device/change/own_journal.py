@@ -41,6 +41,8 @@ class OwnJournal:
     #: what the parts that follow come to, and whether one of them was begun
     _announced: Plan | None = None
     _goes_on: bool = False
+    #: what the node holds besides and the changes may alter, each as a change to what it is
+    _beside: Plan | None = None
     #: what the journal says by now
     _on_disk: tuple[Plan, Part] | None = None
 
@@ -66,11 +68,13 @@ class OwnJournal:
         return bool(self._course.part.stores)
 
     def before(self) -> dict[Pdo, PdoConfig]:
-        """What the PDOs held that the changes of a whole altered which is not complete yet, before any of them."""
+        """What the PDOs of the journal of a whole that is not complete yet held before any of its changes."""
         course = self._course
         if not course.made or course.part.whole != self.whole.id:
             return {}
-        return {change.pdo: change.before for change in course.plan.changes if isinstance(change, PdoChange)}
+        kept = () if self._on_disk is None else self._on_disk[0].changes  # also what the changes may alter beside
+        changes = (*kept, *course.plan.changes)
+        return {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
 
     def announce(self, plan: Plan | None) -> None:
         """The changes that follow are parts of *plan*: its journal is written before the first one, for all of them.
@@ -78,6 +82,10 @@ class OwnJournal:
         None: they stand by themselves again.
         """
         self._announced, self._goes_on = plan, False
+
+    def guard(self, plan: Plan | None) -> None:
+        """From now on the journal also has *plan*: what the node holds that the changes may alter."""
+        self._beside = plan
 
     def begin(
         self,
@@ -120,6 +128,8 @@ class OwnJournal:
         if self._announced is not None:
             ahead = combined(plan.node_id, [*course.made, self._announced])
             plan = ahead if covers(ahead, plan) else plan
+        if self._beside is not None:
+            plan = combined(plan.node_id, [self._beside, plan])
         self._on_disk = None
         path = self.journals.write(plan, self.identity, course.nmt_state, course.part)
         self._on_disk = (plan, course.part)
@@ -184,7 +194,7 @@ class OwnJournal:
     def is_over(self) -> None:
         """Nothing of what this process changed has to be put back any more; whatever is on disk stays there."""
         self._course, self._on_disk = Course(), None
-        self._announced, self._goes_on = None, False
+        self._announced, self._goes_on, self._beside = None, False, None
 
     def forget(self) -> None:
         """Remove the journal: nothing has to be put back any more.

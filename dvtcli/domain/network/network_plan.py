@@ -87,6 +87,8 @@ class NodePlan:
     left_out: tuple[LeftOut, ...] = ()
     #: how many settings it holds as the file says, that are not written for a file's sake
     also_equal: int = 0
+    #: their values, by index and sub-index
+    also_held: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: whether its power stage must be off before anything is written
     needs_power_off: bool = False
     #: what the file sets and the device has not: PDOs and objects, as labels
@@ -124,6 +126,11 @@ class NodePlan:
         held += [plan_pdo(pdo, config, config) for pdo, config in self.wanted.items()]
         changed = {change.label for change in self.plan.changes}
         return tuple(change for change in held if change.label not in changed)
+
+    @property
+    def also_holds(self) -> tuple[Change, ...]:
+        """The settings that it holds as the file says and that are not written, each as a change to what it is."""
+        return tuple(ValueChange(Step(*place, data, data, "compare")) for place, data in self.also_held.items())
 
     @property
     def unchanged(self) -> int:

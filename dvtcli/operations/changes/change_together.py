@@ -15,9 +15,9 @@ from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
-from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
-from dvtcli.operations.changes.last_look import last_look
+from dvtcli.operations.changes.final_verify import AlsoClaimed, final_verify
 from dvtcli.operations.changes.take_back_network import Course
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from dvtcli.device.change.progress import Progress
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
-    from dvtcli.domain.plan import Plan
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session.session import Session
 
@@ -38,29 +37,31 @@ def carry_out_together(
     found: Mapping[int, Found],
     name: str,
     findings: Mapping[int, tuple[Finding, ...]],
-    *,
-    stores: bool = False,
-    beside: Callable[[], None] = lambda: None,
+    also: AlsoClaimed | None = None,
 ) -> Course:
     """Every phase of *plans* on every one of *nodes*, as each was *found*; *name* is what that is called.
 
-    With *stores* nothing can be taken back after it: a request to stop that came while all nodes were looked at counts.
+    What is *also* claimed is verified with the plans, and what nodes held rolled back with them. If nodes store next
+    nothing can be taken back after that: a request to stop that came while all nodes were verified counts, and of
+    several nodes that store each is verified once more.
 
     Any error of a node with state `rolled_back`: everything is taken back then; LeftChanged where a node could not be.
-    *findings* are what the rules had said of each. *beside* looks last at the nodes that nothing is written to, and
-    raises where that ends in a fault of one of them.
+    *findings* are what the rules had said of each.
     """
-    course = Course(session, nodes, name, {node_id: one.boot_ups for node_id, one in found.items()})
+    also = also or AlsoClaimed()
+    boot_ups = {node_id: one.boot_ups for node_id, one in found.items()}
+    course = Course(session, nodes, name, boot_ups, held=dict(also.held))
     for node_id, plan in plans.items():
         if len(plan):
             course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
     run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
-    boot_ups = {node_id: found[node_id].boot_ups for node_id in plans}
+    boot_ups = {node_id: boot_ups[node_id] for node_id in plans}
     try:
         with _announced(course):
             faults = run.phases(plans)
-        faults = faults or last_look(session, nodes, course.verified(), boot_ups, beside)
-        if stores:
+        for _ in range(2 if also.stores > 1 else 1):
+            faults = faults or final_verify(session, nodes, course.claims(), boot_ups, also.verify_others)
+        if also.stores:
             faults = faults or one_by_one([partial(_stop_if_cancelled, session, "before any node stored")])
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
         with course:
@@ -79,6 +80,7 @@ def _announced(course: Course) -> Iterator[None]:
     own = {node_id: keeper.own_journal for node_id in course.plans if (keeper := course.nodes[node_id].keeper)}
     for node_id, journal in own.items():
         journal.announce(course.plans[node_id])
+        journal.guard(Plan(node_id, tuple(course.held.get(node_id, ()))))
     try:
         yield
     finally:

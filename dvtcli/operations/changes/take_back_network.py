@@ -41,6 +41,8 @@ class Course:
     boot_ups: Mapping[int, int]
     done: list[Plan] = field(default_factory=list)
     plans: dict[int, Plan] = field(default_factory=dict)
+    #: what each node is to hold besides, and held before, each as a change to what it is
+    held: dict[int, Sequence[Change]] = field(default_factory=dict)
     #: whether it is a whole by itself, and no line of a script that is one
     _alone: bool = field(init=False)
     _before: dict[int, NodeBefore] = field(init=False)
@@ -59,16 +61,25 @@ class Course:
             return []
         return [node.keeper.own_journal for node in self.nodes.values() if node.keeper is not None]
 
-    def verified(self) -> dict[int, tuple[Change, ...]]:
-        """What was done on each node, and verified."""
+    def claims(self) -> dict[int, tuple[Change, ...]]:
+        """What is claimed of each node that is changed: what was done on it, and what it held already."""
         parts = {node_id: [one for one in self.done if one.node_id == node_id] for node_id in self.plans}
-        return {node_id: combined(node_id, some).changes for node_id, some in parts.items()}
+        return {
+            node_id: (*combined(node_id, some).changes, *self.held.get(node_id, ())) for node_id, some in parts.items()
+        }
+
+    def guarded(self, node_id: int) -> Plan:
+        """What is put back on a node if this ends in a fault: its plan, and what it held that the plan may alter."""
+        return Plan(node_id, (*self.plans[node_id].changes, *self.held.get(node_id, ())))
 
     def __enter__(self) -> Course:
         return self
 
     def __exit__(self, *_fault: object) -> None:
         """However it ended: each change stands alone again."""
+        for node in self.nodes.values():
+            if node.keeper is not None:
+                node.keeper.own_journal.guard(None)
         if self._alone:
             self.session.whole.end()
 
@@ -191,7 +202,7 @@ class Course:
 
         That is looked at of all that was planned: a restart takes what was not begun, too, back to what is stored.
         """
-        plan = self.plans[node.node_id]
+        plan = self.guarded(node.node_id)
         if difference_from_before(node, plan):
             rewritten.append(node.node_id)
             put_back(node, plan)

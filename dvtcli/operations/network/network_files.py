@@ -177,7 +177,7 @@ def _plan_of(
 
 def _known(node: Node, planned: NodePlan) -> NodePlan:
     """*planned* with what is known of *node*; SafetyRefusal where that is not what the plan was made from."""
-    from dvtcli.operations.plans.apply_network import refuse_stale
+    from dvtcli.operations.plans.claims import refuse_stale
 
     boot_ups = node.bus.boot_ups(node.node_id)
     node.read_anew()

@@ -7,24 +7,21 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.put_back import first_difference
-from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.device.seen_state import present_state
 from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import Change
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural
-from dvtcli.errors import DvtcliError, Restarted, SafetyRefusal
+from dvtcli.errors import DvtcliError
 from dvtcli.operations.changes.change import keep_words
 from dvtcli.operations.changes.change_together import carry_out_together, complete
-from dvtcli.operations.changes.last_look import Verified
+from dvtcli.operations.changes.final_verify import AlsoClaimed, Verified
 from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.power_stage import refuse_powered
+from dvtcli.operations.plans.claims import Claims, refuse_stale
 from dvtcli.operations.plans.plan_network import with_unknown_syncs
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.stores.possible_stores import refuse_unprovable_stores
@@ -32,7 +29,7 @@ from dvtcli.operations.stores.store_network import store_network
 from dvtcli.operations.sync.unknown_sync import short_frames
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
@@ -66,25 +63,24 @@ def apply_network(
     started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
-        life = _Life(nodes, plan.nodes)
-        life.refuse_lost()  # while it was planned, or while somebody took time to answer
+        claims = Claims(session, nodes, plan.nodes)
+        claims.refuse_lost()  # while it was planned, or while somebody took time to answer
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
         _refuse_any_stale(session, nodes, planned)
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
+        also = AlsoClaimed(claims.held(), sum(one.stores for one in planned), claims.verify_others)
         findings = {one.node_id: one.findings for one in planned}
-        course = carry_out_together(
-            session, nodes, plans, found, name or f"apply {plan.file}", findings,
-            stores=any(one.stores for one in planned), beside=life.refuse_lost_beside,
-        )  # fmt: skip
+        with claims.rolled_back_whole():
+            course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with course:
             _keep(session, nodes, course.plans)
             stored = store_network(session, course, planned, _verified(session, course, planned, found), prove)
             complete(course)
         if stored:
             with _after_stores():
-                life.refuse_lost_beside()
+                claims.verify_others()
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
 
@@ -112,49 +108,6 @@ def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan])
             session.record.add(node_id, change_lines(plan))
 
 
-@dataclass(slots=True)
-class _Life:
-    """What was *planned* from what *nodes* held, which counts no more of one that restarted, until it is looked at."""
-
-    nodes: Mapping[int, Node]
-    planned: Sequence[NodePlan]
-    _seen: dict[int, int] = field(default_factory=dict)
-
-    def refuse_lost(self, of: Collection[int] | None = None) -> None:
-        """SafetyRefusal where one of the nodes *of*, None for all, restarted and is not as it was planned from."""
-        for _ in range(MOST_LOOKS):
-            restarted = [one for one in self.planned if of is None or one.node_id in of if self._has_restarted(one)]
-            for one in restarted:
-                node = self.nodes[one.node_id]
-                self._seen[one.node_id] = node.bus.boot_ups(one.node_id)
-                node.read_anew()
-                node.observed(partial(_refuse_unlike, node, one))
-            if not restarted:
-                return
-        again = restarted[0].node_id
-        raise Restarted(f"node {again} restarted each of {MOST_LOOKS} times that it was looked at", node=again)
-
-    def refuse_lost_beside(self) -> None:
-        """Restarted where one that nothing is written to, and that stores nothing, has lost what it held."""
-        try:
-            self.refuse_lost({one.node_id for one in self.planned if not (len(one.plan) or one.stores)})
-        except SafetyRefusal as lost:
-            hint = "look at its supply, then try again"
-            raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
-
-    def _has_restarted(self, planned: NodePlan) -> bool:
-        now = self.nodes[planned.node_id].bus.boot_ups(planned.node_id)
-        first = now if planned.boot_ups is None else planned.boot_ups
-        return self._seen.setdefault(planned.node_id, first) != now
-
-
-def _refuse_unlike(node: Node, planned: NodePlan) -> None:
-    """SafetyRefusal where *node*, which restarted, is not as it was *planned* from, or nobody had looked at that."""
-    if not planned.is_read:
-        raise _stale(node, "restarted, and its stamp was trusted before that")
-    refuse_stale(node, planned, (*planned.plan.changes, *planned.holds), "restarted, and has changed")
-
-
 @contextmanager
 def _after_stores() -> Iterator[None]:
     """A last look once all have stored, at those that nothing was written to: what they lost takes nothing back."""
@@ -170,7 +123,7 @@ def _verified(session: Session, course: Course, planned: list[NodePlan], found: 
     held = {one.node_id: one.holds for one in planned if not len(one.plan)}
     boot_ups = {one.node_id: found[one.node_id].boot_ups for one in planned if not one.stores}
     identities = {one.node_id: one.identity for one in planned}
-    return Verified(session, course.nodes, {**held, **course.verified()}, identities, boot_ups)
+    return Verified(session, course.nodes, {**held, **course.claims()}, identities, boot_ups)
 
 
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:
@@ -189,21 +142,3 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> 
 
 def _leaves_operational(node: Node) -> bool:
     return node.is_pre_operational_wanted and present_state(node.access) is NmtState.OPERATIONAL
-
-
-def refuse_stale(node: Node, planned: NodePlan, changes: Iterable[Change], what: str = "has changed") -> None:
-    """SafetyRefusal where *node* is another device than *planned* is for, or *changes* would replace something else.
-
-    *what* is said to have become of it then.
-    """
-    if node.identity() != planned.identity:
-        raise _stale(node, "is another device than the plan is for")
-    for change in changes:
-        difference = first_difference(node.memory, change, wanted_before=True)  # which is empty since it was claimed
-        if difference:
-            raise _stale(node, f"{what} since the plan was made: {change.label}", change.label, difference)
-
-
-def _stale(node: Node, what: str, place: str | None = None, why: str | None = None) -> SafetyRefusal:
-    hint = "plan again, and look at what has changed"
-    return SafetyRefusal(f"node {node.node_id} {what}", node=node.node_id, place=place, why=why, hint=hint)

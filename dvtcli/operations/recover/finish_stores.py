@@ -15,7 +15,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
-from dvtcli.operations.changes.last_look import Verified
+from dvtcli.operations.changes.final_verify import Verified
 from dvtcli.operations.recover.stores_begun import furthest, waiting
 from dvtcli.operations.results import Facts
 from dvtcli.operations.stores.store_network import store_each

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.domain.network.network_plan import NodePlan
-    from dvtcli.operations.changes.last_look import Verified
+    from dvtcli.operations.changes.final_verify import Verified
     from dvtcli.operations.changes.take_back_network import Course
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
@@ -102,9 +102,7 @@ def store_each(
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
     if faults and not course.failed:
         raise faults[0]
-    course.lost = course.lost or verified.faults(
-        [node_id for node_id, one in course.answers.items() if one.proof is not None]
-    )
+    course.lost = course.lost or verified.faults()
     if course.lost:
         left = lost_settings(course, course.lost)
         if course.are_all_done():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.wish import Wish
 from dvtcli.domain.configuration import NotWritten
+from dvtcli.domain.lint.described import object_text
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, PdoConfig
@@ -94,7 +95,12 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
     said = {pdo: _said_of(held, pdo, config) for pdo, config in pdos.items()}
     unreadable = tuple(one.object for one in found.left_out.values() if _reads_another_value(node, one))
     return Wish(
-        pdos, found.wants.values, said, unwritten=unwritten, also_equal=tuple(found.also_equal), unreadable=unreadable
+        pdos,
+        found.wants.values,
+        said,
+        unwritten=unwritten,
+        also_equal=tuple(object_text(*place) for place in found.also_equal),
+        unreadable=unreadable,
     )
 
 
@@ -200,7 +206,8 @@ def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) 
     sizes = {one.object: len(one.held) for one in left_out if one.held is not None}
     known = planned.understood | understood(node, sizes)
     return replace(
-        planned, left_out=left_out, also_equal=len(found.also_equal), understood=known, needs_power_off=True,
+        planned, left_out=left_out, also_equal=len(found.also_equal), also_held=found.also_equal,
+        understood=known, needs_power_off=True,
         doubt=_doubt(node, held),
     )  # fmt: skip
 

@@ -49,7 +49,7 @@ class WantedOfFile:
     wants: NodeWants = field(default_factory=NodeWants)
     left_out: dict[str, LeftOut] = field(default_factory=dict)
     #: settings that the node holds as the file says, and that nobody would write
-    also_equal: list[str] = field(default_factory=list)
+    also_equal: dict[ObjectAddress, bytes] = field(default_factory=dict)
     #: what to say of what the user called configuration and by which nothing more is written
     idle: tuple[str, ...] = ()
 
@@ -146,7 +146,7 @@ def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, f
         found.wants.values[place] = now if is_same else data
         found.wants.reasons[place] = _name(node, place)
     elif is_same and is_setting(why):
-        found.also_equal.append(entry.object)
+        found.also_equal[place] = now
     elif not is_same:
         found.left_out[entry.object] = LeftOut(entry.object, str(why), is_setting(why), now, data)
 

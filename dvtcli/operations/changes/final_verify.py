@@ -1,4 +1,7 @@
-"""Whether nodes still hold what was verified of them, after others were changed or have stored. Writes nothing."""
+"""The final verification: whether nodes hold all that is claimed of them, after the last write and the last boot-up.
+
+Claimed is what was written, and what was to be so and was equal before. Writes nothing.
+"""
 
 from __future__ import annotations
 
@@ -22,28 +25,42 @@ if TYPE_CHECKING:
 Changes = Mapping[int, Sequence["Change"]]
 
 
-def last_look(
+def final_verify(
     session: Session,
     nodes: Mapping[int, Node],
     changes: Changes,
     boot_ups: Mapping[int, int],
-    beside: Callable[[], None] = lambda: None,
+    verify_others: Callable[[], None] = lambda: None,
 ) -> list[BaseException]:
-    """Faults where one of *nodes* restarted since it had sent *boot_ups*, or does not hold what *changes* made of it.
+    """Read everything that is claimed; faults if a node restarted since *boot_ups*, or holds something else.
 
-    A node that restarts does not always say so: each is read back once more. *beside* looks at the others.
+    *changes* are the claims by node-ID: each node is read, since one that restarts does not always say so.
+    *verify_others* reads what is claimed besides.
     """
     restarted = partial(_refuse_restarted, nodes, boot_ups)
     return (
         one_by_one([restarted])
         or session.bus.side_by_side([partial(refuse_lost, nodes[node_id], some) for node_id, some in changes.items()])
-        or one_by_one([beside, restarted])  # once more: what was read of the first ones may be lost by now
+        or one_by_one([verify_others, restarted])  # once more: what was read of the first ones may be lost by now
     )
 
 
 @dataclass(frozen=True, slots=True)
+class AlsoClaimed:
+    """What is claimed beside the plans that are carried out, and how many nodes store next.
+
+    *held* is what each node is to hold and held before, by node-ID; *verify_others* reads what is claimed besides,
+    as of nodes to which nothing is written, and raises if that is not so.
+    """
+
+    held: Mapping[int, Sequence[Change]] = field(default_factory=dict)
+    stores: int = 0
+    verify_others: Callable[[], None] = lambda: None
+
+
+@dataclass(frozen=True, slots=True)
 class Verified:
-    """What *nodes* were verified to hold: *changes*, on the devices of these *identities*.
+    """What is claimed of *nodes*: that they hold *changes*, on the devices of these *identities*.
 
     *boot_ups* are those that were heard by then, of the nodes that are not to store.
     """
@@ -65,25 +82,24 @@ class Verified:
             )
         refuse_lost(node, self.changes.get(node_id, ()))
 
-    def faults(self, proved: Sequence[int]) -> list[BaseException]:
-        """Once the stores have ended: what any of the nodes lost; those that were *proved* were read after that."""
-        changes = {node_id: some for node_id, some in self.changes.items() if node_id not in proved}
+    def faults(self) -> list[BaseException]:
+        """Once the stores have ended: where a node does not hold any more what is claimed of it."""
         try:
-            now = {one: node.bus.boot_ups(one) for one, node in self.nodes.items() if one in changes}
+            now = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in self.changes}
         except BusUnavailable as failed:
             return [failed]
-        return last_look(self.session, self.nodes, changes, {**now, **self.boot_ups})
+        return final_verify(self.session, self.nodes, self.changes, {**now, **self.boot_ups})
 
 
 def refuse_lost(node: Node, changes: Sequence[Change]) -> None:
-    """DeviceRefused where *node* does not hold any more what was verified, *changes*, while another one was changed."""
+    """DeviceRefused if *node* does not hold what *changes* end with, read once more."""
     differences = node.observed(lambda: list(_lost(node, changes)))
     if differences:
         raise DeviceRefused(
-            f"node {node.node_id} lost what was set, while the nodes were changed",
+            f"node {node.node_id} does not hold what was planned",
             node=node.node_id,
             why="; ".join(differences),
-            hint="it may have restarted: look at its supply, then try again",
+            hint="it restarted, or altered this beside a change of something else: look at its supply and its manual",
         )
 
 

@@ -1,0 +1,193 @@
+"""What is claimed of the nodes of a network plan besides what is written to them, and reading it once more.
+
+Writes nothing.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.expected import moves
+from dvtcli.device.change.other_pdos import is_of_pdo
+from dvtcli.device.change.put_back import first_difference
+from dvtcli.device.observe import MOST_LOOKS
+from dvtcli.device.read_whole import PAUSE_S
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
+from dvtcli.operations.changes.final_verify import refuse_lost
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping, Sequence
+
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.operations.session.session import Session
+
+
+@dataclass(slots=True)
+class Claims:
+    """What is claimed of *nodes* by what was *planned* for them, all of which was read before."""
+
+    session: Session
+    nodes: Mapping[int, Node]
+    planned: Sequence[NodePlan]
+    _seen: dict[int, int] = field(default_factory=dict)
+
+    def held(self) -> dict[int, tuple[Change, ...]]:
+        """What each node that is written holds already: what the file says; before a store all its PDOs.
+
+        Each as a change to what it is. Raises as reading the PDOs of the nodes that store does.
+        """
+        written = [one for one in self.planned if len(one.plan)]
+        stores = [one.node_id for one in written if one.stores and is_of_pdo(one.plan)]
+        self._side_by_side([partial(_read_pdos, self.nodes[node_id]) for node_id in stores])
+        return {one.node_id: _held(self.nodes[one.node_id], one, beside=one.node_id in stores) for one in written}
+
+    def verify_others(self) -> None:
+        """Read the nodes to which nothing is written, and the settings of all that the file says and nobody writes.
+
+        Restarted if a node restarted and lost what was planned from, DeviceRefused if it holds something else.
+        """
+        equal = [one for one in self.planned if not (len(one.plan) or one.stores)]
+        try:
+            self.refuse_lost({one.node_id for one in equal})
+        except SafetyRefusal as lost:
+            hint = "look at its supply, then try again"
+            raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
+        reads = [partial(refuse_lost, self.nodes[one.node_id], one.holds) for one in equal if one.is_read]
+        reads += [partial(_refuse_altered, self.nodes[one.node_id], one) for one in self.planned if one.also_held]
+        self._side_by_side(reads)
+
+    def refuse_lost(self, of: Collection[int] | None = None) -> None:
+        """SafetyRefusal if one of the nodes *of*, None for all, restarted and is not as it was planned from."""
+        for _ in range(MOST_LOOKS):
+            restarted = [one for one in self.planned if of is None or one.node_id in of if self._has_restarted(one)]
+            for one in restarted:
+                node = self.nodes[one.node_id]
+                self._seen[one.node_id] = node.bus.boot_ups(one.node_id)
+                node.read_anew()
+                node.observed(partial(_refuse_unlike, node, one))
+            if not restarted:
+                return
+        again = restarted[0].node_id
+        raise Restarted(f"node {again} restarted each of {MOST_LOOKS} times that it was looked at", node=again)
+
+    @contextmanager
+    def rolled_back_whole(self) -> Iterator[None]:
+        """LeftChanged if a fault was rolled back, and the device altered a setting besides that nobody writes."""
+        try:
+            yield
+        except DvtcliError as fault:
+            if fault.state == "rolled_back":
+                self._refuse_left_altered(fault)
+            raise
+
+    def _refuse_left_altered(self, fault: DvtcliError) -> None:
+        for planned in (one for one in self.planned if one.also_held):
+            node = self.nodes[planned.node_id]
+            try:
+                altered = node.observed(partial(_altered, node, planned))
+            except DvtcliError as unseen:
+                what = f"whether node {node.node_id} altered other settings is not known"
+                fault.details.append(("also", f"{what}: {unseen.text}"))
+                continue
+            if altered:
+                left = LeftChanged(
+                    fault.text, node=node.node_id, why=several(altered.values()), state="left_changed",
+                    hint=f"`write` sets {several(altered)} again, if that is to be so: a file's plan does not",
+                )  # fmt: skip
+                left.state_text = (
+                    f"node {node.node_id} holds {several(altered)} otherwise than before; what was planned is rolled "
+                    "back, read back equal; nothing was stored"
+                )
+                raise left from fault
+
+    def _side_by_side(self, reads: Sequence[partial[None]]) -> None:
+        for fault in self.session.bus.side_by_side(reads) if reads else ():
+            raise fault
+
+    def _has_restarted(self, planned: NodePlan) -> bool:
+        now = self.nodes[planned.node_id].bus.boot_ups(planned.node_id)
+        first = now if planned.boot_ups is None else planned.boot_ups
+        return self._seen.setdefault(planned.node_id, first) != now
+
+
+def _read_pdos(node: Node) -> None:
+    node.known_pdos()
+
+
+def _held(node: Node, planned: NodePlan, *, beside: bool) -> tuple[Change, ...]:
+    """What *node* holds and *planned* does not write; with *beside* also the PDOs of which the file says nothing."""
+    own = {change.pdo for change in planned.plan.changes if isinstance(change, PdoChange)}
+    said = [change for change in planned.holds if _is_steady(node, change) and _pdo_of(change) not in own]
+    told = {change.pdo for change in said if isinstance(change, PdoChange)}
+    others = [
+        plan_pdo(pdo, config, config)
+        for pdo, config in (node.last_read.items() if beside else ())
+        if pdo not in own | told and config.has_cob_id and not config.untold
+    ]
+    return (*said, *others)
+
+
+def _pdo_of(change: Change) -> Pdo | None:
+    """The PDO of which *change* writes a single object."""
+    return Pdo.at(change.step.index) if isinstance(change, ValueChange) else None
+
+
+def _is_steady(node: Node, change: Change) -> bool:
+    """Whether *change* is not of an object that the machine changes all the time."""
+    return not (isinstance(change, ValueChange) and moves(node, change.step.index, change.step.sub_index))
+
+
+def _refuse_altered(node: Node, planned: NodePlan) -> None:
+    """DeviceRefused if *node* altered settings that the file says, that were equal, and that nobody writes."""
+    altered = node.observed(partial(_altered, node, planned))
+    if altered:
+        raise DeviceRefused(
+            f"node {node.node_id} altered {several(altered)} beside what was written",
+            node=node.node_id,
+            why=several(altered.values()),
+            hint="these settings depend on each other in this device: its manual says how",
+        )
+
+
+def _altered(node: Node, planned: NodePlan) -> dict[str, str]:
+    """The settings that are not as they were, each with how it differs; not those that change by themselves."""
+    differing = {
+        change: found
+        for change in planned.also_holds
+        if _is_steady(node, change) and (found := first_difference(node.sdo, change))
+    }
+    if differing:
+        node.bus.sleep(PAUSE_S)
+    return {change.label: found for change, found in differing.items() if first_difference(node.sdo, change) == found}
+
+
+def refuse_stale(node: Node, planned: NodePlan, changes: Collection[Change], what: str = "has changed") -> None:
+    """SafetyRefusal if *node* is another device than *planned* is for, or *changes* would replace something else.
+
+    *what* is said to have become of it then.
+    """
+    if node.identity() != planned.identity:
+        raise _stale(node, "is another device than the plan is for")
+    for change in changes:
+        difference = first_difference(node.memory, change, wanted_before=True)  # which is empty since it was claimed
+        if difference:
+            raise _stale(node, f"{what} since the plan was made: {change.label}", change.label, difference)
+
+
+def _refuse_unlike(node: Node, planned: NodePlan) -> None:
+    """SafetyRefusal if *node*, which restarted, is not as it was *planned* from, or nobody had looked at that."""
+    if not planned.is_read:
+        raise _stale(node, "restarted, and its stamp was trusted before that")
+    refuse_stale(node, planned, (*planned.plan.changes, *planned.holds), "restarted, and has changed")
+
+
+def _stale(node: Node, what: str, place: str | None = None, why: str | None = None) -> SafetyRefusal:
+    hint = "plan again, and look at what has changed"
+    return SafetyRefusal(f"node {node.node_id} {what}", node=node.node_id, place=place, why=why, hint=hint)
