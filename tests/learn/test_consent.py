@@ -85,7 +85,8 @@ def test_a_dry_run_knows_how_many_writes_there_will_be(family: str, options: str
         told = bench.run(f"learn --dry-run --json{options}").document
         made = bench.run(f"learn --yes --json{options}").document["writes"]
     assert abs(made - told["likely_writes"]) <= 0.15 * made
-    assert made < told["writes"] <= 2.1 * made
+    to_another_pdo = 20  # finding out that an entry of 0 does not go back, so that another PDO is asked
+    assert made < told["writes"] <= 2.1 * made + to_another_pdo
 
 
 def test_a_dry_run_is_tried_on_the_family_that_was_learnt() -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Write
+from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Where, Write
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.errors import DeviceRefused, Interrupted, SafetyRefusal, SdoAborted
 
@@ -30,7 +30,8 @@ _PARAMETERS = (TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START)
 class Asking:
     """Asks *node* about *subject*; *limit* is how many downloads there may be at most, *on_write* is told of each.
 
-    *fit* is what it maps where a probe needs a mapping, None as long as nothing is known to be mapped.
+    *fit* is the entry that it maps when a probe needs a mapping, None as long as no entry is known to be accepted.
+    A probe that writes an object that was seen to refuse what it holds is not made: it could not be put back.
     """
 
     node: Node
@@ -40,6 +41,8 @@ class Asking:
     fit: int | None = None
     writes: int = 0
     _now: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    _found: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    _stuck: set[tuple[int, int]] = field(default_factory=set)
     _boot_ups: int = 0
 
     def __post_init__(self) -> None:
@@ -48,10 +51,11 @@ class Asking:
         self._now[pdo.communication_index, 1] = held.held.communication.cob_id.raw.to_bytes(4, "little")
         self._now[pdo.mapping_index, 0] = bytes([held.held.count])
         self._now |= {(pdo.mapping_index, n): word.to_bytes(4, "little") for n, word in enumerate(held.entries, 1)}
+        self._found = dict(self._now)
         self._boot_ups = self.node.bus.boot_ups(self.node.node_id)
 
     def keep_to_what_goes_back(self) -> None:
-        """Ask for nothing that could not be put back: a parameter or entry that refuses what it holds is left alone."""
+        """Limit the subject to what can be put back: a parameter or entry that refuses what it holds is left alone."""
         self._stand(Stand.EMPTY)
         pdo, subject = self.subject.pdo, self.subject
         parameters = {
@@ -64,16 +68,34 @@ class Asking:
             )
         )
         entries = tuple(word for _, word in words)
+        self._stuck |= {(pdo.mapping_index, number) for number in range(len(entries) + 1, len(subject.entries) + 1)}
         self.subject = replace(
             subject, parameters=parameters, entries=entries, more=len(entries) < len(subject.entries)
         )
 
     def _takes(self, index: int, sub_index: int, data: bytes) -> bool:
+        """Whether an object takes back what it holds."""
         write = Write(index, sub_index, data)
-        return self._write(write) == ACCEPTED or self._write(write) == ACCEPTED
+        taken = self._write(write) == ACCEPTED or self._write(write) == ACCEPTED
+        self._note_way_back(write, taken=taken)
+        return taken
+
+    def _note_way_back(self, write: Write, *, taken: bool) -> None:
+        if taken:
+            self._stuck.discard(write.place)
+        else:
+            self._stuck.add(write.place)
 
     def ask(self, probe: Probe) -> Answer:
-        """What the device answers to *probe*. A refusal counts where it is given twice."""
+        """What the device answers to *probe*. A refusal counts if it is given twice."""
+        if why := self._no_way_back(probe):
+            return Answer(probe, None, why=why)
+        answer = self._answer(probe)
+        if probe.where is Where.OPERATIONAL and probe.asked.data == self._found.get(probe.asked.place):
+            self._note_way_back(probe.asked, taken=answer.accepted)
+        return answer
+
+    def _answer(self, probe: Probe) -> Answer:
         code = ACCEPTED
         for _ in range(_PAIRS):
             why = self._stand(probe.stand) or self._write_all(probe.writes[:-1])
@@ -81,8 +103,16 @@ class Asking:
                 return Answer(probe, None, why=why)
             code = self._once(probe.asked)
             if code == ACCEPTED or self._once(probe.asked) == code:
-                return Answer(probe, code, self._now.get((probe.asked.index, probe.asked.sub_index)))
+                return Answer(probe, code, self._now.get(probe.asked.place))
         return Answer(probe, None, why=f"it was refused with 0x{code:08X}, and then not, or with another code")
+
+    def _no_way_back(self, probe: Probe) -> str:
+        """Why *probe* must not be made: it alters what does not take back what it holds; empty if it may be made."""
+        for write in probe.writes:
+            held = self._found.get(write.place)
+            if held != write.data and write.place in self._stuck:
+                return f"0x{write.label} does not take back what it holds (0x{(held or b'')[::-1].hex().upper()})"
+        return ""
 
     def _once(self, write: Write) -> int:
         code = self._write(write)
@@ -90,7 +120,7 @@ class Asking:
             raise DeviceRefused(
                 f"node {self.node.node_id} restarted when {write} was written",
                 node=self.node.node_id,
-                place=f"{write.index:04X}:{write.sub_index:02X}",
+                place=write.label,
                 hint=TRY_AGAIN,
             )
         return code
@@ -167,7 +197,7 @@ class Asking:
         except SdoAborted as aborted:
             code = aborted.code
         try:
-            self._now[write.index, write.sub_index] = self.node.sdo.upload(write.index, write.sub_index)
+            self._now[write.place] = self.node.sdo.upload(write.index, write.sub_index)
         except SdoAborted:
-            self._now.pop((write.index, write.sub_index), None)
+            self._now.pop(write.place, None)
         return code

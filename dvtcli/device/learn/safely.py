@@ -18,7 +18,7 @@ from dvtcli.domain.learning.operational import not_while_operational, while_oper
 from dvtcli.domain.learning.probe import Answer, Probe, Subject, Where
 from dvtcli.domain.learning.probe_table import Known, next_probes
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange
 from dvtcli.domain.several import several
 from dvtcli.domain.stamp import DATE, TIME
@@ -91,7 +91,9 @@ def ask_safely(
     terms: Terms,
     on_write: Callable[[], None] = lambda: None,
 ) -> Asked:
-    """Ask *node* about *subjects*, put everything back, and see that all of *pdos* are as they were.
+    """Ask *node* about one of *subjects* of each direction, put everything back, and see that all *pdos* are as before.
+
+    The first of a direction is asked whose mapping takes back what it holds; some devices refuse an entry of 0.
 
     *found* is how the node was claimed. Whatever fails, all of *pdos* are put back first: LeftChanged, with the
     journal kept, where that fails too.
@@ -129,25 +131,41 @@ def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
 
 
 def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on_write: Callable[[], None]) -> Asked:
+    """Ask one subject of each direction, the first of *subjects* whose mapping takes back what it holds."""
     askings = [Asking(node, subject, terms.limit, on_write) for subject in subjects]
-    answers: list[dict[str, Answer]] = [{} for _ in subjects]
+    by_direction: dict[Direction, list[Asking]] = {}
+    for asking in askings:
+        by_direction.setdefault(asking.subject.pdo.direction, []).append(asking)
+    ways = list(by_direction.values())
+    answers: list[dict[str, Answer]] = [{} for _ in ways]
     in_operational = terms.isolated and found.state is NmtState.OPERATIONAL
     if in_operational:
         node.gate.found = found.state  # before it is asked: a restart must not hide where it was
-        for asking, first in zip(askings, answers, strict=True):
+        for (asking, *_), own in zip(ways, answers, strict=True):
             _keep_to(terms, askings, asking)
-            first |= {probe.name: asking.ask(probe) for probe in while_operational(asking.subject)}
+            for probe in while_operational(asking.subject):
+                own[probe.name] = asking.ask(probe)
     node.gate.enter_agreed()
     quiet = terms.isolated or node.access.state() is NmtState.PRE_OPERATIONAL
     known = []
-    for asking, first in zip(askings, answers, strict=True):
-        _keep_to(terms, askings, asking)
+    for candidates, own in zip(ways, answers, strict=True):
+        asking = _that_goes_back(candidates, lambda one: _keep_to(terms, askings, one))
         if not quiet:
             asking.subject = replace(asking.subject, spare=())
-        known.append(_ask_one(asking, first, terms))
+        known.append(_ask_one(asking, own, terms))
         for name, answer in not_while_operational(asking.subject, would_be=in_operational).items():
-            first.setdefault(name, answer)
+            own.setdefault(name, answer)
     return Asked(tuple(known), sum(asking.writes for asking in askings), Saved())
+
+
+def _that_goes_back(candidates: Sequence[Asking], keep_to: Callable[[Asking], None]) -> Asking:
+    """The first of *candidates* whose mapping can be asked, limited to what can be put back; the first if none can."""
+    for asking in candidates:
+        keep_to(asking)
+        asking.keep_to_what_goes_back()
+        if asking.subject.entries:
+            return asking
+    return candidates[0]
 
 
 def _keep_to(terms: Terms, askings: Sequence[Asking], asking: Asking) -> None:
@@ -157,7 +175,6 @@ def _keep_to(terms: Terms, askings: Sequence[Asking], asking: Asking) -> None:
 
 def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
     """Everything that may be asked about one subject, and whatever its answers lead to."""
-    asking.keep_to_what_goes_back()
     known = Known(asking.subject, answers)
     while probes := next_probes(known):
         for probe in probes:

@@ -47,6 +47,18 @@ def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -
     return [subject for subject in found if subject is not None]
 
 
+def mapped_subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], first: Sequence[Subject]) -> list[Subject]:
+    """For each of *first* that maps nothing the PDO of its direction that is asked if entries of 0 do not go back."""
+    found: list[Subject] = []
+    for subject in first:
+        way = subject.pdo.direction
+        mapped = {pdo: held for pdo, held in pdos.items() if held.count} if not subject.held.count else {}
+        instead = _subject(node, mapped, way, subject.spare) if mapped else None
+        if instead is not None:
+            found.append(replace(instead, fits=tuple(_fits(node, pdos, way)), other_way=subject.other_way))
+    return found
+
+
 def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> tuple[int, ...]:
     """Two CAN-IDs that no PDO of a known node has, no service uses, and nobody was heard on."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}

@@ -49,9 +49,12 @@ def _max_entries(each: list[Known], most_entries: int) -> Iterator[Learnt]:
     most = max(counted, key=lambda one: one.max_entries)
     last = most.answers.get(f"entry {most.max_entries}") or next(a for a in most.answers.values() if a.accepted)
     if all(one.max_entries == len(one.subject.entries) for one in counted) and most_entries > most.max_entries:
-        evidence = f"{most.subject.pdo.label} took all {most.max_entries} that it has, others have {most_entries}"
+        taken = f"{most.subject.pdo.label} took all {most.max_entries} that"
+        evidence = (
+            f"{taken} {'take back what they hold' if most.subject.more else 'it has'}, others have {most_entries}"
+        )
         yield Learnt("max_entries", most_entries, evidence)
-    else:
+    elif not most.subject.more:
         yield Learnt("max_entries", most.max_entries, last.text)
 
 

@@ -44,6 +44,12 @@ def most_writes(subject: Subject, probes: list[Probe]) -> int:
     return -(-most // 10) * 10
 
 
+def most_until_refused(subject: Subject) -> int:
+    """How many downloads at most find out that the first entry of *subject* does not take back what it holds."""
+    opening = 2  # off, count 0
+    return _TWICE * (opening + len(subject.parameters) + 1)
+
+
 def _way_back(probe: Probe) -> int:
     """How many downloads undo *probe* where it was accepted: entries of an open mapping may stay as they are."""
     entries = {write.sub_index for write in probe.writes if is_mapping_index(write.index) and write.sub_index}

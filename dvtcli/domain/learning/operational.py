@@ -34,7 +34,10 @@ _AREAS = {
 
 
 def while_operational(subject: Subject) -> list[Probe]:
-    """The questions to a node that was found OPERATIONAL, before it is anything else; none where the PDO is enabled."""
+    """The questions to a node that was found OPERATIONAL, before it is anything else; none if the PDO is enabled.
+
+    An object is first asked with what it holds: one that refuses that could not be put back from another value.
+    """
     return [] if subject.held.enabled else _questions(subject)
 
 
@@ -49,7 +52,7 @@ def _questions(subject: Subject) -> list[Probe]:
             if sub == TRANSMISSION_TYPE
         ),
         "count": (count,),
-        "entry": tuple(Write(pdo.mapping_index, 1, word.to_bytes(4, "little")) for word in _words(subject)),
+        "entry": tuple(Write(pdo.mapping_index, 1, word.to_bytes(4, "little")) for word in subject.entries[:1]),
     }
     asked["entry"] = (count, *asked["entry"]) if asked["entry"] else ()
     asked |= _against_rules(subject, count)
@@ -84,11 +87,6 @@ def not_while_operational(subject: Subject, *, would_be: bool) -> dict[str, Answ
 
 def _is_rule(name: str) -> bool:
     return name.removesuffix(IN_OPERATIONAL) in _RULES
-
-
-def _words(subject: Subject) -> list[int]:
-    """An entry that the PDO has, else one that its file says it could have; none where there is neither."""
-    return [*(word for word in subject.entries[:1] if word), *(fit.raw for fit in subject.fits)][:1]
 
 
 def _pairs(answers: Mapping[str, Answer], *, rules: bool = False) -> Iterator[tuple[Answer, Answer | None]]:

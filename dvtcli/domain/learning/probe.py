@@ -48,9 +48,19 @@ class Write:
     sub_index: int
     data: bytes
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """Its index and sub-index."""
+        return self.index, self.sub_index
+
+    @property
+    def label(self) -> str:
+        """Its place as `1A03:01`."""
+        return f"{self.index:04X}:{self.sub_index:02X}"
+
     def __str__(self) -> str:
         value = f"0x{int.from_bytes(self.data, 'little'):0{2 * len(self.data)}X}"
-        return f"0x{self.index:04X}:{self.sub_index:02X} <- {value}"
+        return f"0x{self.label} <- {value}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +82,7 @@ class Probe:
     @property
     def label(self) -> str:
         """What is asked: a PDO, else an object."""
-        return self.pdo.label if self.pdo is not None else f"{self.asked.index:04X}:{self.asked.sub_index:02X}"
+        return self.pdo.label if self.pdo is not None else self.asked.label
 
     @property
     def asked(self) -> Write:

@@ -13,11 +13,11 @@ from dvtcli.device.applied import refuse
 from dvtcli.device.learn.absences import absences
 from dvtcli.device.learn.safely import Terms, ask_safely
 from dvtcli.device.learn.saving import read_storage
-from dvtcli.device.learn.subjects import subjects
+from dvtcli.device.learn.subjects import mapped_subjects, subjects
 from dvtcli.device.storing import is_stored, may_store
 from dvtcli.domain.learning.absence import absent_for_family
 from dvtcli.domain.learning.conclusions import conclude
-from dvtcli.domain.learning.forecast import forecast, most_writes
+from dvtcli.domain.learning.forecast import forecast, most_until_refused, most_writes
 from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.learning.storage import not_asked, storage_for_family, storage_for_profile
 from dvtcli.domain.nmt import NmtState
@@ -46,13 +46,15 @@ LISTEN_S = 1.5
 class _Prepared:
     """What is to be asked of a node as it was *found*, at most *limit* writes; *saves* is what 0x1010 is to be asked.
 
-    *pdos* are all that it holds, *isolated* says that nothing else is on its bus.
+    *instead* are asked if a mapping of *subjects* does not take back what it holds. *pdos* are all that the node holds,
+    *isolated* says that nothing else is on its bus.
     """
 
     node: Node
     found: Found
     pdos: Mapping[Pdo, PdoConfig]
     subjects: list[Subject]
+    instead: list[Subject]
     probes: list[Probe]
     limit: int
     storage: Storage
@@ -66,14 +68,14 @@ class _Prepared:
     def forecast(self) -> LearnForecast:
         """What would be asked: the node's twin, which is not told to save, says how many writes are likely."""
         terms = Terms(self.limit, self.isolated)
-        likely = ask_safely(self.node, self.subjects, self.pdos, self.found, terms).writes
+        likely = ask_safely(self.node, [*self.subjects, *self.instead], self.pdos, self.found, terms).writes
         probes = [*self.probes, *self.saves]
         return LearnForecast(self.node.node_id, self.names, probes, self.limit, likely, self.storage.wears)
 
     def ask(self, told: Callable[[], None]) -> Asked:
         """Ask the node all of it, and put everything back; *told* is called at each write."""
         terms = Terms(self.limit, self.isolated, self.saves)
-        return ask_safely(self.node, self.subjects, self.pdos, self.found, terms, told)
+        return ask_safely(self.node, [*self.subjects, *self.instead], self.pdos, self.found, terms, told)
 
 
 def learn(
@@ -104,12 +106,12 @@ def learn(
         return prepared.forecast()
     _consent(session, prepared)
     started = time.monotonic()  # nobody's thinking counts
-    lacking = absences(node, prepared.subjects, _looked(session, node))
+    lacking = absences(node, [*prepared.subjects, *prepared.instead], _looked(session, node))
     asked = prepared.ask(_told(session, prepared))
     _note_saved(node, asked.saved)
     learnt = _concluded(node, asked, prepared.storage, lacking)
     return LearntDevice(
-        node.node_id, node.title, prepared.names, _answers(asked, prepared.storage),
+        node.node_id, node.title, tuple(str(one.subject.pdo) for one in asked.known), _answers(asked, prepared.storage),
         learnt, asked.writes, asked.saved.writes, time.monotonic() - started,
         () if save is None else save_learnt(session, node, save, learnt, prepared.pdos, asked.known),
         None if known is None else (compare or "", differences(known, learnt)),
@@ -162,14 +164,22 @@ def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool)
             why="none has a mapping and a COB-ID that can be written, and a configuration that it takes back",
             hint="pdo --all shows them; clear one",
         )
+    instead = mapped_subjects(node, pdos, asked)
+    operational = found.state is NmtState.OPERATIONAL
     probes, limit = [], 0
     for subject in asked:
-        own = forecast(subject, isolated=isolated, operational=found.state is NmtState.OPERATIONAL)
+        own = forecast(subject, isolated=isolated, operational=operational)
         probes += own
-        limit += most_writes(subject, own)
+        limit += max([most_writes(subject, own), *_most_instead(subject, instead, isolated=isolated)])
     storage = read_storage(node)
     saves = storage.probes(node.profile.store.sub_indices) if with_store else []
-    return _Prepared(node, found, pdos, asked, probes, limit, storage, isolated, tuple(saves))
+    return _Prepared(node, found, pdos, asked, instead, probes, limit, storage, isolated, tuple(saves))
+
+
+def _most_instead(subject: Subject, instead: Sequence[Subject], *, isolated: bool) -> list[int]:
+    """How many downloads there are at most if another PDO of that direction is asked instead of *subject*."""
+    others = [one for one in instead if one.pdo.direction is subject.pdo.direction]
+    return [most_writes(one, forecast(one, isolated=isolated)) + most_until_refused(subject) for one in others]
 
 
 def _consent(session: Session, prepared: _Prepared) -> None:
@@ -181,8 +191,11 @@ def _consent(session: Session, prepared: _Prepared) -> None:
     labels = several(subject.pdo.label for subject in prepared.subjects)
     enabled = [subject.pdo.label for subject in prepared.subjects if subject.held.enabled]
     verb = "is" if len(enabled) == 1 else "are"
+    others = [subject.pdo.label for subject in prepared.instead]
+    while_off = ", off meanwhile" if any(subject.held.enabled for subject in prepared.instead) else ""
     parts = [
         f"{labels} of node {node.node_id} will be written up to {prepared.limit} times and put back",
+        f"{several(others)} instead{while_off}, if an entry of 0 cannot be put back" if others else "",
         f"{several(enabled)} {verb} enabled, and off meanwhile" if enabled else "",
         prepared.storage.wears,
         _saving_text(prepared),
