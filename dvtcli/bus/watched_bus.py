@@ -18,7 +18,7 @@ from dvtcli.bus.oddities import Oddities
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.traffic import Tap
 from dvtcli.bus.turns import Turns, one_by_one
-from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
@@ -193,8 +193,11 @@ class WatchedBus(HeardNodes):
         return bool(self._consumers) or NmtState.OPERATIONAL in self._watch.states.values()
 
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
-        """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten."""
-        if not 0 <= node_id <= 127:
+        """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten.
+
+        255 are the nodes that have no node-ID yet (CiA 305).
+        """
+        if not (0 <= node_id <= 127 or node_id == UNCONFIGURED):
             raise UsageError(f"node-ID {node_id} is outside 0..127")
         self.drain()
         self._watch.forget_state(node_id)

@@ -27,9 +27,10 @@ _ALL = 0.25
 #: the share of all these times that is waited for nodes of this process, which answer while they are asked
 _SIMULATED = 0.02
 _TRIES = 3
-_SCANS = 4
-#: how often a node that was found may be found again before it is said that it answers in any state
+_SCANS = 5
+#: how often a node that was found may be found again before every branch is asked: it answers in any state
 _AGAIN = 3
+_HIGHEST_BIT = lss.BITS - 1
 
 
 class LssMaster:
@@ -44,8 +45,8 @@ class LssMaster:
         self._scan_s, self._answer_s, self._store_s = share * scan_s, share * ANSWER_S, share * STORE_S
         self._heard: deque[bytes] = deque(maxlen=4096)
         self._keeps = False
-        #: who answered the last fast scan again though it was found: others may be behind it
-        self.covering: LssAddress | None = None
+        #: every node without a node-ID, once the scan had to ask every branch
+        self._everybody: list[LssAddress] | None = None
         #: how many frames were sent
         self.requests = 0
 
@@ -71,7 +72,7 @@ class LssMaster:
         self._send(lss.SWITCH_GLOBAL, bytes([lss.WAITING]))
 
     def reset_communication(self, node_id: int) -> None:
-        """Let the node with *node_id* take its new one."""
+        """Let the node with *node_id* take its new one; 255: all nodes that have none."""
         self._bus.send_nmt(NmtCommand.RESET_COMMUNICATION, node_id)
 
     def reset_node(self, node_id: int) -> None:
@@ -194,24 +195,29 @@ class LssMaster:
         _require_success(answers, "store configuration", lss.STORE_REFUSED)
 
     def scan(self, found: Sequence[LssAddress], on_bit: Callable[[int], None] = lambda _bit: None) -> LssAddress | None:
-        """The lowest address of the nodes without a node-ID besides those *found*; None where nobody is left.
+        """The lowest address of the nodes without a node-ID besides those *found*; None if no other node answers.
 
-        The one that was found is being configured then, as those before it are: that keeps them out of the next scan.
-        A slave that answers though it is being configured hides those behind it: None, and it is `covering` them.
-        *on_bit* is told how many of 128 bits are known. NoAnswer where the answers do not fit together, however long
-        they are waited for.
+        The node that was found is being configured then, as those before it: that keeps them out of the next scan. Some
+        slaves answer every question in that state: if one does, all wait, and every branch is asked instead. *on_bit*
+        is told how many of 128 bits are known. NoAnswer if the answers do not fit together, however long they are
+        waited for.
         """
+        if self._everybody is not None:
+            return next((one for one in self._everybody if one not in found), None)
         wait_s, again = self._scan_s, 0
         for _ in range(_SCANS):
             if not self._anybody(max(wait_s, self._answer_s / 2)):
                 return None
-            address = self._scan_once(wait_s, on_bit)
-            if address is not None and address not in found:
-                return address
-            again += address is not None
-            if address is not None and again == _AGAIN:
-                self.covering = address
-                return None
+            if again == _AGAIN or (found and self._echoes(wait_s)):
+                everybody = self._every_branch(wait_s, on_bit)
+                if everybody is not None:
+                    self._everybody = everybody
+                    return next((one for one in everybody if one not in found), None)
+            else:
+                address = self._scan_once(wait_s, on_bit)
+                if address is not None and address not in found:
+                    return address
+                again += address is not None
             wait_s *= 2
             self.let_wait()
             for one in found:
@@ -222,6 +228,49 @@ class LssMaster:
             "come too late, or come for no question",
             hint="lss scan --wait 200; else lss select each node by its address",
         )
+
+    def _echoes(self, wait_s: float) -> bool:
+        """Whether a slave answers what none can: both halves of the last part, while all have just begun."""
+        last = lss.PARTS - 1
+        return all(self._scanned(number, _HIGHEST_BIT, last, last, wait_s) for number in (0, 1 << _HIGHEST_BIT))
+
+    def _every_branch(self, wait_s: float, on_bit: Callable[[int], None]) -> list[LssAddress] | None:
+        """Every waiting node without a node-ID, by asking both values of each bit; None if an answer was lost.
+
+        Nobody is configured by it.
+        """
+        self.let_wait()
+        known: list[tuple[int, ...]] = [()]
+        for part in range(lss.PARTS):
+            longer: list[tuple[int, ...]] = []
+            for before in known:
+                numbers = self._numbers_behind(before, wait_s)
+                if not numbers:
+                    return None
+                longer += [(*before, number) for number in numbers]
+            known = longer
+            on_bit(lss.BITS * (part + 1))
+        return [LssAddress(*parts) for parts in known]
+
+    def _numbers_behind(self, before: tuple[int, ...], wait_s: float) -> list[int]:
+        """What the next part is of the nodes whose first parts are *before*; empty if an answer was lost."""
+        part = len(before)
+        if not self._anybody(wait_s):
+            return []
+        for place, number in enumerate(before):
+            if not self._scanned(number, 0, place, place + 1, wait_s):
+                return []
+        prefixes = [0]
+        for bit in reversed(range(lss.BITS)):
+            longer: list[int] = []
+            for prefix in prefixes:
+                halves = (prefix, prefix | 1 << bit)
+                answered = [number for number in halves if self._scanned(number, bit, part, part, wait_s)]
+                if not answered:
+                    return []
+                longer += answered
+            prefixes = longer
+        return prefixes
 
     def _anybody(self, wait_s: float) -> bool:
         return any(self._scanned(0, lss.SCAN_RESET, 0, 0, wait_s) for _ in range(_TRIES))

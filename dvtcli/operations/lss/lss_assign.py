@@ -55,7 +55,7 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
             _agree(session, steps, kept, stores=stores, prove=prove)
             with session.cancellation.guard():
                 _give_all(session, master, steps)
-                given = store_all(master, kept, given, steps) if stores else given
+                given = store_all(bus, master, kept, given, steps) if stores else given
                 given = prove_all(session, master, given) if prove else given
     return LssChanged("assign", tuple(sorted(given, key=lambda one: one.node_id)), missing=missing)
 
@@ -160,5 +160,5 @@ def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) ->
             selected(master, one.address)
             give(session, master, one)
         except DvtcliError as failed:
-            raise all_back(master, done, failed, at=one) from failed
+            raise all_back(session.bus, master, done, failed, at=one) from failed
         done.append(one)

@@ -10,7 +10,7 @@ from dvtcli.domain.lss_services import BITS, PARTS, LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import plural
 from dvtcli.errors import DeviceRefused, NoAnswer, UsageError
-from dvtcli.operations.lss.lss_identity import address_of
+from dvtcli.operations.lss.lss_identity import address_of, free_node_id
 from dvtcli.operations.results.lss_nodes import LssFound, LssNode
 
 if TYPE_CHECKING:
@@ -39,7 +39,8 @@ def lss_scan(session: Session, wait_s: float = SCAN_S) -> LssFound:
     with LssMaster(bus, wait_s) as master:
         nodes = scanned(session, master)
         answered = len(nodes) or master.unconfigured()
-    return LssFound("scan", tuple(nodes), answered, master.requests, bus.now_s() - began_s)
+    free = free_node_id(bus) if nodes else None
+    return LssFound("scan", tuple(nodes), answered, master.requests, bus.now_s() - began_s, free=free)
 
 
 def scanned(session: Session, master: LssMaster) -> list[LssNode]:
@@ -53,11 +54,6 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
     while (address := master.scan(found, on_bit)) is not None:
         found.append(address)
         session.tell.progress(f"LSS fast scan: found {address}", 0, 0)
-    if master.covering is not None:
-        session.tell.warning(
-            f"{master.covering} answers the fast scan though it was found: others may be behind it; "
-            "give it its node-ID, then lss scan again"
-        )
     return [LssNode(one, UNCONFIGURED, master.select(one) == 1, _family(one)) for one in found]
 
 

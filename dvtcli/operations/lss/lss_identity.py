@@ -46,14 +46,8 @@ def who_is_there(bus: CanopenBus, heard: Collection[int]) -> dict[int, Identity 
     found: dict[int, Identity | None] = {}
 
     def ask(node_id: int) -> None:
-        try:
-            bus.sdo(node_id).upload(0x1000, 0, timeout_s=_ANSWER_S, retries=0)
-        except NoAnswer:
-            if node_id not in heard:
-                return
-        except (SdoAborted, SdoProtocolError):
-            pass  # somebody is there
-        found[node_id] = identity_on(bus, node_id)
+        if _answers_soon(bus, node_id) or node_id in heard:
+            found[node_id] = identity_on(bus, node_id)
 
     def asking(node_id: int) -> Callable[[], None]:
         return lambda: ask(node_id)
@@ -61,6 +55,23 @@ def who_is_there(bus: CanopenBus, heard: Collection[int]) -> dict[int, Identity 
     for failed in bus.side_by_side([asking(node_id) for node_id in range(1, 128)]):
         raise failed
     return dict(sorted(found.items()))
+
+
+def free_node_id(bus: CanopenBus) -> int | None:
+    """The lowest node-ID (1..127) that was not heard and does not answer SDO; None if there is none."""
+    heard = bus.heard_nodes()
+    silent = (node_id for node_id in range(1, 128) if node_id not in heard and not _answers_soon(bus, node_id))
+    return next((node_id for node_id in silent if not answers(bus, node_id)), None)
+
+
+def _answers_soon(bus: CanopenBus, node_id: int) -> bool:
+    try:
+        bus.sdo(node_id).upload(0x1000, 0, timeout_s=_ANSWER_S, retries=0)
+    except NoAnswer:
+        return False
+    except (SdoAborted, SdoProtocolError):
+        pass  # somebody is there
+    return True
 
 
 def require_on(bus: CanopenBus, address: LssAddress, node_id: int) -> None:
@@ -73,6 +84,12 @@ def require_on(bus: CanopenBus, address: LssAddress, node_id: int) -> None:
             f"node {node_id} is another device than the one with {address}", node=node_id,
             why=f"its 0x1018 says {in_words(identity)}",
         )  # fmt: skip
+
+
+def is_on(bus: CanopenBus, address: LssAddress, node_id: int) -> bool:
+    """Whether the node with *address* answers SDO as *node_id*."""
+    identity = identity_on(bus, node_id)
+    return identity is not None and _is(identity, address)
 
 
 def in_words(identity: Identity) -> str:

@@ -14,13 +14,13 @@ from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, Usa
 from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.reset_consent import consent_to_reset
 from dvtcli.operations.lss.lss_find import lss_bus, selected
-from dvtcli.operations.lss.lss_identity import answers, require_on
+from dvtcli.operations.lss.lss_identity import answers, is_on, require_on
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dvtcli.domain.ports import Frame
+    from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.operations.session.session import Session
 
 #: How long a node may take to boot up with its new node-ID (s).
@@ -117,10 +117,13 @@ def give(session: Session, master: LssMaster, given: LssGiven) -> None:
     try:
         master.configure_node_id(given.node_id)
         activate(master, given.before)
-        bus.wait_boot_up(given.node_id, seen, BOOT_UP_S)  # not heard: it may be there all the same
+        booted = bus.wait_boot_up(given.node_id, seen, BOOT_UP_S)  # not heard: it may be there all the same
+        if not booted and given.before == UNCONFIGURED and not answers(bus, given.node_id):
+            master.reset_communication(UNCONFIGURED)  # some slaves take their first node-ID by a reset only
+            bus.wait_boot_up(given.node_id, seen, BOOT_UP_S)
         require_on(bus, given.address, given.node_id)
     except DvtcliError as failed:
-        raise _taken_back(master, given, failed) from failed
+        raise _taken_back(bus, master, given, failed) from failed
     forget(session, given)
 
 
@@ -131,17 +134,17 @@ def activate(master: LssMaster, before: int) -> None:
         master.reset_communication(before)
 
 
-def _taken_back(master: LssMaster, given: LssGiven, failed: DvtcliError) -> DvtcliError:
+def _taken_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: DvtcliError) -> DvtcliError:
     """*failed*, with the state that the node is in after its old node-ID was given back; LeftChanged where it was not.
 
-    Seen by asking the node for its node-ID once more.
+    Seen by LSS, and by who answers SDO with the old and the new node-ID.
     """
     try:
-        take_back(master, given)
+        take_back(bus, master, given)
     except DvtcliError as stuck:
         left = LeftChanged(
-            f"{failed.text}, and its old node-ID cannot be given back", node=given.node_id, why=stuck.text,
-            state="left_changed",
+            f"{failed.text}, and its old node-ID cannot be given back", node=given.node_id,
+            why=f"{stuck.text}; {answering_now(bus, given)}", state="left_changed",
             hint="nothing is stored: switch it off and on, then lss scan; lss identify asks for its address",
         )  # fmt: skip
         left.details.append(("node", str(given.address)))
@@ -152,16 +155,36 @@ def _taken_back(master: LssMaster, given: LssGiven, failed: DvtcliError) -> Dvtc
     return failed
 
 
-def take_back(master: LssMaster, given: LssGiven) -> None:
-    """Give a node its old node-ID back, and see by LSS that it has it; raises where that is not so."""
+def take_back(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
+    """Give a node its old node-ID back, and see by LSS and by SDO that it has it, and no other; raises if not so."""
     now = selected(master, given.address)
+    if now == given.before and is_on(bus, given.address, given.node_id):
+        now = given.node_id  # it tells the node-ID that it was given, and has the other one
     master.configure_node_id(given.before)
     if now != given.before:
+        seen = bus.boot_ups(given.before)
         activate(master, now)
+        if given.before != UNCONFIGURED:
+            bus.wait_boot_up(given.before, seen, BOOT_UP_S)
         now = selected(master, given.address)
     master.let_wait()
     if now != given.before:
         raise NoAnswer(f"it says that its node-ID is {told_id(now)}", state="unknown")
+    if given.before != UNCONFIGURED:
+        require_on(bus, given.address, given.before)
+    if is_on(bus, given.address, given.node_id):
+        raise NoAnswer(f"it answers as node {given.node_id}", state="unknown")
+
+
+def answering_now(bus: CanopenBus, given: LssGiven) -> str:
+    """Who answers SDO with the old and with the new node-ID of *given*, in words."""
+    said = []
+    for node_id in dict.fromkeys(one for one in (given.before, given.node_id) if one != UNCONFIGURED):
+        if is_on(bus, given.address, node_id):
+            said.append(f"it answers as node {node_id}")
+        else:
+            said.append(f"{'another device' if answers(bus, node_id) else 'nobody'} answers as node {node_id}")
+    return ", ".join(said)
 
 
 def forget(session: Session, given: LssGiven) -> None:

@@ -52,11 +52,6 @@ def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> 
     waiting = scanned(session, master)
     if waiting and file is not None:
         raise SafetyRefusal(f"nodes without a node-ID are on the bus, of which {file} says nothing", hint="lss scan")
-    if master.covering is not None:
-        raise SafetyRefusal(
-            f"who else has no node-ID cannot be told: {master.covering} answers the fast scan though it was found",
-            hint="give each its node-ID first: lss node-id",
-        )
     for one in waiting:
         if not one.confirmed:
             raise two_alike(one.address)

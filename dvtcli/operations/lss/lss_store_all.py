@@ -13,16 +13,17 @@ from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from dvtcli.operations.lss.lss_find import selected
-from dvtcli.operations.lss.lss_node_id import take_back, told_id
+from dvtcli.operations.lss.lss_node_id import answering_now, take_back, told_id
 from dvtcli.operations.lss.lss_store import prove_by_reset, store
 from dvtcli.operations.results.lss_nodes import LssGiven
 
 if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session import Session
 
 
 def store_all(
-    master: LssMaster, kept: Sequence[LssGiven], given: Sequence[LssGiven], steps: Sequence[LssGiven]
+    bus: CanopenBus, master: LssMaster, kept: Sequence[LssGiven], given: Sequence[LssGiven], steps: Sequence[LssGiven]
 ) -> list[LssGiven]:
     """Let each of *given* keep its node-ID; raises once all have what they had before *steps*, stored, too.
 
@@ -40,9 +41,9 @@ def store_all(
             if stored:
                 failed.details.append(("stored", several([_who(other) for other in stored])))
             if one in kept:
-                raise _partly_stored(master, stored, everybody, steps, failed) from failed
+                raise _partly_stored(bus, master, stored, everybody, steps, failed) from failed
             doubtful = [] if refused else [one]
-            raise _unstored(master, kept, [*stored[len(kept) :], *doubtful], steps, failed) from failed
+            raise _unstored(bus, master, kept, [*stored[len(kept) :], *doubtful], steps, failed) from failed
     return stored
 
 
@@ -62,7 +63,7 @@ def prove_all(session: Session, master: LssMaster, stored: Sequence[LssGiven]) -
 
 
 def all_back(
-    master: LssMaster, done: Sequence[LssGiven], failed: DvtcliError, *, at: LssGiven | None = None
+    bus: CanopenBus, master: LssMaster, done: Sequence[LssGiven], failed: DvtcliError, *, at: LssGiven | None = None
 ) -> DvtcliError:
     """*failed*, once those that were *done* have what they had; LeftChanged where one has not: who has what by then.
 
@@ -71,7 +72,7 @@ def all_back(
     stuck: list[str] = []
     for one in reversed(done):
         try:
-            take_back(master, one)
+            take_back(bus, master, one)
         except DvtcliError as silent:
             stuck.append(f"{one.name}: {silent.text}")
     if not stuck and not isinstance(failed, LeftChanged):
@@ -80,31 +81,32 @@ def all_back(
         return failed
     why = "; ".join([*([failed.why] if failed.why else []), *stuck])
     error = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
-    error.details += [*failed.details, *_who_has_what(master, [*done, *([at] if at else [])])]
+    error.details += [*failed.details, *_who_has_what(bus, master, [*done, *([at] if at else [])])]
     error.hint = "nothing is stored: switch those with a new node-ID off and on, then lss scan"
     return error
 
 
-def _who_has_what(master: LssMaster, done: Sequence[LssGiven]) -> list[tuple[str, str]]:
-    """Which node-ID each has by now, asked by LSS, as lines of an error; what is not told is not known."""
+def _who_has_what(bus: CanopenBus, master: LssMaster, done: Sequence[LssGiven]) -> list[tuple[str, str]]:
+    """Which node-ID each has by now, asked by LSS and by SDO, as lines of an error; what is not told is not known."""
     lines: list[tuple[str, str]] = []
     for address, before in {one.address: one.before for one in reversed(done)}.items():
-        name = next(one.name for one in done if one.address == address)
+        name, last = next((one.name, one) for one in reversed(done) if one.address == address)
         try:
             now = f"has node-ID {told_id(selected(master, address))}"
         except DvtcliError as silent:
             now = f"has a node-ID that is not known ({silent.text})"
-        lines.append(("now", f"{name} {now}, before {told_id(before)}"))
-    master.let_wait()
+        master.let_wait()
+        seen = answering_now(bus, replace(last, before=before))
+        lines.append(("now", f"{name} {now}, before {told_id(before)}; {seen}"))
     return lines
 
 
 def _partly_stored(
-    master: LssMaster, stored: Sequence[LssGiven], kept: Sequence[LssGiven], steps: Sequence[LssGiven],
+    bus: CanopenBus, master: LssMaster, stored: Sequence[LssGiven], kept: Sequence[LssGiven], steps: Sequence[LssGiven],
     failed: DvtcliError,
 ) -> DvtcliError:  # fmt: skip
     """*failed* where one that had its node-ID already did not store it, once the others have what they had."""
-    error = all_back(master, steps, failed)
+    error = all_back(bus, master, steps, failed)
     if error is failed and not stored and isinstance(failed, DeviceRefused):
         failed.state = "unchanged"
         failed.state_text = "all have the node-IDs they had before, nothing new is stored"
@@ -119,11 +121,11 @@ def _partly_stored(
 
 
 def _unstored(
-    master: LssMaster, kept: Sequence[LssGiven], stored: Sequence[LssGiven], steps: Sequence[LssGiven],
+    bus: CanopenBus, master: LssMaster, kept: Sequence[LssGiven], stored: Sequence[LssGiven], steps: Sequence[LssGiven],
     failed: DvtcliError,
 ) -> DvtcliError:  # fmt: skip
     """*failed*, once all have what they had before *steps*, and those that may have *stored* another stored that."""
-    error = all_back(master, steps, failed)
+    error = all_back(bus, master, steps, failed)
     left: list[str] = []
     for one in stored:
         try:

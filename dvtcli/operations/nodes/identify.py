@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import IDENTITY, read_identity, read_optional
+from dvtcli.device.read_pdos import ABSENT, IDENTITY, read_identity, read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.operations.results import NodeListing, NodeRow
@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 
 
 def device_name(sdo: SdoTransport) -> str:
-    """The manufacturer's device name (0x1008), empty where there is none."""
-    try:
-        return sdo.upload(0x1008, 0).rstrip(b"\0").decode("latin-1")
-    except SdoAborted:
-        return ""
+    """The manufacturer's device name (0x1008), empty if there is none, or its upload is aborted twice.
+
+    It takes segments: a device may abort these for a reason that has passed by now.
+    """
+    for _ in range(2):
+        try:
+            return sdo.upload(0x1008, 0).rstrip(b"\0").decode("latin-1")
+        except SdoAborted as aborted:
+            if aborted.code in ABSENT:
+                break
+    return ""
 
 
 class SaidOfItself:

@@ -41,6 +41,7 @@ class LssNode(Short):
 class LssFound(Answer):
     """The nodes that *action* (`scan`, `select`, `identify`) found, with how many *requests* of ours, in *seconds*.
 
+    *free* is a node-ID that nobody answers with, for a node that a scan found.
     *answered* is how many nodes without a node-ID said so, *within* whether a node within ranges did; None where that
     was not asked.
     """
@@ -54,6 +55,7 @@ class LssFound(Answer):
     seconds: float = 0.0
     dry_run: bool = False
     within: bool | None = None
+    free: int | None = None
 
     def __bool__(self) -> bool:
         return bool(self.nodes) or self.within is True
@@ -71,6 +73,7 @@ class LssFound(Answer):
             "nodes": [node.document() for node in self.nodes],
             "without_node_id": self.answered,
             "within": self.within,
+            "free_node_id": self.free,
             "requests": self.requests,
             "seconds": self.seconds,
             "dry_run": self.dry_run,

@@ -117,7 +117,10 @@ class Family:
     - *block_size*: how many segments of an SDO block transfer it takes at once, 0 for no block transfers;
       *block_crc*: whether it knows their CRC.
     - *boot_loader*: whether a program can be downloaded (CiA 302-3).
-    - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
+    - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up; *boot_up_message*: whether it says so.
+    - *lss_echo*: whether it answers every question of a fast scan, and each selection, while it is being configured;
+      *lss_wakes*: whether it takes its first node-ID once it waits again, or with an NMT reset of communication only;
+      *lss_tells_pending*: whether it tells the node-ID that it was given before it has that.
     - *learnt*: it was written by `learn`, along with a profile: it is no second opinion on that.
     """
 
@@ -180,6 +183,10 @@ class Family:
     motors: MotorCopy | None = None
     plant: str = ""
     boot_state: NmtState = NmtState.PRE_OPERATIONAL
+    boot_up_message: bool = True
+    lss_echo: bool = False
+    lss_wakes: bool = True
+    lss_tells_pending: bool = False
     learnt: bool = False
 
     @property

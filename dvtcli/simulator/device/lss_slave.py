@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.parameter_areas import ParameterAreas
 
@@ -38,9 +39,10 @@ class LssSlave:
     brings back. *bit_rate* is what the node runs at (bit/s), None where frames take no time.
     """
 
-    def __init__(self, memory: Memory, store: ParameterAreas, node_id: int) -> None:
+    def __init__(self, memory: Memory, store: ParameterAreas, node_id: int, family: Family = GENERIC) -> None:
         self._memory = memory
         self._store = store
+        self._family = family
         self.pending = self.stored = node_id
         self.bit_rate: int | None = None
         #: which bit rates it can be told (bit/s), and what it runs at after power-on
@@ -84,6 +86,8 @@ class LssSlave:
         service, number = request[0], int.from_bytes(request[1:5], "little")
         if service == SWITCH_GLOBAL:
             self._switch(request[1])
+        elif self._configuring and self._family.lss_echo and service in (FAST_SCAN, SELECT[-1]):
+            return _frame(IDENTIFIED if service == FAST_SCAN else SELECTED)
         elif service in SELECT:
             return self._select(service - SELECT[0], number)
         elif service in IDENTIFY:
@@ -109,7 +113,8 @@ class LssSlave:
             return
         left, self._configuring = self._configuring and not mode, mode == 1
         self._matched = self._scanned = 0
-        self.woken = left and self._memory.node_id == UNCONFIGURED != self.pending
+        waits = self._memory.node_id == UNCONFIGURED != self.pending
+        self.woken = left and waits and self._family.lss_wakes
 
     def _select(self, part: int, number: int) -> bytes | None:
         """One of the four frames of *switch state selective*: the node whose whole address they say takes part."""
@@ -150,7 +155,8 @@ class LssSlave:
         if service in INQUIRE:
             return _frame(service, self._part(service - INQUIRE[0]).to_bytes(4, "little"))
         if service == INQUIRE_NODE_ID:
-            return _frame(service, bytes([self._memory.node_id]))
+            told = self.pending if self._family.lss_tells_pending else self._memory.node_id
+            return _frame(service, bytes([told]))
         if service == CONFIGURE_NODE_ID:
             return _frame(service, bytes([self._take_node_id(request[1])]))
         if service == CONFIGURE_BIT_TIMING:

@@ -55,6 +55,8 @@ class StrictDevice:
         self.dictionary = dictionary.without(family.absent)
         self.family = family
         self.outbox: list[Frame] = []
+        #: how often it has reset itself, or was reset
+        self.resets = 0
         #: whether NMT commands that ask for a state are not obeyed
         self.ignores_nmt = False
         self._memory = Memory(self.dictionary, node_id, family.capabilities, backing, family.absent)
@@ -81,7 +83,7 @@ class StrictDevice:
         if self._lss is None:
             from dvtcli.simulator.device.lss_slave import LssSlave
 
-            self._lss = LssSlave(self._memory, self.areas, self.node_id)
+            self._lss = LssSlave(self._memory, self.areas, self.node_id, self.family)
             self._lss.run_at(*self._rates)
         return self._lss
 
@@ -168,6 +170,11 @@ class StrictDevice:
 
     def nmt(self, command: int) -> None:
         """Obey an NMT command specifier; unknown ones are ignored, and everything by a master or before `boot_up`."""
+        if self.node_id == UNCONFIGURED and command == NmtCommand.RESET_COMMUNICATION:
+            self._reset(
+                communication_only=True
+            )  # it obeys while it has no node-ID, so that it takes the one it was told
+            return
         if self.state is NmtState.INITIALISING or command not in list(NmtCommand) or self._gates.is_master:
             return
         if command in _STATES:
@@ -193,7 +200,8 @@ class StrictDevice:
         """
         if self.node_id == UNCONFIGURED:
             return
-        self.outbox.append(Frame(HEARTBEAT + self.node_id, b"\0"))
+        if self.family.boot_up_message:
+            self.outbox.append(Frame(HEARTBEAT + self.node_id, b"\0"))
         self.state = self.family.boot_state
         self.services.booted()
 
@@ -235,6 +243,7 @@ class StrictDevice:
         return entry is None or not entry.pdo_mapping
 
     def _reset(self, *, communication_only: bool) -> None:
+        self.resets += 1
         self._initialise(communication_only=communication_only, powered=True)
         self.boot_up()
 

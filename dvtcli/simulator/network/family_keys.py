@@ -198,5 +198,9 @@ FAMILY_KEYS: Schema = {
     "motors": _motors,
     "plant": _plant,
     "boot_state": _boot_state,
+    "boot_up_message": boolean,
+    "lss_echo": boolean,
+    "lss_wakes": boolean,
+    "lss_tells_pending": boolean,
     "learnt": boolean,
 }

@@ -139,7 +139,7 @@ class SimulatedNode:
     def _obey(self, frame: Frame) -> None:
         if frame.remote or len(frame.data) != 2 or frame.data[1] not in (0, self.device.node_id):
             return
-        before = len(self.device.outbox)
+        before = self.device.resets
         self.device.nmt(frame.data[0])
         self._start_over(before)
 
@@ -147,7 +147,7 @@ class SimulatedNode:
         """Obey an LSS master."""
         if frame.remote:
             return []
-        before, lss = len(self.device.outbox), self.device.lss
+        before, lss = self.device.resets, self.device.lss
         answer = self.device.layer_setting(frame.data)
         self._start_over(before)
         if lss.quiet_ms:
@@ -155,8 +155,8 @@ class SimulatedNode:
         return ([] if answer is None else [Frame(LSS_SLAVE, answer)]) + self.device.take_outbox()
 
     def _start_over(self, before: int) -> None:
-        """Where the device has reset, its boot-up is in the outbox beside *before* frames: transfers are forgotten."""
-        if len(self.device.outbox) > before:
+        """Forget transfers if the device was reset more often than *before*."""
+        if self.device.resets > before:
             self.server.reset()
             self._later.clear()
 

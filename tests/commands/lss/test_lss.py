@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,16 +65,67 @@ def answers_in_any_state(one: StrictDevice) -> None:
     one.lss.handle = answer  # type: ignore[method-assign]
 
 
-def test_a_slave_that_is_found_again_and_again_is_listed_and_said() -> None:
+def test_slaves_that_are_found_again_and_again_are_told_apart_by_every_branch() -> None:
     nodes = [unconfigured(1), unconfigured(2)]
     for one in nodes:
         answers_in_any_state(one)
     with bench(*nodes) as desk:
         ran = desk.run("lss scan --json")
-        assert (ran.code, [row["serial"] for row in ran.document["nodes"]]) == (0, [1]), ran.stderr
-        assert "others may be behind it" in ran.stderr
-        assert desk.run(f"lss node-id 5 {address_of(nodes[0])}").code == 0
-        assert [row["serial"] for row in desk.run("lss scan --json").document["nodes"]] == [2]
+        assert (ran.code, [row["serial"] for row in ran.document["nodes"]]) == (0, [1, 2]), ran.stderr
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    st.lists(
+        st.tuples(st.integers(2, 0xFFFF_FFFF), st.sampled_from(["generic", "lss-echo"])),
+        max_size=4,
+        unique_by=lambda one: one[0],
+    )
+)
+def test_who_answers_every_question_while_it_is_configured_counts_once(serials: list[tuple[int, str]]) -> None:
+    nodes = [unconfigured(serial, family) for serial, family in serials]
+    with bench(*nodes, unconfigured(1, node_id=3)) as desk:
+        ran = desk.run("lss scan --json")
+        assert ran.code == 0, ran.stderr
+        found = [row["serial"] for row in ran.document["nodes"]]
+        assert sorted(found) == sorted(serial for serial, _ in serials)
+        assert all(row["confirmed"] for row in ran.document["nodes"])
+        assert ran.document["without_node_id"] == len(serials)
+        assert all(one.lss.pending == UNCONFIGURED for one in nodes)
+
+
+@pytest.mark.parametrize("family", ["generic", "lss-echo", "lss-reset", "no-boot-up"])
+@pytest.mark.parametrize("others", [0, 1])
+def test_every_family_gets_its_first_node_id_and_another_one(family: str, others: int) -> None:
+    """Also who comes up by a reset only, or without saying so; nobody else without a node-ID gets one."""
+    one = unconfigured(0xC0FFEE, family)
+    rest = [unconfigured(2 + number, family) for number in range(others)]
+    with bench(one, *rest) as desk:
+        for node_id, before in ((5, None), (9, 5)):
+            ran = desk.run(f"lss node-id {node_id} {address_of(one)} --json")
+            assert ran.code == 0, ran.stderr
+            (row,) = ran.document["nodes"]
+            assert (row["before"], row["node"], one.node_id) == (before, node_id, node_id)
+        assert all((other.node_id, other.lss.pending) == (UNCONFIGURED, UNCONFIGURED) for other in rest)
+
+
+def test_the_scan_names_a_node_id_that_is_free() -> None:
+    one = unconfigured(7)
+    others = [unconfigured(number, node_id=number) for number in (1, 2, 4)]
+    with bench(one, *others) as desk:
+        scanned = desk.run("lss scan")
+        assert desk.run("lss scan --json").document["free_node_id"] == 3
+        line = next(line.strip() for line in scanned.stdout.splitlines() if line.strip().startswith("lss node-id"))
+        assert line.startswith("lss node-id 3 ")
+        assert desk.run(line).code == 0
+        assert one.node_id == 3
+        assert desk.run("lss scan --json").document["free_node_id"] is None
+
+
+def test_where_every_node_id_is_taken_none_is_proposed() -> None:
+    with bench(unconfigured(200), *(unconfigured(number, node_id=number) for number in range(1, 128))) as desk:
+        ran = desk.run("lss scan")
+        assert (ran.code, "node-id" in ran.stdout, "no node-ID is free" in ran.stdout) == (0, False, True), ran.stdout
 
 
 def test_nobody_says_so_soon() -> None:
@@ -323,9 +375,32 @@ def test_where_going_back_fails_half_way_it_is_said_which_node_id_each_has(tmp_p
         ran = desk.run(f"lss assign {file}")
     assert (ran.code, [one.node_id for one in nodes]) == (7, [11, 6, 13]), ran.stderr
     said = " ".join(ran.stderr.split())
-    assert "now c has node-ID 13, before 13" in said
+    assert "now c has node-ID 13, before 13; it answers as node 13, nobody answers as node 7" in said
     assert "now b has a node-ID that is not known (no node answers" in said
-    assert "now a has node-ID 11, before 11" in said
+    assert "now a has node-ID 11, before 11; it answers as node 11, nobody answers as node 5" in said
+
+
+def test_going_back_counts_once_nobody_answers_with_the_new_node_id(tmp_path: Path) -> None:
+    """LSS tells the node-ID that a node was given, not the one that it has: who answers on the bus is looked at."""
+    nodes = [unconfigured(1, node_id=11), unconfigured(2, node_id=12)]
+    nodes[0].lss._family = replace(nodes[0].family, lss_tells_pending=True)
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
+    bus = VirtualTimeBus(nodes, simulated=False)
+
+    def spoil(frame: Frame, ours: bool) -> None:
+        """At the second reset the second node forgets its new node-ID; the first one obeys no other reset."""
+        if ours and frame.can_id == 0 and frame.data == bytes((0x82, 12)):
+            nodes[1].lss.pending = 12
+            nodes[0].nmt = lambda _command: None  # type: ignore[method-assign]
+
+    bus.tap(spoil)
+    with Bench((), {"yes": True}, bus) as desk:
+        ran = desk.run(f"lss assign {file}")
+    assert [one.node_id for one in nodes] == [5, 12]
+    said = " ".join(ran.stderr.split())
+    assert ran.code == 7, said
+    assert "now a has node-ID 11, before 11; nobody answers as node 11, it answers as node 5" in said
+    assert "now b has node-ID 12, before 12; it answers as node 12, nobody answers as node 6" in said
 
 
 def test_a_wrong_node_id_is_not_taken_from_a_node_of_the_file(tmp_path: Path) -> None:

@@ -31,8 +31,11 @@ def found_lines(result: LssFound, width: int) -> Iterator[Line]:
         return
     yield f"{_summary(result)} ({took})"
     if result.action == "scan" and result.nodes:
-        yield [Cell("  give it a node-ID:", "dim")]
-        yield [Cell(f"  lss node-id 5 {result.nodes[0].address}", "dim")]  # on one row of 80 columns, to be copied
+        if result.free is None:
+            yield [Cell("  no node-ID is free: somebody answers with each of 1 to 127", "dim")]
+            return
+        yield [Cell(f"  nobody answers as node {result.free}; this gives it that node-ID:", "dim")]
+        yield [Cell(f"  lss node-id {result.free} {result.nodes[0].address}", "dim")]  # one row of 80 columns, to copy
 
 
 def _nodes(result: LssFound, width: int) -> Iterator[Line]:
