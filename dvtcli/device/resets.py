@@ -6,84 +6,131 @@ Does not know what a node loses by it, nor whether it may be restarted.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dvtcli.device.nmt_gate import Access
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.errors import NoAnswer
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 #: How long a node may take from reset to its boot-up message, in seconds.
 BOOT_TIMEOUT_S = 10.0
+#: How long a boot-up message alone is waited for, in seconds; a device that sends none is asked after that.
+QUIET_S = 1.0
+#: How often it is asked then, and how long it has to answer, in seconds.
+_ASK_EVERY_S, _ANSWER_S = 0.5, 0.1
+_DEVICE_TYPE = 0x1000
 #: How often it is looked after whether waiting for a power cycle shall end, in seconds.
 _LOOK_S = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class SentReset:
-    """A reset that was sent to one node, at *began_s*, when *seen* of its boot-up messages had been heard."""
+    """A reset that was sent to *node_id* at *began_s*, when *seen* of its boot-up messages had been heard.
 
-    access: Access
+    It is over with the boot-up message, or with any answer after `QUIET_S`: some devices send no such message.
+    """
+
+    bus: CanopenBus
+    node_id: int
     seen: int
     began_s: float
+    #: how long it may take, in seconds
+    timeout_s: float = BOOT_TIMEOUT_S
+    _ask_at_s: float = field(init=False)
+    _answered: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        self._ask_at_s = self.began_s + QUIET_S
+
+    @property
+    def booted(self) -> bool:
+        """Whether the boot-up message came: without it nobody knows whether the node restarted."""
+        return self.bus.boot_ups(self.node_id) > self.seen
 
     def is_over(self) -> bool:
-        """Whether the boot-up message came, or comes too late; waits for nothing."""
-        bus = self.access.bus
-        return bus.boot_ups(self.access.node_id) > self.seen or bus.now_s() - self.began_s >= BOOT_TIMEOUT_S
+        """Whether the boot-up message or another answer came, or comes too late; asks the node now and then."""
+        now_s, until_s = self.bus.now_s(), self.began_s + self.timeout_s
+        if not self.is_back and self._ask_at_s <= now_s <= until_s - _ANSWER_S:
+            self._ask_at_s = now_s + _ASK_EVERY_S
+            self._answered = _answers(self.bus, self.node_id)
+        return self.is_back or now_s >= until_s
 
     def wait(self) -> float:
-        """Wait for the boot-up message; the seconds it took. NoAnswer where none comes."""
-        bus, node_id = self.access.bus, self.access.node_id
-        left_s = max(0.0, self.began_s + BOOT_TIMEOUT_S - bus.now_s())
-        if not bus.wait_boot_up(node_id, self.seen, left_s):
+        """Wait for the boot-up message, or any other answer; the seconds it took. NoAnswer if none comes."""
+        while not self.is_over():
+            self.wait_a_moment()
+        if not self.is_back:
             raise self._silent()
-        return bus.now_s() - self.began_s
+        return self.bus.now_s() - self.began_s
+
+    def wait_a_moment(self) -> None:
+        """Wait for the boot-up message until the node is to be asked again, or it is too late."""
+        left_s = self.began_s + self.timeout_s - self.bus.now_s()
+        self.bus.wait_boot_up(self.node_id, self.seen, max(0.0, min(_ASK_EVERY_S, left_s)))
+
+    @property
+    def is_back(self) -> bool:
+        """Whether the boot-up message or another answer came."""
+        return self._answered or self.booted
 
     def _silent(self) -> NoAnswer:
-        node_id = self.access.node_id
         silent = NoAnswer(
-            f"node {node_id} sent no boot-up message within {BOOT_TIMEOUT_S:.0f} s after its reset",
-            node=node_id,
+            f"node {self.node_id} sent no boot-up message within {self.timeout_s:.0f} s after its reset, "
+            "nor any answer",
+            node=self.node_id,
             hint="look at the node, then scan",
             state="unknown",
         )
-        if (state := self.access.bus.nmt_state(node_id)) is not None:  # heard since the reset was sent
-            silent.hint = "it restarts without that message, or ignores resets: `pdo` shows what it holds"
+        if (state := self.bus.nmt_state(self.node_id)) is not None:  # heard since the reset was sent
+            silent.hint = "it answers no SDO: look at the node, then scan"
             silent.state_text = f"{state.label}, as its heartbeat says; whether it was reset is not known"
         return silent
+
+
+def _answers(bus: CanopenBus, node_id: int) -> bool:
+    try:
+        bus.sdo(node_id).upload(_DEVICE_TYPE, 0, timeout_s=_ANSWER_S, retries=0)
+    except NoAnswer:
+        return False
+    except (SdoAborted, SdoProtocolError):
+        pass  # it is there
+    return True
 
 
 def send_reset(access: Access, command: NmtCommand) -> SentReset:
     """Reset the node, and wait for nothing; it may take `BOOT_TIMEOUT_S` to its boot-up message."""
     bus, node_id = access.bus, access.node_id
-    seen, began_s = bus.boot_ups(node_id), bus.now_s()
+    sent = SentReset(bus, node_id, bus.boot_ups(node_id), bus.now_s())
     bus.send_nmt(command, node_id)
-    return SentReset(access, seen, began_s)
+    return sent
 
 
 def reset_and_wait(access: Access, command: NmtCommand) -> float:
-    """Reset the node and wait for its boot-up message; the seconds it took. NoAnswer where none comes."""
+    """Reset the node and wait for its boot-up message, or any other answer; the seconds it took. NoAnswer."""
     return send_reset(access, command).wait()
 
 
 def reset_all_and_wait(
     bus: CanopenBus, command: NmtCommand, known: Collection[int], timeout_s: float = BOOT_TIMEOUT_S
-) -> None:
-    """Reset all nodes and wait for the boot-ups of the *known* ones (node-IDs); NoAnswer names those that gave none."""
-    seen, deadline_s = {node_id: bus.boot_ups(node_id) for node_id in known}, bus.now_s() + timeout_s
+) -> list[int]:
+    """Reset all nodes, and wait for the *known* (node-IDs); those of them that sent no boot-up message, but answer.
+
+    NoAnswer names those that do neither.
+    """
+    began_s = bus.now_s()
+    sent = [SentReset(bus, node_id, bus.boot_ups(node_id), began_s, timeout_s) for node_id in sorted(known)]
     bus.send_nmt(command, 0)
-    silent = [
-        str(node_id)
-        for node_id, count in sorted(seen.items())
-        if not bus.wait_boot_up(node_id, count, max(0.0, deadline_s - bus.now_s()))
-    ]
-    if silent:
+    while pending := [reset for reset in sent if not reset.is_over()]:
+        pending[0].wait_a_moment()
+    if silent := [str(reset.node_id) for reset in sent if not reset.is_back]:
         raise NoAnswer(
-            f"no boot-up message within {timeout_s:.0f} s after the reset from node {', '.join(silent)}",
+            f"no boot-up message within {timeout_s:.0f} s after the reset from node {', '.join(silent)}, "
+            "nor any answer",
             hint="look at it, then scan",
             state="unknown",
         )
+    return [reset.node_id for reset in sent if not reset.booted]
 
 
 def await_power_cycle(

@@ -5,12 +5,30 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.device.nmt_gate import Access
-from dvtcli.device.resets import await_power_cycle, reset_all_and_wait, reset_and_wait
+from dvtcli.device.resets import (
+    BOOT_TIMEOUT_S,
+    QUIET_S,
+    await_power_cycle,
+    reset_all_and_wait,
+    reset_and_wait,
+    send_reset,
+)
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import Interrupted, NoAnswer
-from tests.laws.bench import NODE, booted
-from tests.virtual_time import VirtualTimeBus
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
+from tests.laws.bench import NODE, booted, dictionary
+from tests.virtual_time import ANSWER_S, VirtualTimeBus
+
+
+class WithoutSdo(VirtualTimeBus):
+    """No SDO answer arrives here."""
+
+    def _to_us(self, frame: Frame, delay_s: float = ANSWER_S) -> None:
+        if frame.can_id != 0x580 + NODE:
+            super()._to_us(frame, delay_s)
 
 
 def test_an_older_boot_up_is_not_the_reset_s() -> None:
@@ -24,9 +42,47 @@ def test_an_older_boot_up_is_not_the_reset_s() -> None:
     assert seen >= 2
     assert master.family.master_object is not None
     master.set_value(*master.family.master_object, b"\1")
-    with pytest.raises(NoAnswer, match="no boot-up message"):
-        reset_and_wait(access, NmtCommand.RESET_NODE)
+    sent = send_reset(access, NmtCommand.RESET_NODE)
+    assert sent.wait() >= QUIET_S, "it answers, as it would have at once"
+    assert not sent.booted
     assert bus.boot_ups(NODE) == seen
+
+
+@pytest.mark.parametrize("polled", [False, True])
+def test_any_answer_ends_the_wait_for_a_node_that_sends_no_boot_up_message(polled: bool) -> None:
+    bus = VirtualTimeBus([booted("no-boot-up")])
+    sent = send_reset(Access(bus, NODE, GENERIC), NmtCommand.RESET_NODE)
+    if polled:
+        while not sent.is_over():
+            bus.sleep(0.1)
+    else:
+        sent.wait()
+    assert QUIET_S <= bus.now_s() - sent.began_s <= QUIET_S + 1
+    assert not sent.booted
+
+
+@pytest.mark.parametrize("heartbeat_ms", [0, 100])
+def test_a_node_that_answers_nothing_is_waited_for_to_the_end(heartbeat_ms: int) -> None:
+    """Heartbeats alone do not end it: what the node holds cannot be read."""
+    device = booted("no-boot-up")
+    device.set_value(0x1017, 0, heartbeat_ms.to_bytes(2, "little"))
+    bus = WithoutSdo([device])
+    sent = send_reset(Access(bus, NODE, GENERIC), NmtCommand.RESET_NODE)
+    with pytest.raises(NoAnswer, match="no boot-up message within 10 s after its reset, nor any answer") as caught:
+        sent.wait()
+    assert caught.value.state == "unknown"
+    assert bus.now_s() - sent.began_s == pytest.approx(BOOT_TIMEOUT_S, abs=0.2)
+
+
+def test_of_all_that_are_reset_those_without_a_boot_up_message_are_named() -> None:
+    nodes = [
+        StrictDevice(dictionary("generic"), load_family(family), node_id)
+        for node_id, family in enumerate(("generic", "no-boot-up", "no-boot-up"), 1)
+    ]
+    bus = VirtualTimeBus(nodes)
+    began_s = bus.now_s()
+    assert reset_all_and_wait(bus, NmtCommand.RESET_NODE, (1, 2, 3)) == [2, 3]
+    assert bus.now_s() - began_s <= QUIET_S + 2
 
 
 def test_an_older_boot_up_is_no_power_cycle() -> None:

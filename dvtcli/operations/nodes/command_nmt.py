@@ -38,8 +38,9 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
         if not concerned:
             consent_to_reset_unheard(session)
     nodes = _told(session, concerned)
-    states = {target: _to_one(session, target, command)} if target else _to_all(session, command)
-    return _commanded(session, target, command, nodes, states)
+    unheard: list[int] = []
+    states = {target: _to_one(session, target, command)} if target else _to_all(session, command, unheard)
+    return _commanded(session, target, command, nodes, states, unheard)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ class BegunReset:
     @property
     def node_id(self) -> int:
         """The node's."""
-        return self.sent.access.node_id
+        return self.sent.node_id
 
 
 def begin_reset(session: Session, command: NmtCommand, node_id: int) -> BegunReset:
@@ -64,10 +65,11 @@ def begin_reset(session: Session, command: NmtCommand, node_id: int) -> BegunRes
 
 
 def end_reset(session: Session, begun: BegunReset) -> Commanded:
-    """Wait for the node's boot-up, and look at its state; NoAnswer where none comes."""
+    """Wait for the node's boot-up, or any other answer, and look at its state; NoAnswer if none comes."""
     begun.sent.wait()
+    unheard = [] if begun.sent.booted else [begun.node_id]
     state = session.node(begun.node_id).access.state()
-    return _commanded(session, begun.node_id, begun.command, begun.met, {begun.node_id: state})
+    return _commanded(session, begun.node_id, begun.command, begun.met, {begun.node_id: state}, unheard)
 
 
 def _told(session: Session, node_ids: Collection[int]) -> list[Node]:
@@ -79,9 +81,13 @@ def _told(session: Session, node_ids: Collection[int]) -> list[Node]:
 
 
 def _commanded(
-    session: Session, target: int, command: NmtCommand, nodes: Sequence[Node], states: Mapping[int, NmtState | None]
-) -> Commanded:
-    """The answer: which *states* were seen, and what a reset took from the *nodes* that were met before."""
+    session: Session, target: int, command: NmtCommand, nodes: Sequence[Node], states: Mapping[int, NmtState | None],
+    unheard: Sequence[int],
+) -> Commanded:  # fmt: skip
+    """The answer: which *states* were seen, and what a reset took from the *nodes* that were met before.
+
+    *unheard* are nodes that answer after a reset, and sent no boot-up message.
+    """
     reset = command.is_reset
     communication = command is NmtCommand.RESET_COMMUNICATION
     lost = tuple(
@@ -95,9 +101,12 @@ def _commanded(
     if reset and session.in_script:
         _note_what_came_up(session, states)
     seen = tuple((one, None if state is None else state.label) for one, state in sorted(states.items()))
-    notes = _interrupted(session, {*states, *([] if target else [session.selected_id()])})
+    notes = [
+        f"node {node_id} sent no boot-up message, and answers: nobody knows whether it restarted" for node_id in unheard
+    ]
+    notes += _interrupted(session, {*states, *([] if target else [session.selected_id()])})
     wanted = None if reset else command.after.label
-    return Commanded(target, command.word, seen, session.dry_run, lost, wanted, notes)
+    return Commanded(target, command.word, seen, session.dry_run, lost, wanted, tuple(notes))
 
 
 def _known(session: Session) -> set[int]:
@@ -149,11 +158,14 @@ def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | No
     return seen_state(access, command.after)
 
 
-def _to_all(session: Session, command: NmtCommand) -> dict[int, NmtState | None]:
-    """Command all nodes; the states of those that were met or are heard, None where one cannot be seen."""
+def _to_all(session: Session, command: NmtCommand, unheard: list[int]) -> dict[int, NmtState | None]:
+    """Command all nodes; the states of those that were met or are heard, None if one cannot be seen.
+
+    Nodes that answer after a reset without a boot-up message are added to *unheard*.
+    """
     bus, known = session.bus, _known(session)
     if command.is_reset:
-        reset_all_and_wait(bus, command, known)
+        unheard += reset_all_and_wait(bus, command, known)
         return {node_id: _access(session, node_id).state() for node_id in known}
     bus.send_nmt(command, 0)
     if not known and not session.dry_run:

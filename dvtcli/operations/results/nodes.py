@@ -75,9 +75,9 @@ class NodeListing(Answer, Rows[NodeRow]):
 class Commanded(Answer):
     """An NMT command that was sent, to one node or all (0), with the state that each one is seen in.
 
-    A state is None where it cannot be seen; *wanted* is the state that was asked for, None of a reset, whose boot-up
-    was heard. *lost* are changes that the reset took; *notes* tell of nodes that an interrupted change left half
-    configured.
+    A state is None if it cannot be seen; *wanted* is the state that was asked for, None of a reset. *lost* are changes
+    that the reset took; *notes* tell of nodes that answer without a boot-up message, or that an interrupted change left
+    half configured.
     """
 
     renderer: ClassVar = "node_lines:commanded_lines"

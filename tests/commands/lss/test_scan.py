@@ -76,6 +76,28 @@ def test_a_node_whose_answer_comes_late_is_asked_again(node_id: int) -> None:
     assert ran.document["nodes"][1]["device_type"] is not None
 
 
+class AbortsItsName(StrictDevice):
+    """Aborts the upload of its name as often as *times* says."""
+
+    times, asked = 1, 0
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        if index == 0x1008:
+            self.asked += 1
+            if self.asked <= self.times:
+                raise Refusal(Abort.GENERAL)
+        return super().upload(index, sub_index)
+
+
+@pytest.mark.parametrize(("times", "name", "asked"), [(0, True, 1), (1, True, 2), (2, False, 2)])
+def test_a_name_whose_upload_is_aborted_is_asked_for_once_more(times: int, name: bool, asked: int) -> None:
+    odd = AbortsItsName(read_eds(family_eds("gen4")).dictionary, load_family("gen4"), 3)
+    odd.times = times
+    with Wire(odd) as wire, Bench((), dict(wire.options)) as bench:
+        (row,) = bench.run("scan --json").document["nodes"]
+    assert (bool(row["name"]), odd.asked) == (name, asked)
+
+
 def test_a_refused_identity_is_none() -> None:
     with Wire(odd_device(1, None, 0x1018)) as wire, Bench((), dict(wire.options)) as bench:
         ran = bench.run("pdo tpdo1 --json")
