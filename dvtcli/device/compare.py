@@ -50,7 +50,7 @@ def _in_mapping(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[str]:
         yield from _as_multiplexed(pdo, wanted, held)
     elif held.mapping != wanted.mapping:
         texts = [" ".join(map(str, config.mapping)) or "nothing" for config in (held, wanted)]
-        yield f"0x{pdo.mapping_index:04X} maps {texts[0]}, expected {texts[1]}"
+        yield f"0x{pdo.mapping_index:04X} is {texts[0]}, expected {texts[1]}"
     if held.count != wanted.count and (held.held_count, wanted.held_count) != (None, None):
         yield f"0x{pdo.mapping_index:04X}:00 (count) is {held.count}, expected {wanted.count}"
 
@@ -61,4 +61,4 @@ def _as_multiplexed(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[st
         yield f"0x{pdo.mapping_index:04X}:00 (count) is {held.count}, expected {wanted.count}"
     else:
         texts = [" ".join(map(str, config.multiplexed)) or "nothing" for config in (held, wanted)]
-        yield f"0x{pdo.mapping_index:04X}:01 holds {texts[0]}, expected {texts[1]}"
+        yield f"0x{pdo.mapping_index:04X}:01 is {texts[0]}, expected {texts[1]}"

@@ -22,6 +22,7 @@ from dvtcli.domain.profile import StepKind
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.rules.finding import warning
 from dvtcli.errors import DeviceRefused, DvtcliError, JournalKept, LeftChanged, NoAnswer, Restarted, SafetyRefusal
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile, refuse, silence
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -73,8 +74,8 @@ class Channel(DirectSdo):
 class Bench:
     """A node that is OPERATIONAL, with a keeper in *folder*."""
 
-    def __init__(self, folder: Path, family: str = "generic") -> None:
-        self.device = booted(family)
+    def __init__(self, folder: Path, family: str = "generic", device: StrictDevice | None = None) -> None:
+        self.device = booted(family) if device is None else device
         self.device.nmt(NmtCommand.START)
         self.channel = Channel(self.device)
         self.bus = self.channel.bus = Bus(self.device, self.channel)

@@ -164,7 +164,7 @@ def test_a_wish_is_compared_pdo_by_pdo_and_object_by_object() -> None:
     held = channel.upload(0x1017, 0)
     assert unlike(one, wish) == (
         ("TPDO1", f"event timer is {first.communication.event_timer}, expected 7"),
-        ("TPDO2", f"0x1A01 maps {' '.join(map(str, second.mapping))}, expected nothing"),
+        ("TPDO2", f"0x1A01 is {' '.join(map(str, second.mapping))}, expected nothing"),
         ("1017:00", f"is {value_text(held)}, expected 0x0001"),
     )
     assert unlike(one, wish.only([TPDO1])) == (

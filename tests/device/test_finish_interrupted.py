@@ -12,12 +12,15 @@ from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.taken_back import put_back_findings
+from dvtcli.device.habits import OFTEN_ENOUGH, Habit
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
 from tests.device.test_carry_out import HEARTBEAT, Bench
 from tests.faults.recovering import recover
-from tests.laws.bench import NODE
+from tests.laws.bench import NODE, dictionary
 
 TPDO1 = Pdo.parse("tpdo1")
 
@@ -75,6 +78,27 @@ def test_it_is_started_only_where_it_was_found_operational(
     bench.bus.commands.clear()
     recover(bench.node, journal)
     assert bench.bus.commands == commands
+
+
+@pytest.mark.parametrize("abort", [0x08000022, 0x08000000])
+def test_a_device_that_is_known_to_want_pre_operational_is_brought_there_first(tmp_path: Path, abort: int) -> None:
+    kind = replace(load_family("generic"), pre_operational_writes=((0x1400, 0x1BFF),), wrong_state=abort)
+    device = StrictDevice(dictionary("generic"), kind, NODE)
+    device.set_value(0x1018, 1, (0xABC).to_bytes(4, "little"))
+    device.boot_up()
+    device.take_outbox()
+    bench = Bench(tmp_path, device=device)
+    device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    before = device.upload(0x1800, 5)
+    journal = replace(interrupted(bench, timed(bench, 77)), nmt_state=int(NmtState.OPERATIONAL))
+    device.nmt(NmtCommand.START)
+    for _ in range(OFTEN_ENOUGH):
+        bench.node.habits.add(bench.node.identity(), Habit(None, abort))
+    bench.bus.commands.clear()
+    recover(bench.node, journal)
+    assert device.upload(0x1800, 5) == before
+    assert bench.bus.commands == [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.START]
+    bench.keeper.lock.release()
 
 
 def test_only_what_was_foreseen_is_said_of_what_was_put_back(bench: Bench) -> None:

@@ -13,6 +13,8 @@ from dvtcli.device.change.expected import Expected
 from dvtcli.device.change.pending import Pending
 from dvtcli.device.known_pdos import KnownPdos
 from dvtcli.device.observe import Found
+from dvtcli.device.seen_state import present_state
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
 
 if TYPE_CHECKING:
@@ -64,6 +66,15 @@ class Changeable(KnownPdos):
     def is_found_to_want_pre_operational(self) -> bool:
         """Whether devices like this one were found to take PDO writes only in PRE-OPERATIONAL, often enough."""
         return self.habits.are_there and self.habits.is_pre_operational_wanted(self.identity())
+
+    def open_gate(self) -> None:
+        """Make PDO writes possible, also on a device of a kind that was found to take them only in PRE-OPERATIONAL."""
+        if self.is_found_to_want_pre_operational and present_state(self.access) is NmtState.OPERATIONAL:
+            self.gate.wanted = self.gate.consent
+        try:
+            self.gate.enter()
+        finally:
+            self.gate.wanted = None
 
     def claim(self) -> Found:
         """Before the first read of a change: let no other dvtcli write to the node until the line ends.

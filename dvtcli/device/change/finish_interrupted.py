@@ -146,7 +146,7 @@ class Recovery:
     ) -> tuple[PdoChange, ...]:
         """Bring the node to what *changes* replaced; LeftChanged where it is *given_up* for what goes wrong."""
         node = self.node
-        node.gate.enter()
+        node.open_gate()
         try:
             with node.cancellation.guard():
                 node.gate.renew()  # a try before this one may have started it

@@ -185,7 +185,7 @@ def test_a_file_with_half_a_pdo_wishes_that_half_only() -> None:
     with bench(whole) as one:
         ran = one.run(f"verify '{path}'")
         assert ran.code == 3
-        assert ran.stdout.splitlines()[0].strip() == "TPDO2  0x1A01 maps nothing, expected 6000:01/8"
+        assert ran.stdout.splitlines()[0].strip() == "TPDO2  0x1A01 is nothing, expected 6000:01/8"
         assert "1 of 4 PDOs differs" in ran.stdout
         assert one.run("map tpdo2 6000:1 --off").code == 0
         assert one.run(f"verify '{path}'").code == 0

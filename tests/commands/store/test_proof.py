@@ -77,7 +77,7 @@ def test_what_was_not_kept_is_named() -> None:
         ran = bench.run("store --prove")
         assert ran.code == 1
         assert "NOT KEPT" in ran.stdout
-        assert "TPDO1: 0x1A00 maps 6041:00/16, expected 6064:00/32 606C:00/32" in ran.stdout
+        assert "TPDO1: 0x1A00 is 6041:00/16, expected 6064:00/32 606C:00/32" in ran.stdout
         assert "proved" not in ran.stdout
         assert mapping(bench) == DEFAULT
 
