@@ -40,9 +40,9 @@ class ToldValues(ABC):
 
 @dataclass(frozen=True, slots=True)
 class FileValues(ToldValues):
-    """What *dictionary* says that node *node_id* holds: ParameterValue, else DefaultValue, else zeros.
+    """What *dictionary* says that node *node_id* holds: ParameterValue, else DefaultValue.
 
-    A PDO of which it tells no COB-ID is off.
+    Else the standard's default, else zeros. A PDO of which it tells no COB-ID is off.
     """
 
     dictionary: ObjectDictionary
@@ -62,7 +62,7 @@ class FileValues(ToldValues):
         raise SdoAborted(index, sub_index, Abort.READ_ONLY, node=self.node_id)
 
     def _of_entry(self, entry: OdEntry) -> bytes | None:
-        value = entry.initial(self.node_id)
+        value = entry.at_power_on(self.node_id)
         told = value if value is not None else bytes((entry.data_type and entry.data_type.size) or 1)
         return _OFF if _is_no_cob_id(entry, told) else told
 

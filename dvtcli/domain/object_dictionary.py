@@ -46,6 +46,19 @@ class ObjectType(IntEnum):
     RECORD = 9
 
 
+def standard_default(index: int, sub_index: int, node_id: int) -> int | None:
+    """The COB-ID that CiA 301 gives a service of node *node_id* whose file tells none, None if it gives none.
+
+    Source: CiA 301, 7.5.2.5 (SYNC), 7.5.2.16 (TIME), 7.5.2.14 (EMCY), 7.5.2.33 and 7.5.2.34 (SDO channels; further
+    ones do not exist: bit 31).
+    """
+    if 0x1201 <= index <= 0x12FF and sub_index in (1, 2):
+        return 1 << 31
+    usual = {(0x1005, 0): 0x080, (0x1012, 0): 0x100, (0x1014, 0): 0x080 + node_id, (0x1200, 1): 0x600 + node_id,
+             (0x1200, 2): 0x580 + node_id}  # fmt: skip
+    return usual.get((index, sub_index))
+
+
 @dataclass(frozen=True, slots=True)
 class OdEntry:
     """One sub-index of an object.
@@ -105,6 +118,12 @@ class OdEntry:
             return data
         modulus = 1 << 8 * len(data)
         return ((int.from_bytes(data, "little") + node_id) % modulus).to_bytes(len(data), "little")
+
+    def at_power_on(self, node_id: int) -> bytes | None:
+        """What the object holds at power-on: as `initial`, else the standard's default if it has one, else None."""
+        data = self.initial(node_id)
+        number = None if data is not None else standard_default(self.index, self.sub_index, node_id)
+        return data if number is None else number.to_bytes(4, "little")
 
     def limits(self, node_id: int) -> tuple[int | float | None, int | float | None]:
         """LowLimit and HighLimit on node *node_id*, None where the file has none."""

@@ -207,12 +207,13 @@ class Planted(NamedTuple):
     change: Change = same
     heard: Callable[[], HeardTraffic] | None = None
     present: frozenset[int] | None = None
+    bit_rate: int | None = BIT_RATE
 
     @property
     def network(self) -> CheckedNetwork:
         """The network with the fault."""
         traffic = None if self.heard is None else self.heard()
-        return CheckedNetwork(self.change(SOUND), BIT_RATE, traffic, self.present)
+        return CheckedNetwork(self.change(SOUND), self.bit_rate, traffic, self.present)
 
 
 _NO_RTR = dict.fromkeys(Direction, BitPolicy.SET)
@@ -332,6 +333,7 @@ PLANTED = (
     Planted("bus-overload", _fast(5, 10)),
     Planted("busy-bus", _fast(3, 10)),
     Planted("too-late", _fast(3, 8)),
+    Planted("unknown-bit-rate", bit_rate=None),
     Planted("identity", node(1, asked={"vendor": 0x1E, "product": 8})),
     Planted("identity", node(1, asked={"vendor": 0x1F})),
     Planted("eds-identity", holds(1, x1018_02=8)),

@@ -27,7 +27,9 @@ TASK = ("Scripts and files", 40)
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="This rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="All rules but this one; repeatable.")
 @click.option("--strict", is_flag=True, help="A warning is as bad as an error, too.")
-@click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or 500000].")
+@click.option(
+    "--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or the file's]."
+)
 @click.option("--live", is_flag=True, help="The nodes on the bus, too, and FILE against them.")
 @click.option(
     "--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen to the bus so long [2]; 0: not."

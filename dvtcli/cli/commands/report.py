@@ -23,7 +23,9 @@ TASK = ("Networks", 70)
 @click.argument("out", type=FILE)
 @click.argument("file", type=FILE, required=False)
 @click.option("--title", type=TEXT, help="What stands at its top [the name of FILE, or of the bus].")
-@click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or 500000].")
+@click.option(
+    "--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or the file's]."
+)
 @click.option(
     "--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen to the bus so long [2]; 0: not."
 )

@@ -173,6 +173,11 @@ class NetworkState:
         return [(Endpoint(node.node_id, pdo), sent) for node, pdo, sent in enabled if identifier_of(sent) == identifier]
 
     @property
+    def bit_rate(self) -> int | None:
+        """The bus's bit rate in bit/s as the file says it of its master, else None."""
+        return None if self.master is None else self.master.bit_rate
+
+    @property
     def sync_periods_us(self) -> tuple[int, ...]:
         """The periods of all that produce SYNC, the master among them."""
         told = [node.number(SYNC_PERIOD) or 0 for node in self.nodes if node.produces_sync]

@@ -132,11 +132,15 @@ class NodeWish:
 
 @dataclass(frozen=True, slots=True)
 class MasterRole:
-    """Who the master is: nothing of it is written. Times as the file has them; None where it says nothing."""
+    """Who the master is: nothing of it is written. Times as the file has them; None where it says nothing.
+
+    *bit_rate* is the bus's in bit/s.
+    """
 
     node_id: int | None = None
     sync_period_us: int | None = None
     heartbeat_producer_ms: int | None = None
+    bit_rate: int | None = None
     mark: Mark = field(default=NOWHERE, compare=False)
 
 

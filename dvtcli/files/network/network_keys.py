@@ -104,9 +104,13 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.MASTER, "node_id", Kind.INTEGER, "its node-ID; 255 for none", 1, 255),
     NetworkKey(Where.MASTER, "sync_period", Kind.INTEGER, "how often it sends SYNC", 0, _U32, "µs"),
     NetworkKey(Where.MASTER, "heartbeat_producer", Kind.INTEGER, "how often it sends a heartbeat", 0, _U16, "ms"),
+    NetworkKey(
+        Where.MASTER, "baudrate", Kind.INTEGER, "the bus's bit rate, for load and deadlines; unknown unless said", 1,
+        1000, "kbit/s",
+    ),
     NetworkKey(Where.MASTER, "heartbeat_multiplier", Kind.NUMBER, "as in `options`, for its own heartbeat", 1, 100),
     *_noted(
-        Where.MASTER, "of the master", "baudrate", "vendor_id", "product_code", "revision_number", "serial_number",
+        Where.MASTER, "of the master", "vendor_id", "product_code", "revision_number", "serial_number",
         "sync_window", "sync_overflow", "time_cob_id", "emcy_inhibit_time", "heartbeat_consumer", "error_behavior",
         "nmt_inhibit_time", "start", "start_nodes", "start_all_nodes", "reset_all_nodes", "stop_all_nodes", "boot_time",
     ),

@@ -128,8 +128,13 @@ def _master(branch: Branch | None, multiplier: float, log: FileLog) -> tuple[Mas
     found = read_keys(branch, Where.MASTER, "master", log)
     log.note(branch.mark, "master is a role: nothing of it is written")
     node_id = found.get("node_id")
+    kbit_per_s = found.get("baudrate")
     role = MasterRole(
-        None if node_id == 255 else node_id, found.get("sync_period"), found.get("heartbeat_producer"), branch.mark
+        None if node_id == 255 else node_id,
+        found.get("sync_period"),
+        found.get("heartbeat_producer"),
+        None if kbit_per_s is None else 1000 * kbit_per_s,
+        branch.mark,
     )
     return role, found.get("heartbeat_multiplier", multiplier)
 

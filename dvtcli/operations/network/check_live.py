@@ -20,7 +20,6 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.several import plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
 from dvtcli.operations.network.check_networks import (
-    USUAL_BIT_RATE,
     CheckWishes,
     asked_rules,
     check_networks,
@@ -66,8 +65,8 @@ def _read(file: str) -> NetworkWish | None:
         return None  # its own report says so
 
 
-def _bit_rate(session: Session, wishes: CheckWishes) -> int:
-    return wishes.bit_rate or session.wire.bitrate or session.options.bitrate or USUAL_BIT_RATE
+def _bit_rate(session: Session, wishes: CheckWishes) -> int | None:
+    return wishes.bit_rate or session.wire.bitrate or session.options.bitrate
 
 
 def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> NetworkReport:
@@ -157,14 +156,16 @@ def against_file(session: Session, file: str, wish: NetworkWish, live: NetworkSt
     return () if state is None else _against(file, state, live, wishes, _bit_rate(session, wishes)).findings
 
 
-def _against(file: str, state: NetworkState, live: NetworkState, wishes: CheckWishes, bit_rate: int) -> NetworkReport:
+def _against(
+    file: str, state: NetworkState, live: NetworkState, wishes: CheckWishes, bit_rate: int | None
+) -> NetworkReport:
     """What of the network *state* of *file* the nodes on the bus contradict."""
     from dvtcli.domain.network.check.network_rules import AGAINST_FILE
 
     names = {rule.name for rule in chosen_rules(wishes)}
     rules = [rule for rule in AGAINST_FILE if rule.name in names]
     there = frozenset(node.node_id for node in live.nodes)
-    network = CheckedNetwork(_with_live(state, live), bit_rate, present=there)
+    network = CheckedNetwork(_with_live(state, live), bit_rate or state.bit_rate, present=there)
     findings = tuple(findings_of(network, rules))
     nodes = tuple((node.name, node.node_id, len(node.marks)) for node in state.nodes)
     return NetworkReport(file, asked_rules(rules), findings, nodes, is_live=True, strict=wishes.strict)

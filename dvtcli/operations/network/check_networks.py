@@ -31,14 +31,13 @@ FILE_RULES = (
     LintRule("cannot-be-made", ERROR, "what the file wants cannot be made on its nodes",
              "the rules of `map` and `link`"),
 )  # fmt: skip
-USUAL_BIT_RATE = 500_000
 
 
 @dataclass(frozen=True, slots=True)
 class CheckWishes:
     """How `check` looks: which rules by name (*only*, none: all; not those in *without*).
 
-    With *strict* a warning is as bad as an error; *bit_rate* (bit/s) is the bus's where nobody else says it. With
+    With *strict* a warning is as bad as an error; *bit_rate* (bit/s) is the bus's, None for what a file says. With
     *as_findings* what cannot be read of a file is a finding, and no error. A bus is listened to for *for_s* seconds
     (None: `LISTEN_S`, and not at all where nobody else can be on it).
     """
@@ -158,7 +157,7 @@ def judged_file(
             state = described_network(file, tell, for_rules=True, with_links=False, on_bus=on_bus, wish=wish)
         except (RuleError, UsageError):
             return None, tuple(refused)
-    return state, (*refused, *findings_of(CheckedNetwork(state, wishes.bit_rate or USUAL_BIT_RATE), rules))
+    return state, (*refused, *findings_of(CheckedNetwork(state, wishes.bit_rate or state.bit_rate), rules))
 
 
 def _refused(wish: NetworkWish, refused: DvtcliError) -> Iterator[NetworkFinding]:

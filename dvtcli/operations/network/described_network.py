@@ -24,7 +24,7 @@ from dvtcli.domain.network.wanted_state import (
     WantedIdentity,
 )
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
-from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.network.guessed_mappings import guessed_mappings
@@ -150,7 +150,21 @@ def _simulated(
     with Session(options, tell) as session:
         plan = plan_wish(session, wish, FileLog(file, network_text(file)))
         nodes = [session.node(node.node_id) for node in wish.nodes]
-        return network_after(network_state(nodes, for_rules=for_rules), plan, wish)
+        state = network_state(nodes, for_rules=for_rules)
+        state = replace(state, nodes=tuple(map(_without_unknown_types, state.nodes)))
+        return network_after(state, plan, wish)
+
+
+def _without_unknown_types(node: NodeState) -> NodeState:
+    """*node* without the transmission types that its file tells no default of: the standard has none (7.5.2.35)."""
+    return replace(node, pdos={pdo: _without_unknown_type(node, pdo, config) for pdo, config in node.pdos.items()})
+
+
+def _without_unknown_type(node: NodeState, pdo: Pdo, config: PdoConfig) -> PdoConfig:
+    entry = None if node.dictionary is None else node.dictionary.entry(pdo.communication_index, 2)
+    if entry is None or entry.initial(node.node_id) is not None:
+        return config
+    return replace(config, communication=replace(config.communication, transmission_type=None))
 
 
 def simulated_word(file: str, node: NodeWish) -> str | None:

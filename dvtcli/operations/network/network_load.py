@@ -60,6 +60,7 @@ def network_load(session: Session, file: str | None = None, wishes: LoadWishes |
     measured = _measured(session, wishes.for_s) if has_bus(session) else None
     state = session.read_together(lambda: _state(session, file, measured))
     told = wishes.bit_rate or (session.wire.bitrate if session.is_open else None) or session.options.bitrate
+    told = told or state.bit_rate
     bit_rate = told or USUAL_BIT_RATE
     found = streams_of(state, _what_if(session, state, wishes))
     bus = session.wire.name if measured is not None else ""

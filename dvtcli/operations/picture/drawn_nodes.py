@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
 
 
-def drawn_links(state: NetworkState, bit_rate: int) -> Iterator[PictureLink]:
+def drawn_links(state: NetworkState) -> Iterator[PictureLink]:
     """Every enabled RPDO with each TPDO of another node that it hears."""
-    for one in CheckedNetwork(state, bit_rate).heard:
+    for one in CheckedNetwork(state, None).heard:
         producer, consumer = Endpoint(one.producer.node_id, one.tpdo), Endpoint(one.consumer.node_id, one.rpdo)
         cob_id = one.sends.communication.cob_id
         fits = not _is_known(one.sends, one.takes) or agrees(one.sends.mapping, one.takes.mapping)
@@ -37,7 +37,7 @@ def _is_known(*configs: PdoConfig) -> bool:
 def drawn_nodes(state: NetworkState, said: Mapping[int, Rules]) -> Iterator[PictureNode]:
     """Every node with all of its PDOs, also those that are off; *said*, by node-ID, goes before profiles and files."""
     partners: dict[Endpoint, list[Endpoint]] = {}
-    for link in drawn_links(state, 0):
+    for link in drawn_links(state):
         partners.setdefault(link.producer, []).append(link.consumer)
         partners.setdefault(link.consumer, []).append(link.producer)
     for node in state.nodes:

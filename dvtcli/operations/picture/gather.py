@@ -96,7 +96,7 @@ def _of_nodes(
         )
     state = replace(state, nodes=tuple(replace(one, name=names.get(one.node_id, "")) for one in state.nodes))
     told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate
-    network = CheckedNetwork(state, told or USUAL_BIT_RATE, traffic)
+    network = CheckedNetwork(state, told, traffic)
     found = list(findings_of(network, chosen_rules(CheckWishes())))
     title = wishes.title or (session.wire.name if file is None else Path(file).stem)
     picture = _picture(state, title, session.wire.name, told, found, measured, said=rules_by_node(wished))
@@ -144,12 +144,13 @@ def _picture(
     state: NetworkState, title: str, source: str, told: int | None, found: Sequence[NetworkFinding],
     measured: Measured | None = None, *, said: Mapping[int, Rules],
 ) -> NetworkPicture:  # fmt: skip
+    told = told or state.bit_rate
     streams, bit_rate = streams_of(state), told or USUAL_BIT_RATE
     load = NetworkLoad(
         bus_need(streams, bit_rate), fitting_bit_rates(streams), is_assumed=told is None, measured=measured
     )
     return NetworkPicture(
-        title, source, tuple(drawn_nodes(state, said)), tuple(drawn_links(state, bit_rate)),
+        title, source, tuple(drawn_nodes(state, said)), tuple(drawn_links(state)),
         tuple(drawn_frames(state, load)), drawn_load(load), tuple(map(_finding, found)),
     )  # fmt: skip
 

@@ -126,7 +126,7 @@ class Memory:
         if index in self._capabilities and sub_index:
             return self._capabilities[index].to_bytes(4, "little")
         entry = self.entry(index, sub_index)
-        data = (entry.initial(self.node_id) if entry else None) or b""
+        data = (entry.at_power_on(self.node_id) if entry else None) or b""
         if not any(data) and size == _COB_ID_BYTES and _is_cob_id(index, sub_index):
             return _OFF
         return data if size is None else data[:size].ljust(size, b"\0")

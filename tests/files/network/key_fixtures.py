@@ -106,6 +106,9 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     (Where.MASTER, "heartbeat_producer"): _file(
         f"{_MASTER}a: {{node_id: 2}}", lambda wish: wish.master, MasterRole(1, heartbeat_producer_ms=200)
     ),
+    (Where.MASTER, "baudrate"): _file(
+        "master: {baudrate: 250}\na: {node_id: 2}", lambda wish: wish.master, MasterRole(bit_rate=250_000)
+    ),
     (Where.MASTER, "heartbeat_multiplier"): _file(
         "master: {node_id: 1, heartbeat_producer: 100, heartbeat_multiplier: 2}\n"
         "a: {node_id: 2, heartbeat_consumer: true}",
@@ -114,7 +117,7 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     **{
         (Where.MASTER, name): _of_the_master(f"{name}: {value}")
         for name, value in {
-            "baudrate": 500, "vendor_id": 0x360, "product_code": 1, "revision_number": 1, "serial_number": 1,
+            "vendor_id": 0x360, "product_code": 1, "revision_number": 1, "serial_number": 1,
             "sync_window": 1000, "sync_overflow": 10, "time_cob_id": 0x100, "emcy_inhibit_time": 10,
             "heartbeat_consumer": "true", "error_behavior": "{1: 0}", "nmt_inhibit_time": 0, "start": "true",
             "start_nodes": "true", "start_all_nodes": "false", "reset_all_nodes": "false", "stop_all_nodes": "false",

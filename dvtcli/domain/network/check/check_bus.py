@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from dvtcli.domain.bus_load import most_frame_bits
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.network.bus_need import BusNeed
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at
 from dvtcli.domain.network.frame_streams import data_bytes
 from dvtcli.domain.network.stream import EVENT_DRIVEN
@@ -35,6 +36,9 @@ def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
     spots = _unlimited(network)
     for node, pdo, config in network.tpdos:
         if at(node, pdo) not in spots:
+            continue
+        if network.bit_rate is None:
+            yield at(node, pdo), "no inhibit time, no event timer"
             continue
         bits = most_frame_bits(data_bytes(config), extended=config.communication.cob_id.extended)
         share = _FOR_EVENTS / len(spots)
@@ -69,28 +73,22 @@ def timer_below_inhibit(network: CheckedNetwork) -> NetFound:
 @check("bus-overload", ERROR, "the frames that have a limit need more than the whole bus at worst", _ANALYSIS)
 def bus_overload(network: CheckedNetwork) -> NetFound:
     """What has a low priority is never sent."""
-    if network.need.limited > 1:
-        yield (
-            NetSpot(),
-            f"{_percent(network)} of {network.bit_rate / 1000:g} kbit/s at worst: `load` shows what takes it",
-        )
+    if network.need is not None and network.need.limited > 1:
+        yield NetSpot(), _share(network.need)
 
 
 @check("busy-bus", WARNING, "the frames that have a limit need more than 80 % of the bus at worst",
        "ours; bus monitors advise it for traffic that is not cyclic")  # fmt: skip
 def busy_bus(network: CheckedNetwork) -> NetFound:
     """What has a low priority waits long."""
-    if _BUSY < network.need.limited <= 1:
-        yield (
-            NetSpot(),
-            f"{_percent(network)} of {network.bit_rate / 1000:g} kbit/s at worst: `load` shows what takes it",
-        )
+    if network.need is not None and _BUSY < network.need.limited <= 1:
+        yield NetSpot(), _share(network.need)
 
 
 @check("too-late", ERROR, "a frame may be there after its deadline", _ANALYSIS)
 def too_late(network: CheckedNetwork) -> NetFound:
     """The next one is due by then, or a consumer has given up."""
-    for one in network.need.late:
+    for one in () if network.need is None else network.need.late:
         stream = one.stream
         is_said = stream.window_us is not None or one.response_us is None
         if is_said or stream.deadline_us is None or one.response_us is None:
@@ -101,5 +99,17 @@ def too_late(network: CheckedNetwork) -> NetFound:
         yield NetSpot(stream.node, stream.pdo), f"{stream.label} takes {times}"
 
 
-def _percent(network: CheckedNetwork) -> str:
-    return f"{100 * float(network.need.limited):.1f} %"
+#: The names of the rules that are asked at a known bit rate only.
+CHECKS_OF_BIT_RATE = frozenset({"bus-overload", "busy-bus", "too-late", "sync-window"})
+
+
+def _share(need: BusNeed) -> str:
+    share = f"{100 * float(need.limited):.1f} %"
+    return f"{share} of {need.bit_rate / 1000:g} kbit/s at worst: `load` shows what takes it"
+
+
+@check("unknown-bit-rate", NOTE, "nobody says the bit rate: load and deadlines are not judged", _ANALYSIS)
+def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
+    """What would be too much for a slow bus, a fast one has room for."""
+    if network.bit_rate is None and network.streams.streams:
+        yield NetSpot(), "nobody says the bit rate: load and deadlines were not judged; `--at` says it (bit/s)"

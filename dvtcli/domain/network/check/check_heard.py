@@ -99,7 +99,7 @@ def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
 
 
 def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list[Stream]:
-    found = (one.stream for one in network.need.needs if one.stream.kind == kind)
+    found = (one for one in network.streams.streams if one.kind == kind)
     return [one for one in found if (one.frame.can_id, one.frame.extended) == identifier]
 
 

@@ -169,8 +169,8 @@ def goes_on_after_error(network: CheckedNetwork) -> NetFound:
 @check("deadline-below-period", ERROR, "an RPDO gives up before its TPDO is due", "CiA 301, 7.5.2.35: event timer")
 def deadline_below_period(network: CheckedNetwork) -> NetFound:
     """It is an error each time."""
-    periods = {(one.stream.node, one.stream.pdo): _longest_ms(network, one.stream.node, one.stream.pdo)
-               for one in network.need.needs if one.stream.kind == "tpdo"}  # fmt: skip
+    periods = {(one.node, one.pdo): _longest_ms(network, one.node, one.pdo)
+               for one in network.streams.streams if one.kind == "tpdo"}  # fmt: skip
     for one in network.heard:
         patience = one.takes.communication.event_timer or 0
         period = periods.get((one.producer.node_id, one.tpdo))

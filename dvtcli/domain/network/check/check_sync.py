@@ -64,7 +64,7 @@ def sync_without_period(network: CheckedNetwork) -> NetFound:
 @check("sync-window", ERROR, "synchronous PDOs may come after the window for them (0x1007)", "CiA 301, 7.5.2.7")
 def sync_window(network: CheckedNetwork) -> NetFound:
     """What comes later is to be dropped."""
-    for one in network.need.needs:
+    for one in () if network.need is None else network.need.needs:
         stream = one.stream
         if stream.window_us is None or stream.node is None or not one.is_late:
             continue

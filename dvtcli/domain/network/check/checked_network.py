@@ -11,7 +11,7 @@ from dvtcli.domain.network.check.judged_pdos import judged_pdos
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
-from dvtcli.domain.network.stream import SYNCHRONOUS
+from dvtcli.domain.network.stream import SYNCHRONOUS, Streams
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding
 
@@ -59,14 +59,14 @@ class Heard:
 
 @dataclass(frozen=True)
 class CheckedNetwork:
-    """A network of *state* on a bus of *bit_rate* bit/s.
+    """A network of *state* on a bus of *bit_rate* bit/s, None if nobody says it: no rule assumes one.
 
     *traffic* is what was heard there, None where nobody listened. *present* are the nodes on the bus where the network
     of a file is held against it, else None.
     """
 
     state: NetworkState
-    bit_rate: int
+    bit_rate: int | None
     traffic: HeardTraffic | None = None
     present: frozenset[int] | None = None
 
@@ -86,9 +86,14 @@ class CheckedNetwork:
         return tuple((node.node_id, *found) for node in self.told for found in judged_pdos(node))
 
     @cached_property
-    def need(self) -> BusNeed:
-        """What all frames need of the bus."""
-        return bus_need(streams_of(self.state), self.bit_rate)
+    def streams(self) -> Streams:
+        """Every frame that is sent, and how often at most."""
+        return streams_of(self.state)
+
+    @cached_property
+    def need(self) -> BusNeed | None:
+        """What all frames need of the bus, None if its bit rate is not known."""
+        return None if self.bit_rate is None else bus_need(self.streams, self.bit_rate)
 
     @cached_property
     def tpdos(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:
