@@ -43,6 +43,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--every-size", action="store_true", help="golden screens in each size of terminal, not in one")
     parser.addoption("--hosts", type=int, default=4, metavar="N", help="hosts of a fleet, three of them faulty [4]")
     parser.addoption("--kills", type=int, default=2, metavar="N", help="kills in the middle of an atomic script [2]")
+    parser.addoption("--networks", type=int, default=6, metavar="N", help="drawn networks with two faults each [6]")
     parser.addoption("--nodes", type=int, default=5, metavar="N", help="nodes of the large network [5]")
     parser.addoption("--learn", type=int, default=4, metavar="N", help="families, faults and kills in learn [4]")
     parser.addoption("--elsewhere", type=int, default=4, metavar="N", help="tests as on Windows or macOS [4]")

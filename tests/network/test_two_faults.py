@@ -10,6 +10,7 @@ import pytest
 
 from dvtcli.errors import DvtcliError, LeftChanged
 from tests.network.bench import CHAIN, Chain
+from tests.network.drawn_cells import JOBS, Outcome, outcome, own_folder
 from tests.network.test_network_faults import FAULTS, ideal
 from tests.sample import turn
 
@@ -44,3 +45,65 @@ def test_two_faults_leave_no_node_changed_that_is_not_named(home: Path, pytestco
         layouts = {one for one in chain.bus.layouts if one[2] not in waiting}
         assert layouts <= ideal()[1], faults
         shutil.rmtree(home, ignore_errors=True)  # what is remembered of these nodes
+
+
+#: jobs that say "taken back" line by line, and do not read the earlier ones again
+BY_LINE = ("undo", "undo-network")
+
+
+def judged(found: Outcome) -> list[str]:
+    """What is wrong with a cell, but for what `BY_LINE` does not read."""
+    return [one for one in found.wrong if not (found.drawn.job in BY_LINE and "law: " in one)]
+
+
+def repeated(seed: str) -> str:
+    """The line that runs the cell of *seed* again."""
+    name, _, number = seed.rpartition("-")
+    return f"python -m tests.network.drawn_cells --seed {name} --only {number} -v"
+
+
+@pytest.mark.counted
+def test_nothing_is_claimed_that_a_drawn_network_with_two_faults_does_not_hold(pytestconfig: pytest.Config) -> None:
+    """As many networks as `--networks` says."""
+    for number in range(pytestconfig.getoption("--networks")):
+        seed = f"{turn(pytestconfig)}-{number}"
+        with own_folder() as folder:
+            found = outcome(seed, folder)
+        assert not judged(found), (repeated(seed), found.words, found.wrong)
+
+
+#: cells that are wrong still, each with the reason
+WRONG = {
+    "r-48": "a restart without a boot-up between the claims and what else is read",
+    "r-164": "a restart behind the way back, when what else the file says is read",
+    "r-67": "undo --all of several lines",
+    "r-69": "undo --all of several lines",
+}
+
+
+@pytest.mark.parametrize("seed", [pytest.param(one, marks=pytest.mark.xfail(strict=True)) for one in WRONG])
+def test_a_cell_that_is_wrong_still(seed: str) -> None:
+    with own_folder() as folder:
+        found = outcome(seed, folder)
+    assert found.possible
+    assert not found.wrong, (repeated(seed), found.words, found.wrong)
+
+
+#: a fault, or none, while a job runs: each alone
+ONE_FAULT = ("", "reset-after-read@{}=0.05", "reset-at-read@{}=0.05", "alters@{}=1800:5:60", "lose-response@{}")
+
+
+@pytest.mark.drawn(8)
+@pytest.mark.parametrize("fault", ONE_FAULT)
+@pytest.mark.parametrize("job", JOBS)
+def test_each_claim_stands_on_an_upload_behind_the_last_download_and_boot_up(job: str, fault: str) -> None:
+    """Every command that says equal, stored, proved, taken back or verified."""
+    for number in range(3):
+        seed = f"law of {job} {number}"
+        with own_folder() as folder:
+            found = outcome(seed, folder, [], job=job)
+            shutil.rmtree(folder)
+            if fault and found.possible:
+                node_id = min(found.drawn.nodes)
+                found = outcome(seed, folder, [f"{node_id}:{fault.format(2 * number + 1)}"], job=job)
+        assert not judged(found), (found.drawn, found.words, found.wrong)
