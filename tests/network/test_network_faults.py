@@ -39,7 +39,8 @@ def ideal() -> tuple[dict[int, int], frozenset[object]]:
         return chain.downloads(), frozenset(before | after)
 
 
-FAULTS = ("refuse@{}=0x08000000", "reset@{}", "lose-response@{}", "silent@{}")
+#: a refusal that no NMT state explains: at 0x08000000 a running node is asked again in PRE-OPERATIONAL
+FAULTS = ("refuse@{}=0x06090030", "reset@{}", "lose-response@{}", "silent@{}")
 STEPS = [(node_id, step) for node_id, most in {1: 13, 5: 19, 9: 9}.items() for step in range(1, most + 1)]
 
 

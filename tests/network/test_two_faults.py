@@ -74,8 +74,6 @@ def test_nothing_is_claimed_that_a_drawn_network_with_two_faults_does_not_hold(p
 
 #: cells that are wrong still, each with the reason
 WRONG = {
-    "r-48": "a restart without a boot-up between the claims and what else is read",
-    "r-164": "a restart behind the way back, when what else the file says is read",
     "r-67": "undo --all of several lines",
     "r-69": "undo --all of several lines",
 }

@@ -39,9 +39,9 @@ def final_verify(
     """
     restarted = partial(_refuse_restarted, nodes, boot_ups)
     return (
-        one_by_one([restarted])
+        one_by_one([restarted, verify_others])  # the others first: a restart that is not told shows in what was written
         or session.bus.side_by_side([partial(refuse_lost, nodes[node_id], some) for node_id, some in changes.items()])
-        or one_by_one([verify_others, restarted])  # once more: what was read of the first ones may be lost by now
+        or one_by_one([restarted])  # once more: what was read of the first ones may be lost by now
     )
 
 
