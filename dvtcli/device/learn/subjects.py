@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import producers
 from dvtcli.device.read_pdos import ABSENT, service_can_ids
-from dvtcli.domain.learning.probe import Subject
+from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.learning.probe import Features, Subject
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
@@ -106,10 +107,12 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
         entries.append(int.from_bytes(data, "little"))
     fits = tuple(_fits(node, pdos, pdo.direction))
     described = node.dictionary
+    by_access = {} if described is None else _by_access(described)
+    unmappable = (_STANDARD_UNMAPPABLE[pdo.direction],) if described is None else _unmappable(described, pdo)
+    objects = {*fits, *(entry for some in by_access.values() for entry in some), *unmappable}
     return Subject(
-        pdo, held, parameters, tuple(entries), fits,
-        {} if described is None else _by_access(described),
-        _STANDARD_UNMAPPABLE[pdo.direction] if described is None else _unmappable(described, pdo),
+        pdo, held, parameters, tuple(entries), fits, by_access, unmappable,
+        {} if described is None else _features(described, objects),
         _absent(node),
         spare,
         other_way=_other_way(node, pdos, pdo.direction) if described is None else None,
@@ -164,7 +167,17 @@ def _fits(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> It
     ]
     named = [] if node.dictionary is None else list(_mappable(node.dictionary, direction))
     for bits in _LENGTHS:
-        yield from list(dict.fromkeys(entry for entry in (*mapped, *named) if entry.bits == bits))[:_TRIES]
+        found = list(dict.fromkeys(entry for entry in (*mapped, *named) if entry.bits == bits))
+        yield from _varied(node, found)[:_TRIES]
+
+
+def _varied(node: Node, entries: Sequence[PdoMappingEntry]) -> list[PdoMappingEntry]:
+    """*entries* with the first of each access and kind before the others: a refusal may be for either."""
+    known = {} if node.dictionary is None else _features(node.dictionary, entries)
+    first: dict[Features | None, PdoMappingEntry] = {}
+    for entry in entries:
+        first.setdefault(known.get(entry), entry)
+    return [*first.values(), *(entry for entry in entries if entry not in first.values())]
 
 
 def _mappable(dictionary: ObjectDictionary, direction: Direction) -> Iterator[PdoMappingEntry]:
@@ -182,23 +195,41 @@ def _marked(dictionary: ObjectDictionary) -> Iterator[OdEntry]:
             yield entry
 
 
-def _by_access(dictionary: ObjectDictionary) -> dict[str, PdoMappingEntry]:
-    found: dict[str, PdoMappingEntry] = {}
+def _by_access(dictionary: ObjectDictionary) -> dict[str, tuple[PdoMappingEntry, ...]]:
+    found: dict[str, list[OdEntry]] = {}
     for entry in _marked(dictionary):
-        found.setdefault(str(entry.access), PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0))
+        found.setdefault(str(entry.access), []).append(entry)
+    return {access: _one_of_each(entries) for access, entries in found.items()}
+
+
+def _one_of_each(entries: Iterable[OdEntry]) -> tuple[PdoMappingEntry, ...]:
+    """The first of *entries* of each length and kind, the first ones first."""
+    found: dict[tuple[int | None, Kind | None], PdoMappingEntry] = {}
+    for entry in entries:
+        mapping = PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0)
+        found.setdefault((entry.bits, None if entry.data_type is None else entry.data_type.kind), mapping)
+    return tuple(found.values())
+
+
+def _features(dictionary: ObjectDictionary, objects: Iterable[PdoMappingEntry]) -> dict[PdoMappingEntry, Features]:
+    found = {}
+    for mapping in objects:
+        entry = dictionary.entry(mapping.index, mapping.sub_index)
+        if entry is not None:
+            kind = "" if entry.data_type is None else str(entry.data_type.kind)
+            found[mapping] = Features(str(entry.access), kind)
     return found
 
 
-def _unmappable(dictionary: ObjectDictionary, pdo: Pdo) -> PdoMappingEntry | None:
-    """An object that could go this way by its access, and is marked as not mappable."""
+def _unmappable(dictionary: ObjectDictionary, pdo: Pdo) -> tuple[PdoMappingEntry, ...]:
+    """Objects that could go this way by their access, and are marked as not mappable; one of each length and kind."""
     wanted = FEEDS_TPDO if pdo.is_tpdo else TAKES_RPDO
     entries = (
         entry
         for entry in dictionary.entries()
         if entry.pdo_mapping is False and entry.access in wanted and entry.bits in _LENGTHS
     )
-    found: Sequence[OdEntry] = list(entries)[:1]
-    return PdoMappingEntry(found[0].index, found[0].sub_index, found[0].bits or 0) if found else None
+    return _one_of_each(entries)
 
 
 def _absent(node: Node) -> int:

@@ -41,8 +41,7 @@ def listed(dictionary: ObjectDictionary, subjects: Iterable[Subject]) -> dict[in
     mapped = {
         (entry.index, entry.sub_index)
         for subject in subjects
-        for entry in (*subject.fits, *subject.by_access.values(), subject.unmappable)
-        if entry is not None
+        for entry in (*subject.fits, *(e for some in subject.by_access.values() for e in some), *subject.unmappable)
     }
     places = {(entry.index, entry.sub_index) for index in dictionary if index in _LOOKED_AT for entry in
               dictionary[index].entries.values() if _short(entry)}  # fmt: skip

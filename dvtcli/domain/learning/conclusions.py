@@ -83,6 +83,8 @@ def _rtr_bit(known: Known) -> Learnt | None:
     clear, as_set = known.answers.get("bit 30 clear"), known.answers.get("bit 30 set")
     if clear is None or as_set is None or clear.code is None or as_set.code is None:
         return None
+    if not (clear.accepted or as_set.accepted):
+        return None  # it holds the bit one way or the other: something else was refused
     key = f"rtr_bit.{known.subject.pdo.direction}"
     if clear.accepted == as_set.accepted:
         return Learnt(key, "keep", f"{clear.text}; {as_set.text}")

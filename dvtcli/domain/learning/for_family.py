@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from dvtcli.domain.learning.file_limits import taken_beyond
 from dvtcli.domain.learning.learnt_value import Learnt
 from dvtcli.domain.learning.probe import Answer
-from dvtcli.domain.learning.probe_table import OTHER_WAY, RESTRICTED, TYPES, Known
-from dvtcli.domain.learning.summaries import highest_time, longer_refused, types_taken
+from dvtcli.domain.learning.probe_table import AGAIN, OTHER_WAY, RESTRICTED, TYPES, Known
+from dvtcli.domain.learning.summaries import access_answer, has_one_cause, highest_time, longer_refused, types_taken
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.pdo import Direction
 
@@ -27,6 +27,9 @@ _PLAIN = frozenset(
 _FIRST_REFUSED = frozenset(
     {"granularity", "dummy", "rtr-bit", "extended", "inhibit-high", "event-high", "restricted", "no-entry"}
 )
+
+#: Checks of which a refusal tells nothing if the length of the entry explains it.
+_BY_LENGTH = frozenset({"not-mappable", "missing-object", "entry-too-long", "dummy"})
 
 
 def family_values(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
@@ -58,8 +61,9 @@ def _family_types(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
 
 def _accesses(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
     for way, one in known.items():
-        answers = {name.removeprefix("access "): a for name, a in one.answers.items() if name.startswith("access ")}
-        if answers and all(answer.code is not None for answer in answers.values()):
+        asked = [name.removeprefix("access ") for name, a in one.answers.items() if name.startswith("access ")]
+        answers = {access: answer for access in asked if AGAIN not in access and (answer := access_answer(one, access))}
+        if answers and len(answers) == sum(AGAIN not in access for access in asked):
             taken = [access for access, answer in answers.items() if answer.accepted]
             evidence = "; ".join(f"{access}: {answer.text}" for access, answer in answers.items())
             yield Learnt(f"{way}_access", list(taken), evidence)
@@ -86,6 +90,8 @@ def _answers(way: Direction, known: Known) -> Iterator[Learnt]:
         check = answer.probe.check
         if answer.code is None or check in found:
             continue
+        if answer.code and check in _BY_LENGTH and not has_one_cause(known, answer):
+            continue
         if check in _PLAIN or (check in _FIRST_REFUSED and answer.code):
             found[check] = answer
     longer = longer_refused(known)
@@ -93,7 +99,10 @@ def _answers(way: Direction, known: Known) -> Iterator[Learnt]:
         found["entry-bits"] = longer[0]
     elif (answer_72 := known.answers.get("entry of 72 bits")) is not None and known.accepted("entry-too-long"):
         found["entry-bits"] = answer_72
-    wrong = [a for name, a in known.answers.items() if (name.startswith("access ") or name == OTHER_WAY) and a.code]
+    wrong = [
+        *known.refused_for(known.access),
+        *(a for name, a in known.answers.items() if name == OTHER_WAY and a.code),
+    ]
     if wrong:
         found["wrong-direction"] = wrong[0]
     found |= taken_beyond(known.subject, known.answers.values())

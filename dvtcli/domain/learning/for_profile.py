@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from dvtcli.domain.learning.learnt_value import Learnt
 from dvtcli.domain.learning.probe_table import TYPES, Known
-from dvtcli.domain.learning.summaries import highest_time, types_taken
+from dvtcli.domain.learning.summaries import access_answer, highest_time, types_taken
 from dvtcli.domain.pdo import Direction
 
 
@@ -21,8 +21,8 @@ def profile_values(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
             )
             yield Learnt("transmission_types", [[first, last] for first, last in _joined(ranges)], evidence)
     for way, key, access in ((tpdo, "rw_in_tpdo", "rw"), (tpdo, "rww_in_tpdo", "rww"), (rpdo, "rw_in_rpdo", "rw")):
-        answer = None if way is None else way.answers.get(f"access {access}")
-        if answer is not None and answer.code is not None:
+        answer = None if way is None else access_answer(way, access)
+        if answer is not None:
             yield Learnt(key, "fine" if answer.accepted else "error", answer.text)
     times = [
         (highest, text)

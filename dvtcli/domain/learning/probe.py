@@ -129,15 +129,24 @@ def _number(data: bytes | None) -> int:
 
 
 @dataclass(frozen=True, slots=True)
+class Features:
+    """What a device may refuse to map an object for, besides its length: *access*, and what *kind* of number it is."""
+
+    access: str
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
 class Subject:
     """The PDO that is asked, with what was read of it and what it may be asked with.
 
     *parameters* are the bytes of each sub-index of its communication parameter that can be read, *entries* the raw
     words of sub-indices 1… of its mapping that can be read. *spare* are two CAN-IDs that nobody uses, none where it
-    must not be enabled. *fits* are objects that its file says may be mapped in this direction, *by_access* one of each
-    access type that is marked mappable, *unmappable* one that is not; *absent* is an index that the device does not
+    must not be enabled. *fits* are objects that its file says may be mapped in this direction, *by_access* those of
+    each access type that are marked mappable, one of each length, *unmappable* those that are not; *features* are
+    access and kind of each of them. *absent* is an index that the device does not
     have. *more*: there are further entries, which must not be written, since they do not take back what they hold.
-    *other_way* is an object that only PDOs of the other direction map, where no file tells accesses. *limits* are the
+    *other_way* is an object that only PDOs of the other direction map, if no file tells accesses. *limits* are the
     lowest and the highest value that its file gives its parameters and entries, by index and sub-index.
     """
 
@@ -146,8 +155,9 @@ class Subject:
     parameters: Mapping[int, bytes]
     entries: tuple[int, ...]
     fits: tuple[PdoMappingEntry, ...]
-    by_access: Mapping[str, PdoMappingEntry] = field(default_factory=dict)
-    unmappable: PdoMappingEntry | None = None
+    by_access: Mapping[str, tuple[PdoMappingEntry, ...]] = field(default_factory=dict)
+    unmappable: tuple[PdoMappingEntry, ...] = ()
+    features: Mapping[PdoMappingEntry, Features] = field(default_factory=dict)
     absent: int = 0x5FFE
     spare: tuple[int, ...] = ()
     more: bool = False

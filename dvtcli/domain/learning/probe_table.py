@@ -6,7 +6,7 @@ Knows nothing of how probes are made, nor what is concluded in the end (`conclus
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dvtcli.domain.learning.file_limits import limit_probes
@@ -24,6 +24,10 @@ RESTRICTED = (0x000, 0x001, 0x101, 0x180, 0x581, 0x601, 0x6E0, 0x701)
 _NO_RTR, _EXTENDED, _INVALID = 1 << 30, 1 << 29, 1 << 31
 #: What the probe is called that maps what only the other direction maps.
 OTHER_WAY = "object of the other direction"
+#: How the name of a probe ends that is made again, since its answer contradicts another one.
+AGAIN = ", again"
+#: How the names of probes begin that map an object as a whole.
+_WHOLE = ("map ", "access ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +38,8 @@ class Known:
     answers: Mapping[str, Answer]
 
     def accepted(self, name: str) -> bool:
-        """Whether the probe *name* was made, and accepted."""
-        return name in self.answers and self.answers[name].accepted
+        """Whether the probe *name* was made, and accepted, then or when it was asked again."""
+        return any(one in self.answers and self.answers[one].accepted for one in (name, name + AGAIN))
 
     def refused(self, name: str) -> bool:
         """Whether the probe *name* was made, and answered with an abort."""
@@ -45,6 +49,46 @@ class Known:
     def fits(self) -> tuple[PdoMappingEntry, ...]:
         """Objects that the device was seen to map in this direction, the shortest first."""
         return tuple(fit for fit in self.subject.fits if self.accepted(fit_name(fit)))
+
+    @property
+    def mapped(self) -> dict[PdoMappingEntry, Answer]:
+        """Every object that the device was asked to map as a whole, with its last answer."""
+        found: dict[PdoMappingEntry, Answer] = {}
+        for name, answer in self.answers.items():
+            if name.startswith(_WHOLE) and answer.code is not None:
+                found[PdoMappingEntry.from_raw(int.from_bytes(answer.probe.asked.data, "little"))] = answer
+        return found
+
+    def refused_for(self, feature: Callable[[PdoMappingEntry], object]) -> list[Answer]:
+        """Refusals that *feature* alone explains: an object that is like one that was taken in all others.
+
+        Features are length, access and kind. None of an object whose feature another object was taken with.
+        """
+        asked = self.mapped
+        taken = [entry for entry, answer in asked.items() if answer.accepted]
+        values = {feature(entry) for entry in taken}
+        others = [one for one in (self.length, self.access, self.kind) if one != feature]
+        return [
+            answer
+            for entry, answer in asked.items()
+            if not answer.accepted
+            and feature(entry) not in values
+            and any(all(other(entry) == other(one) for other in others) for one in taken)
+        ]
+
+    def length(self, entry: PdoMappingEntry) -> int:
+        """The length of an object in bits."""
+        return entry.bits
+
+    def access(self, entry: PdoMappingEntry) -> str:
+        """The access type of an object by its file, "" if no file tells it."""
+        features = self.subject.features.get(entry)
+        return "" if features is None else features.access
+
+    def kind(self, entry: PdoMappingEntry) -> str:
+        """What kind of number an object is by its file, "" if no file tells it."""
+        features = self.subject.features.get(entry)
+        return "" if features is None else features.kind
 
     @property
     def max_entries(self) -> int:
@@ -98,21 +142,43 @@ def _probe(
 
 
 def _objects(known: Known) -> Iterator[Probe]:
-    """Which objects it maps; of each length, others only until one is taken."""
-    lengths = {fit.bits for fit in known.fits}
+    """Which objects it maps; of each length and kind, others only until one is taken."""
+    taken = {(fit.bits, known.kind(fit)) for fit in known.fits}
     for fit in known.subject.fits:
-        if fit_name(fit) in known.answers or fit.bits not in lengths:
+        if fit_name(fit) in known.answers or (fit.bits, known.kind(fit)) not in taken:
             yield _probe(known, fit_name(fit), f"an object of {fit.bits} bits is mapped", _entry(known, 1, fit.raw))
-            lengths.add(fit.bits)
+            taken.add((fit.bits, known.kind(fit)))
+    asked = {fit.bits for fit in known.subject.fits if fit_name(fit) in known.answers}
+    if asked != {fit.bits for fit in known.subject.fits}:
+        return  # which lengths are taken decides what the others are asked with
     other_way = known.subject.other_way
     if other_way is not None:
         sense = "an object that only the other direction maps is mapped"
         yield _probe(known, OTHER_WAY, sense, _entry(known, 1, other_way.raw), check="wrong-direction")
-    for access, entry in known.subject.by_access.items():
+    for access, entries in known.subject.by_access.items():
         yield _probe(
-            known, f"access {access}", f"a mappable object that is {access} is mapped", _entry(known, 1, entry.raw),
-            check="wrong-direction",
+            known, f"access {access}", f"a mappable object that is {access} is mapped",
+            _entry(known, 1, _like_one_that_is_taken(known, entries).raw), check="wrong-direction",
         )  # fmt: skip
+
+
+def _like_one_that_is_taken(known: Known, entries: Sequence[PdoMappingEntry]) -> PdoMappingEntry:
+    """Of *entries* one of a length and kind that the device maps, so that a refusal has one cause; else the first."""
+    alike = {(fit.bits, known.kind(fit)) for fit in known.fits}
+    lengths = {fit.bits for fit in known.fits}
+    best = [entry for entry in entries if (entry.bits, known.kind(entry)) in alike]
+    return (best or [entry for entry in entries if entry.bits in lengths] or list(entries))[0]
+
+
+def _contradictions(known: Known) -> Iterator[Probe]:
+    """Objects that were refused though each of their length, access and kind was taken: they are asked again."""
+    asked = known.mapped
+    taken = [entry for entry, answer in asked.items() if answer.accepted]
+    features = (known.length, known.access, known.kind)
+    for entry, answer in asked.items():
+        unexplained = all(any(feature(entry) == feature(one) for one in taken) for feature in features)
+        if unexplained and known.access(entry) and not answer.accepted and not answer.probe.name.endswith(AGAIN):
+            yield replace(answer.probe, name=answer.probe.name + AGAIN)
 
 
 def _entries(known: Known) -> Iterator[Probe]:
@@ -124,13 +190,15 @@ def _entries(known: Known) -> Iterator[Probe]:
     def entry(check: str, sense: str, word: int, name: str = "") -> Probe:
         return _probe(known, name or check, sense, _entry(known, 1, word), check=check)
 
-    if subject.unmappable is not None:
-        yield entry("not-mappable", "an object that is not mappable is mapped", subject.unmappable.raw)
-    yield entry("missing-object", "an object that is not there is mapped", subject.absent << 16 | 16)
+    if subject.unmappable:
+        word = _like_one_that_is_taken(known, subject.unmappable).raw
+        yield entry("not-mappable", "an object that is not mappable is mapped", word)
+    yield entry("missing-object", "an object that is not there is mapped", subject.absent << 16 | fit.bits)
     yield entry("missing-sub-index", "a sub-index that is not there is mapped", fit.index << 16 | 0xEE << 8 | fit.bits)
     yield entry("entry-zero", "an entry of 0 is taken", 0)
     yield entry("no-bits", "an entry of 0 bits is taken", fit.raw & ~0xFF, "entry of 0 bits")
-    yield entry("entry-too-long", "an entry may be longer than its object", (fit.raw & ~0xFF) | 2 * fit.bits)
+    half = next((one for one in known.fits if 2 * one.bits in {other.bits for other in known.fits}), fit)
+    yield entry("entry-too-long", "an entry may be longer than its object", (half.raw & ~0xFF) | 2 * half.bits)
     yield entry("entry-bits", "an entry may be longer than 64 bits", (fit.raw & ~0xFF) | 72, "entry of 72 bits")
     longest = max(known.fits, key=lambda one: one.bits)
     if longest.bits > 8:
@@ -362,6 +430,7 @@ def _again(known: Known) -> Iterator[Probe]:
 
 _STAGES: tuple[Callable[[Known], Iterator[Probe]], ...] = (
     _objects,
+    _contradictions,
     _entries,
     _how_many,
     _counts,

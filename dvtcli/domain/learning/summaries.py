@@ -6,13 +6,31 @@ from itertools import groupby
 
 from dvtcli.domain.learning.probe import Answer
 from dvtcli.domain.learning.probe_table import TYPES, Known
+from dvtcli.domain.mapping import DUMMY_BITS
 
 
 def longer_refused(known: Known) -> list[Answer]:
-    """The refusals of objects that are longer than any that was taken."""
+    """The refusals of objects that are longer than any that was taken, for nothing but that."""
     longest = max((fit.bits for fit in known.fits), default=64)
-    asked = ((fit.bits, known.answers.get(f"map {fit}")) for fit in known.subject.fits)
-    return [answer for bits, answer in asked if bits > longest and answer is not None and answer.code]
+    refused = known.refused_for(known.length)
+    return [answer for answer in refused if int.from_bytes(answer.probe.asked.data, "little") & 0xFF > longest]
+
+
+def access_answer(known: Known, access: str) -> Answer | None:
+    """What the device answers to mappable objects with *access*: one that it took, else a refusal for that alone."""
+    asked = {entry: answer for entry, answer in known.mapped.items() if known.access(entry) == access}
+    taken = next((answer for answer in asked.values() if answer.accepted), None)
+    if taken is not None:
+        return taken
+    refused = known.refused_for(known.access)
+    return next((answer for answer in asked.values() if answer in refused), None)
+
+
+def has_one_cause(known: Known, answer: Answer) -> bool:
+    """Whether no length explains a refusal: one that was taken, as a whole object or as a dummy."""
+    lengths = {fit.bits for fit in known.fits}
+    lengths |= {bits for index, bits in DUMMY_BITS.items() if known.accepted(f"dummy {index}")}
+    return int.from_bytes(answer.probe.asked.data, "little") & 0xFF in lengths
 
 
 def types_taken(known: Known) -> list[tuple[int, int, int]]:
