@@ -34,6 +34,11 @@ class NodeWatch:
     def __init__(self) -> None:
         self.states: dict[int, NmtState] = {}
         self.boot_ups: dict[int, int] = {}
+        #: boot-ups that nothing sent from here explains, and until when (s) the next one of a node is explained
+        self.restarts: dict[int, int] = {}
+        self._ordered_until_s: dict[int, float] = {}
+        #: the time of the bus in seconds
+        self.now_s: Callable[[], float] = lambda: 0.0
         #: when each node that answered nothing since said boot-up last, and how often that was within TWICE_S of the
         #: time before
         self._booted_s: dict[int, float] = {}
@@ -62,6 +67,8 @@ class NodeWatch:
         self.signs_of_life[node_id] = self.signs_of_life.get(node_id, 0) + 1
         if state is NmtState.INITIALISING:
             self.boot_ups[node_id] = self.boot_ups.get(node_id, 0) + 1
+            if self._ordered_until_s.pop(node_id, -1.0) < self.now_s():
+                self.restarts[node_id] = self.restarts.get(node_id, 0) + 1
             self.downloads_of_others[node_id] = 0
             self._count_double(node_id, frame.timestamp_s)
             self._tell(BootUp(node_id, frame.timestamp_s))
@@ -115,6 +122,11 @@ class NodeWatch:
         else:
             self.states.pop(node_id, None)
 
+    def order_restart(self, node_id: int, within_s: float) -> None:
+        """Something is sent from here that restarts *node_id* (0: all nodes) within *within_s* seconds."""
+        for one in range(1, 128) if node_id == 0 else (node_id,):
+            self._ordered_until_s[one] = self.now_s() + within_s
+
     def _tell(self, event: NodeEvent) -> None:
         for listener in tuple(self.listeners):
             listener(event)
@@ -142,6 +154,16 @@ class HeardNodes(ABC):
         """How many boot-up messages of *node_id* were seen so far."""
         self.drain()
         return self._watch.boot_ups.get(node_id, 0)
+
+    def restarts(self, node_id: int) -> int:
+        """How many boot-up messages of *node_id* were seen so far that no reset sent from here explains."""
+        self.drain()
+        return self._watch.restarts.get(node_id, 0)
+
+    def order_restart(self, node_id: int, within_s: float) -> None:
+        """Let the next boot-up of *node_id* (0: of each node) be no restart if it comes within *within_s* seconds."""
+        self.drain()
+        self._watch.order_restart(node_id, within_s)
 
     def upsets(self, node_id: int) -> int:
         """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again."""

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from dvtcli.bus.wire_pace import KeptPace
 
 NMT_CAN_ID = 0x000
+#: how long after a reset was sent a boot-up is its answer (s)
+RESTART_S = 10.0
 
 #: the load (%) that is not exceeded by what we send while a machine may be running
 DEFAULT_SHARE_PERCENT = 50
@@ -55,6 +57,7 @@ class WatchedBus(HeardNodes):
         self.bitrate = bitrate
         self.settings = SdoSettings(timeout_s, retries)
         super().__init__()
+        self._watch.now_s = self.now_s
         self._turns: Turns | None = None
         self._percent = DEFAULT_SHARE_PERCENT
         #: what keeps the load small, once something may run
@@ -201,6 +204,8 @@ class WatchedBus(HeardNodes):
             raise UsageError(f"node-ID {node_id} is outside 0..127")
         self.drain()
         self._watch.forget_state(node_id)
+        if command.is_reset:
+            self._watch.order_restart(node_id, RESTART_S)
         self._oddities.commanded(command, node_id, self._watch.boot_ups)
         if not self.carries_frames:  # else its frame is noted
             from dvtcli.bus.acts import command_text

@@ -141,7 +141,7 @@ class Node(Applier):
         from dvtcli.device.change.taken_back import foreseen, put_back_findings
         from dvtcli.device.change.way_back import plan_back, way_back
 
-        found = self.claim()
+        found = self.claim(whatever_happened=asked.rolls_back)
         back = way_back(self, asked)
         try:
             applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
@@ -149,7 +149,7 @@ class Node(Applier):
             if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
                 raise
             plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
-            applied = self.apply(plan, back.unknown, kept=False)
+            applied = self.apply(plan, back.unknown, kept=False, found=found)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
         self.unkept += not asked.own
         return applied, len(back.undone)

@@ -51,12 +51,14 @@ class BusWitness:
 class Found:
     """How a node was found before a change was planned: its NMT state, None where it told none, and what had happened.
 
-    *boot_ups* and *upsets* are those of the bus by then.
+    *boot_ups* and *upsets* are those of the bus by then. With *whatever_happened* the change is made also if the node
+    restarts after that, as a way back is.
     """
 
     state: NmtState | None
     boot_ups: int
     upsets: int
+    whatever_happened: bool = False
 
 
 class Undisturbed:

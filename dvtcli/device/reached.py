@@ -46,6 +46,8 @@ class Reached:
     boot_ups_met: int = 0
     #: as *consent*, for what no question before it named: it is asked also in the middle of what was agreed to
     consent_anew: Callable[[str], None] = lambda _question: None
+    #: its restarts that nothing sent from here explains, by the time from which on what was read of it counts
+    boot_count: int | None = None
     _gate: Gate | None = field(default=None, init=False)
     #: how many PDOs of how many were read, where they all are
     _looked: tuple[int, int] = field(default=(0, 0), init=False)

@@ -67,6 +67,10 @@ class Memory:
         """Everything may be old: nobody listened, or another device may have taken the node's place."""
         self._read.clear()
 
+    def is_of_now(self) -> bool:
+        """Whether something was read since the last thing that could have changed it."""
+        return bool(self._read) and self._seen[0] == self.bus.upsets(self.node_id)
+
     def _drop_what_may_be_old(self) -> None:
         happened = self.bus.upsets(self.node_id), self.bus.downloads_of_others(self.node_id)
         if happened != self._seen:

@@ -5,6 +5,7 @@ Knows the signatures and capability bits of CiA 301 (7.5.2.13, 7.5.2.14). Does n
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from dvtcli.device.cancellation import Cancellation
@@ -42,8 +43,11 @@ def sign(
     sub_index: int | None,
     cancellation: Cancellation,
     dictionary: ObjectDictionary | None = None,
+    before: Callable[[], None] = lambda: None,
 ) -> Signed:
     """Write the signature to *index*:*sub_index*; None takes the first sub-index of *policy* that exists.
+
+    *before* is called right before it is written, and raises if it must not be.
 
     Waits up to the policy's own time-out, since EEPROMs are slow. Raises DeviceRefused where the device has no
     such object, refuses, or has one that its *dictionary* says to be read-only: then nothing is sent.
@@ -53,6 +57,7 @@ def sign(
     started_s = access.bus.now_s()
     found, boot_ups = access.state(), access.bus.boot_ups(access.node_id)
     try:
+        before()
         with cancellation.guard():  # a Ctrl-C waits for the answer; a second one does not
             sdo.download(index, where, SIGNATURES[index], timeout_s=policy.timeout_s)
     except KeyboardInterrupt as stopped:

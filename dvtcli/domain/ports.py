@@ -132,6 +132,14 @@ class CanopenBus(Protocol):
         """How many boot-up messages of *node_id* were seen so far."""
         ...
 
+    def restarts(self, node_id: int) -> int:
+        """How many boot-up messages of *node_id* were seen so far that no reset sent from here explains."""
+        ...
+
+    def order_restart(self, node_id: int, within_s: float) -> None:
+        """Let the next boot-up of *node_id* (0: of each node) be no restart if it comes within *within_s* seconds."""
+        ...
+
     def upsets(self, node_id: int) -> int:
         """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again.
 

@@ -72,7 +72,12 @@ class Bench:
 
     def run(self, line: str) -> Ran:
         """Run one line as the prompt does."""
-        return self._ran(lambda: boundary(self.session, lambda: run_words(split(line), self.session)))
+
+        def run() -> int:
+            code = boundary(self.session, lambda: run_words(split(line), self.session))
+            return boundary(self.session, lambda: self.session.end_line(code)) or code
+
+        return self._ran(run)
 
     def script(self, *lines: str, keep_going: bool = False) -> Ran:
         """Run *lines* as a script called `test.dvt`."""

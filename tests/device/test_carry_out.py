@@ -88,7 +88,8 @@ class Bench:
         return Plan(NODE, (ValueChange(Step(*HEARTBEAT, before, number.to_bytes(2, "little"), "heartbeat")),))
 
     def found(self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, upsets: int = 0) -> Found:
-        return Found(state, boot_ups, upsets)
+        """How it was found; with -1 *boot_ups* it restarted since then, and the change is a way back all the same."""
+        return Found(state, boot_ups, upsets, whatever_happened=boot_ups < 0)
 
     def fault(self, what: str, at: int = 1) -> None:
         self.channel.what, self.channel.at = what, at
@@ -223,7 +224,7 @@ def test_inside_an_open_gate_the_state_is_left_to_the_gate(tmp_path: Path) -> No
     bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert bench.bus.commands == [NmtCommand.ENTER_PRE_OPERATIONAL]
     bench.bus.heard_boot_ups += 1
-    carry_out(bench.node, bench.plan(), found=bench.found())
+    carry_out(bench.node, bench.plan(), found=bench.found(boot_ups=-1))
     assert bench.device.state is PRE_OPERATIONAL
     bench.keeper.lock.release()
 

@@ -168,6 +168,8 @@ class Applier(Changeable):
         Returns the labels of what is lost.
         """
         self.is_unknown_now()
+        if self.boot_count is not None:
+            self.boot_count = self.bus.restarts(self.node_id)
         self.expected.clear()
         self.pending.lost_until = len(self.history)
         return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))

@@ -70,6 +70,7 @@ def _carry_out(
     *findings* are what the rules had said; they explain a refusal of something that was forced. *done* is called once
     the plan was read back, before anything else can go wrong, with the number of boot-ups seen by then.
     """
+    node.refuse_restarted(found)
     is_watched = _is_watched(node, plan)
     if is_watched:
         node.known_pdos()
@@ -81,11 +82,13 @@ def _carry_out(
         beside = wholes_beside(node, plan, found)
         untold = any(config.lacking for config in node.last_read.values())
         enter(node, found)
-        boot_ups = run(node, plan, OtherPdos(cob_ids, beside))
+        node.refuse_restarted(found)
+        boot_ups = run(node, plan, OtherPdos(cob_ids, beside), found)
     except LeftChanged as left:
         left_open(node, left)
         raise
     except BaseException as error:
+        node.told_restart |= restarted_since(node, found)
         if isinstance(error, DvtcliError):
             explain_refusal(node, error, findings)
         settle_after(node, error, found)
@@ -130,8 +133,10 @@ def _is_watched(node: Changeable, plan: Plan) -> bool:
     return is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
 
 
-def run(node: Changeable, plan: Plan, others: OtherPdos) -> int:
-    """Run *plan* as one transaction, with an eye on the COB-IDs of *others*.
+def run(node: Changeable, plan: Plan, others: OtherPdos, found: Found) -> int:
+    """Run *plan*, made from what was read since *node* was *found*, as one transaction.
+
+    The COB-IDs of *others* are looked at.
 
     What was read of the node before counts no longer. Returns the number of boot-ups that were seen when the read-back
     began.
@@ -158,6 +163,7 @@ def run(node: Changeable, plan: Plan, others: OtherPdos) -> int:
         on_altered=note,
         on_step=took,
         control_words=_control_words(node, plan),
+        boot_ups_read=None if found.whatever_happened else found.boot_ups,
     )
     try:
         transaction.run()

@@ -16,6 +16,7 @@ from dvtcli.device.observe import Found
 from dvtcli.device.seen_state import present_state
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
+from dvtcli.errors import BusUnavailable
 
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
@@ -44,6 +45,8 @@ class Changeable(KnownPdos):
     storing: Identity = field(default_factory=dict)
     #: whether it can be told to store, None: not looked at yet
     takes_store: bool | None = None
+    #: whether the user of the line that runs was told that it restarted
+    told_restart: bool = False
     _habits: Habits | None = None
 
     @property
@@ -76,17 +79,51 @@ class Changeable(KnownPdos):
         finally:
             self.gate.wanted = None
 
-    def claim(self) -> Found:
+    def claim(self, *, whatever_happened: bool = False) -> Found:
         """Before the first read of a change: let no other dvtcli write to the node until the line ends.
 
         What was read before counts no longer. Returns how the node is found. SafetyRefusal where another one holds it,
-        or was interrupted.
+        or was interrupted, or if it restarted since it was read: not with *whatever_happened*, as of a way back.
         """
         if self.keeper is not None:
             self.keeper.refuse_while_open()
+        if not whatever_happened:
+            self.refuse_restarted()
         self.read_anew()
         boot_ups, upsets = self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id)
-        return Found(self.access.state(), boot_ups, upsets)  # a restart while it tells its state came after that
+        # a restart while it tells its state came after that
+        return Found(self.access.state(), boot_ups, upsets, whatever_happened)
+
+    def refuse_restarted(self, found: Found | None = None) -> None:
+        """SafetyRefusal if the node restarted since this process read it, or was *found*, and nobody here ordered that.
+
+        Before the first write of a line: what it is made from, or the lines before it, are of an earlier life.
+        """
+        if found is not None and found.whatever_happened:
+            return
+        restarted = self.boot_count is not None and self.bus.restarts(self.node_id) != self.boot_count
+        if restarted or (found is not None and self.bus.boot_ups(self.node_id) != found.boot_ups):
+            from dvtcli.device.restarts import restarted_since_read
+
+            self.told_restart = True
+            raise restarted_since_read(self.node_id, self.pending.unstored)
+
+    def end_of_line(self, *, failed: bool = False) -> bool:
+        """End a line that read the node, or *failed*: the next line may write to it also if it restarted by now.
+
+        Whether that is yet to be told: not if the line was refused for it, or failed by it.
+        """
+        told, self.told_restart = self.told_restart, False
+        if self.boot_count is None:
+            return False
+        try:
+            restarts, read = self.bus.restarts(self.node_id), self.memory.is_of_now()
+        except BusUnavailable:
+            return False
+        if self.boot_count == restarts or not (told or read or failed):
+            return False
+        self.boot_count = restarts
+        return not told
 
     def let_go(self) -> None:
         """After a change and all that belongs to it: let others write; what they did is read before the next one."""

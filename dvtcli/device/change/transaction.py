@@ -30,6 +30,7 @@ from dvtcli.device.change.put_back import (
 )
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed
+from dvtcli.device.restarts import restarted_since_read
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
@@ -64,6 +65,8 @@ class Transaction:
     control_words: Collection[tuple[int, int]] = ()
     others: OtherPdos = field(default_factory=OtherPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
+    #: boot-ups by the read that the plan was made from; None: it is carried out also if the device restarts meanwhile
+    boot_ups_read: int | None = None
     _started: list[Change] = field(default_factory=list)
     _acknowledged: Acknowledged = field(default_factory=Acknowledged)
     #: PDOs beside the plan that are not as they were, and were left so, in words
@@ -91,6 +94,7 @@ class Transaction:
             for change, step in self.plan.course():
                 self._started.append(change)
                 self._stop_if_cancelled(done, total)
+                self._stop_if_restarted()
                 done += 1
                 self._download(step, change, done, total)
             self._stop_if_cancelled(done, total)
@@ -107,6 +111,16 @@ class Transaction:
         torn = Interrupted(f"stopped at once, in step {done} of {total}", node=self.plan.node_id, state="rolled_back")
         torn.exit_code = self.cancellation.exit_code
         return torn
+
+    def _stop_if_restarted(self) -> None:
+        """Between two downloads: what follows was planned from what the device held before it restarted."""
+        if self.boot_ups_read in (None, self.witness.boot_ups()):
+            return
+        node_id = self.plan.node_id
+        if not self._touched:
+            raise restarted_since_read(node_id)
+        own = several(change.label for change in self.plan.changes)
+        raise DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, hint=TRY_AGAIN)
 
     def _stop_if_cancelled(self, done: int, total: int) -> None:
         if self.cancellation.requested:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import UsageError
+from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.operations.api.calls import Calls
@@ -31,7 +31,11 @@ class TakingTurns:
             if session.dry_run:
                 raise UsageError("canopen writes to the device itself: not in a dry run")
             node = session.node(self._node_id)
-            node.claim()
+            try:
+                node.claim()
+            except SafetyRefusal:
+                node.end_of_line()
+                raise
             try:
                 session.wire.sdo(self._node_id).download(index, sub_index, data, timeout_s=timeout_s)
             finally:

@@ -79,7 +79,7 @@ class Network:
         SafetyRefusal where it was met before the bus was gone, and is another device now.
         """
         if node_id not in self.nodes:
-            boot_ups = self.bus.boot_ups(node_id)
+            boot_ups, restarts = self.bus.boot_ups(node_id), self.bus.restarts(node_id)
             profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
             keeper = None if self.keeping is None else self.keeping.keeper(node_id, dictionary)
             node = Node(
@@ -91,7 +91,7 @@ class Network:
                 unlike_file=self.files.unlike(node_id, dictionary),
                 consent_anew=lambda question: (self.consent_anew or self.consent)(question, node_id),
             )  # fmt: skip
-            node.boot_ups_met = boot_ups
+            node.boot_ups_met, node.boot_count = boot_ups, restarts
             node.memory.learn(self.files.memory(node_id))
             self._remark(node_id)
             if node.unlike_file:

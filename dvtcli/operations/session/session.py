@@ -149,6 +149,8 @@ class Session(Opened):
                 except DvtcliError as failed:  # the other nodes go back all the same
                     failures.append(failed)
                 finally:
+                    if node.end_of_line(failed=bool(code)):
+                        self.tell.warning(f"node {node.node_id} restarted since it was read before")
                     node.memory.clear()
                     node.let_go()
         if failures:

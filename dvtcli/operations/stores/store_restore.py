@@ -57,7 +57,9 @@ def store_settings(
         before = Held.now(node)
         place = prepare_proof(node, before, sub_index, restart)
     stored_at = node.pending.stored_at
-    done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary)
+    done = sign(
+        node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary, node.refuse_restarted
+    )
     node.gate.done.append(f"0x{done.place} acknowledged the store")
     refuse_after_restart(node, boot_ups, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
@@ -150,8 +152,11 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )
     state = node.access.state() if prove else None
     before, lost = _before_restore(node, restart) if prove else (None, ())
+    node.refuse_restarted()
     _end_stamp_before(session, node, sub_index)
-    done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary)
+    done = sign(
+        node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary, node.refuse_restarted
+    )
     node.gate.done.append(f"0x{done.place} acknowledged the restore")
     proof = prove_restore(node, done, restart, before, lost, _says(node)) if prove else None
     return_to(node.access, state)

@@ -111,6 +111,13 @@ class TwinBus:
         """The boot-ups of the node and of its twin."""
         return self._wrapped.boot_ups(node_id) + self._twin_boot_ups(node_id)
 
+    def restarts(self, node_id: int) -> int:
+        """Those of the node: its twin restarts only when it is told to."""
+        return self._wrapped.restarts(node_id)
+
+    def order_restart(self, node_id: int, within_s: float) -> None:
+        """Nothing: what restarts a twin does not reach its node."""
+
     def upsets(self, node_id: int) -> int:
         """What upset the node, and the boot-ups of its twin."""
         return self._wrapped.upsets(node_id) + self._twin_boot_ups(node_id)
