@@ -22,7 +22,7 @@ def test_a_restart_nobody_asked_for_is_said_and_forbids_to_store() -> None:
     )
     assert "restarted" in err
     assert "TPDO1" in err
-    assert "is not stored" in err
+    assert "restarted since it was read; run it again" in err
     assert not any("stored, acknowledged" in line for line in out)
 
 
