@@ -102,8 +102,12 @@ def positions(line: str) -> range:
         ended = machine.bus.answers
         machine.bus.downloads.clear()
         machine.bench.run(line)
-        first = machine.bus.downloads[0] - ended
-    return range(first + 1)
+        return to_first_download(line, machine.bus.downloads[0] - ended)
+
+
+def to_first_download(line: str, answers: int) -> range:
+    """The numbers of *answers* up to the first download; of nodes at once its boot-up may come right behind that."""
+    return range(answers + 1 - 3 * ("network" in line or ".yaml" in line))
 
 
 def sampled(found: range) -> list[int]:
@@ -143,8 +147,7 @@ def test_in_a_script_it_is_refused_to_its_end(command: str, files: Path) -> None
     with Machine() as machine:
         machine.bench.script(FIRST, line)
         first = next(one for one in machine.bus.downloads if one >= ended) - ended
-    several_at_once = command == "apply a network"  # the boot-up may come right behind the first download then
-    for after in sampled(range(first + 1 - 3 * several_at_once))[1:]:
+    for after in sampled(to_first_download(command, first))[1:]:
         with Machine() as machine:
             machine.bus.after = [ended + after]
             ran = machine.bench.script(FIRST, line, line, f"set {NODE}:tpdo1 --timer 90", keep_going=True)
