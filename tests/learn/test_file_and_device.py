@@ -13,6 +13,7 @@ from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
 from tests.commands.bench import Ran
+from tests.commands.bus import device
 from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted, differing
 from tests.learn.test_put_back import values
@@ -91,3 +92,16 @@ def test_limits_of_the_file_are_learnt(checked: bool, tmp_path: Path) -> None:
     taken = {row["name"]: row["accepted"] for row in ran.document["probes"] if "its limit" in row["name"]}
     assert {"inhibit time below its limit", "event timer above its limit"} <= set(taken)
     assert {taken["inhibit time below its limit"], taken["event timer above its limit"]} == {not checked}
+
+
+def test_the_file_that_described_a_node_describes_it_after_what_was_learnt_is_kept() -> None:
+    """Its identity leads to the learnt profile now; it led to one that comes with dvtcli, and from there to the EDS."""
+    wire = VirtualWire(device("gen4"))
+    with wire.bench() as bench:
+        before = bench.run("node --json").document["nodes"][0]
+        assert before["eds"] == "gen4.eds", before
+        assert bench.run("learn --yes --save kept").code == 0
+    for _ in range(2):
+        with wire.bench() as bench:
+            after = bench.run("node --json").document["nodes"][0]
+            assert (after["profile"], after["eds"]) == ("kept", "gen4.eds")

@@ -111,14 +111,19 @@ def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
     A profile that names the very product goes before one that fits by mask, and that before one for all of the
     vendor's products; among equals the user's own goes first.
     """
-    return _fitting(vendor_id, product_code, _own_files())
+    return _fitting(vendor_id, product_code, profile_names(), _own_files())
+
+
+def builtin_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
+    """The same of the profiles that come with dvtcli, whatever the user has kept of such a device."""
+    return _fitting(vendor_id, product_code, tuple(builtin_names()), _own_files())
 
 
 @cache
-def _fitting(vendor_id: int, product_code: int, _own: OwnFiles) -> DeviceProfile:
+def _fitting(vendor_id: int, product_code: int, names: tuple[str, ...], _own: OwnFiles) -> DeviceProfile:
     own = set(own_names())
-    names = (name for name in profile_names() if name in own or may_be_of(name, vendor_id))
-    fitting = [profile for profile in map(load_profile, names) if profile.matches(vendor_id, product_code)]
+    possible = (name for name in names if name in own or may_be_of(name, vendor_id))
+    fitting = [profile for profile in map(load_profile, possible) if profile.matches(vendor_id, product_code)]
     fitting.sort(key=lambda one: (product_code in one.product_codes, bool(one.product_masks), one.name in own))
     return fitting[-1] if fitting else load_profile("generic")
 

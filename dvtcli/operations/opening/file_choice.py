@@ -47,12 +47,12 @@ def as_choice(found: Match) -> FileChoice:
 def _of_family(node: SdoReader, vendor: int, product: int) -> FileChoice | None:
     """The EDS of a simulated family, where the *node* is one: all four numbers of its identity are.
 
-    A device of that make has another serial number, and its own EDS.
+    A device of that make has another serial number, and its own EDS. A profile that was learnt of it changes nothing.
     """
-    from dvtcli.files.profile.library import profile_for_identity
+    from dvtcli.files.profile.library import builtin_for_identity
     from dvtcli.simulator.network.family_file import family_eds, family_names
 
-    name = profile_for_identity(vendor, product).name
+    name = builtin_for_identity(vendor, product).name
     if name not in family_names() or not product:
         return None
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
