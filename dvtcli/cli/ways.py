@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Protocol
 import click
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.device.wish import Wish
@@ -41,6 +43,9 @@ class Ways(Protocol):
 
     def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
         """What the script *file* wishes of each node; *node_id* is selected when it begins."""
+
+    def parsed(self, session: Conversation, path: Path) -> None:
+        """Parse every line of the script at *path*, and run none; DvtcliError for a line that is none."""
 
 
 class Root(click.Group):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.device.wish import Wish
@@ -53,6 +55,14 @@ class WaysIn:
         from dvtcli.cli.scripts.rehearsal import rehearsed
 
         return rehearsed(session, file, node_id)
+
+    def parsed(self, session: Conversation, path: Path) -> None:
+        """Parse every line of the script at *path*, and run none; DvtcliError for a line that is none."""
+        from dvtcli.cli.scripts.atomic import Reach
+        from dvtcli.cli.scripts.script_lines import script_lines
+        from dvtcli.cli.scripts.script_parse import all_parsed
+
+        all_parsed(script_lines(path.read_bytes(), path.name), session, [path.name], {}, Reach())
 
 
 def install() -> None:

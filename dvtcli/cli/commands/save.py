@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -10,6 +11,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.params import FILE
+from dvtcli.cli.ways import ways
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,8 +25,8 @@ TASK = ("Scripts and files", 20)
 @click.argument("file", type=FILE)
 @click.option("--history", is_flag=True, help="Every step as it was taken, stores and NMT commands included.")
 @click.option("--all", "everything", is_flag=True, help="Everything that the node's PDOs hold.")
-@click.pass_obj
-def command(session: Session, /, file: str, history: bool, everything: bool) -> Facts:
+@click.pass_context
+def command(ctx: click.Context, /, file: str, history: bool, everything: bool) -> Facts:
     """Write what this session's changes come to, to FILE; its first line pins the node's identity.
 
     \b
@@ -36,6 +38,7 @@ def command(session: Session, /, file: str, history: bool, everything: bool) -> 
     """
     from dvtcli.operations.session.save_script import ENDS, EVERYTHING, STEPS, save_script
 
+    session: Session = ctx.obj
     if history and everything:
         raise UsageError("--history and --all exclude each other")
     if file.lower().endswith(".309"):
@@ -45,7 +48,9 @@ def command(session: Session, /, file: str, history: bool, everything: bool) -> 
             raise UsageError("gateway lines say what this session's changes come to, without --history and --all")
         return save_lines(session, file)
     what = EVERYTHING if everything else STEPS if history else ENDS
-    return save_script(session, file, what, _as_tcl if file.lower().endswith(".tcl") else None)
+    if file.lower().endswith(".tcl"):
+        return save_script(session, file, what, _as_tcl)
+    return save_script(session, file, what, read_back=partial(ways(ctx).parsed, ctx.obj))
 
 
 def _as_tcl(text: str) -> str:

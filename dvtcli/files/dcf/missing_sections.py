@@ -12,12 +12,13 @@ from dvtcli.domain.object_dictionary import OdObject
 from dvtcli.files.dcf.edited_text import EditedText
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import section_values
-from dvtcli.files.eds.layout import Layout
+from dvtcli.files.eds.layout import OBJECT_LISTS, Layout
+from dvtcli.files.eds.numbers import read_number, without_comment
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.eds.writer import object_sections
 
 Place = tuple[int, int]
-_LIST, _COUNT = "optionalobjects", "supportedobjects"
+_OPTIONAL, _COUNT = "optionalobjects", "supportedobjects"
 
 
 def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes]) -> dict[Place, str]:
@@ -31,8 +32,10 @@ def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes])
         if index in eds.dictionary:
             for section in object_sections(_with_values(eds.dictionary[index], values, left_out)):
                 text.insert(text.last_line, ["", *section.split("\n")])
-    listed = [index for index in added if index in eds.dictionary]
-    _list(eds.layout, text, listed)
+    described = [index for index in added if index in eds.dictionary]
+    for name in OBJECT_LISTS:
+        dropped = _write_list(eds.layout, text, name, described if name == _OPTIONAL else ())
+        left_out |= {(index, 0): "a list names it, and no section describes it" for index in dropped}
     unknown = {place for place in values if place[0] in added and eds.dictionary.entry(*place) is None}
     return left_out | dict.fromkeys(unknown, "the file does not describe it")
 
@@ -49,15 +52,38 @@ def _with_values(one: OdObject, values: Mapping[Place, bytes], left_out: dict[Pl
     return replace(one, entries=entries)
 
 
-def _list(layout: Layout, text: EditedText, added: Sequence[int]) -> None:
-    """Name *added* at the end of the list of optional objects, and count them."""
-    parts = layout.device.get(_LIST)
-    if not parts or not added:
-        return
+def _write_list(layout: Layout, text: EditedText, name: str, added: Sequence[int]) -> list[int]:
+    """Name *added* at the end of the list *name*, and drop from it what no section describes; what was dropped.
+
+    Whoever reads the file takes it for cut short if its lists name objects to the end that have no section.
+    """
+    parts = layout.device.get(name)
+    if not parts:
+        return []
     keys = section_values(parts, Findings())
-    rows = [value for key, value in keys.items() if key != _COUNT]
+    counts = [value for key, value in keys.items() if key.replace(" ", "") == _COUNT]
+    rows = [value for key, value in keys.items() if key.isdecimal()]  # other keys are whoever wrote them's
+    known = layout.objects.keys() | set(added)
+    kept = [row for row in rows if (index := _index(row.value)) is None or index in known]
+    dropped = [index for row in rows if (index := _index(row.value)) is not None and index not in known]
+    if not (dropped or added):
+        return []
+    if dropped:  # those behind them move up: the numbers of a list have no gap
+        for row, value in zip(rows, kept, strict=False):
+            text.set_value(row.line, without_comment(value.value))
+        for row in rows[len(kept) :]:
+            text.remove(row.line)
     last = max((value.line for value in keys.values()), default=parts[-1].line)
-    for number, index in enumerate(added, len(rows) + 1):
+    for number, index in enumerate(added, len(kept) + 1):
         text.insert_key(last, str(number), f"0x{index:04X}")
-    if _COUNT in keys:
-        text.set_value(keys[_COUNT].line, str(len(rows) + len(added)))
+    for count in counts:
+        text.set_value(count.line, str(len(kept) + len(added)))
+    return dropped
+
+
+def _index(value: str) -> int | None:
+    """The index that a row of a list names, None where it is no number."""
+    try:
+        return read_number(without_comment(value))
+    except ValueError:
+        return None

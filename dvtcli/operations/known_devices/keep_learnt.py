@@ -78,9 +78,23 @@ def save_learnt(
         session.tell.note(f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more")
         if node.bus.bitrate is None:
             session.tell.note(f"nobody said the bus's bit rate: no BaudRate_ key of {name}.eds is 1; -b says it")
+    _read_back(origin, learnt, eds)
     files = write_folder(Path(name), origin, learnt, eds)
     _take_up(session)
     return tuple(map(str, files))
+
+
+def _read_back(origin: Origin, learnt: Conclusions, eds: Path | str) -> None:
+    """Read what is to be written, before it is; InputFileError where it cannot be read."""
+    from dvtcli.files.device_file import must_describe, parse_device_file, read_device_file
+    from dvtcli.files.learnt_folder import PROFILE, SIMULATED, profile_text, simulated_text
+    from dvtcli.files.profile.toml import read_profile
+    from dvtcli.simulator.network.family_file import read_family
+
+    read_profile(profile_text(origin, learnt), f"{origin.name}/{PROFILE}")
+    read_family(origin.name, simulated_text(origin, learnt), f"{origin.name}/{SIMULATED}")
+    described = parse_device_file(eds.encode(), f"{origin.name}.eds") if isinstance(eds, str) else read_device_file(eds)
+    must_describe(described.dictionary)
 
 
 def _take_up(session: Session) -> None:

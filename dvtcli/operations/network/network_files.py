@@ -17,6 +17,7 @@ from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import plan_network
 from dvtcli.operations.results.networks import NetworkPlanned
+from dvtcli.operations.session.save_script import make_file
 from dvtcli.operations.stores.possible_stores import refuse_impossible_stores
 from dvtcli.operations.wanted.network_wish import read_wish
 from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
+
+_GATEWAY_LINES = ".309"
 
 
 def planned(
@@ -60,16 +63,14 @@ def planned(
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
     answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
-        text = _saved_text(session, answer, saved)
-        with _opened(saved):
-            Path(saved).write_text(text, encoding="utf-8")
-        session.made.append(saved)
+        read_back = None if saved.lower().endswith(_GATEWAY_LINES) else read_network_plan
+        make_file(session, Path(saved), _saved_text(session, answer, saved), read_back)
     return answer
 
 
 def _saved_text(session: Session, answer: NetworkPlanned, saved: str) -> str:
     """The plan as the file *saved* has it, by its suffix."""
-    if saved.lower().endswith(".309"):
+    if saved.lower().endswith(_GATEWAY_LINES):
         from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
 
         return plan_as_lines(session, answer.plan)

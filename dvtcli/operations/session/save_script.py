@@ -15,12 +15,14 @@ from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines
 from dvtcli.domain.several import several
 from dvtcli.errors import UsageError
+from dvtcli.files.read_back import reader_of
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.whole_file import write_whole
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.pdo import Pdo
+    from dvtcli.files.read_back import ReadBack
     from dvtcli.operations.session.session import Session
 
 #: Lines about one node that stand together.
@@ -48,8 +50,16 @@ def script_of(session: Session, node_id: int) -> str:
     return _script(session, _held(session, [node_id]))[0]
 
 
-def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callable[[str], str] | None = None) -> Facts:
+def save_script(
+    session: Session,
+    file: str,
+    what: Saved = ENDS,
+    spelled: Callable[[str], str] | None = None,
+    read_back: ReadBack | None = None,
+) -> Facts:
     """Write *what* this session knows into *file*, whole or not at all; *spelled* turns its text into another language.
+
+    *read_back* reads a script, as `run` would.
 
     Asks before it overwrites. UsageError where there is nothing to save, or where the file cannot be written.
     """
@@ -57,7 +67,7 @@ def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callab
     sections = _SECTIONS[what](session)
     ask_before_overwriting(session, path)
     text, identity = _script(session, sections)
-    make_file(session, path, text if spelled is None else spelled(text))
+    make_file(session, path, text if spelled is None else spelled(text), read_back)
     count = sum(not line.startswith("#") for _, lines in sections for entry in lines for line in entry.splitlines())
     said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {shlex.quote(file)}"
     return Facts("save", (("file", file), ("commands", count)), (said,))
@@ -185,9 +195,14 @@ def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
     return [f"require identity {words}"], f"vendor 0x{vendor:X} product 0x{product:08X}"
 
 
-def make_file(session: Session, path: Path, content: str | bytes) -> None:
-    """Write the file whole or not at all, which the session then knows; UsageError where that cannot be."""
-    write_whole(path, content.encode() if isinstance(content, str) else content)
+def make_file(session: Session, path: Path, content: str | bytes, read_back: ReadBack | None = None) -> None:
+    """Write the file whole and readable, or not at all; the session knows it then.
+
+    It is read back by *read_back*, None for the reader of files that are called so. UsageError where it cannot be
+    written, InputFileError where it cannot be read back: what was there of that name stays.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    write_whole(path, data, read_back or reader_of(path))
     session.made.append(str(path))
 
 

@@ -1,38 +1,60 @@
-"""Files that a command makes for people: whole or not there, where a link of that name leads. Knows no content."""
+"""Files that a command makes for people: whole and readable, or not there, where a link of that name leads."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 from stat import S_IMODE
+from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import put_in_place
-from dvtcli.errors import UsageError
+from dvtcli.errors import DvtcliError, InputFileError, UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.files.read_back import ReadBack
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_whole(path: Path, data: bytes, read_back: ReadBack | None = None) -> None:
     """Write the file whole or not at all, for others to read, too; UsageError where that cannot be.
 
-    A link stays, and the file that it leads to is written. What is no file, as a pipe, is written as it comes.
+    *read_back* reads what was written before it gets its name: InputFileError where that fails, and what was there of
+    that name stays. A link stays, and the file that it leads to is written. What is no file, as a pipe, is written as
+    it comes.
     """
     try:
         if path.exists() and not path.is_file():
             path.write_bytes(data)
         else:
-            _replace(Path(os.path.realpath(path)), data)
+            _replace(path, Path(os.path.realpath(path)), data, read_back)
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
 
 
-def _replace(target: Path, data: bytes) -> None:
-    made = target.parent / f".{os.urandom(8).hex()}.new"
+def _replace(path: Path, target: Path, data: bytes, read_back: ReadBack | None) -> None:
+    made = target.parent / f".{os.urandom(8).hex()}.new{path.suffix}"
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     try:
         with os.fdopen(os.open(made, flags, _mode(target)), "wb") as file:
             file.write(data)
+        if read_back is not None:
+            _read_back(path, made, read_back)
         put_in_place(made, target)
     finally:
         made.unlink(missing_ok=True)
+
+
+def _read_back(path: Path, made: Path, read_back: ReadBack) -> None:
+    try:
+        read_back(made)
+    except DvtcliError as failed:
+        said = ": ".join(filter(None, (failed.text, failed.why)))
+        why = said.replace(str(made), str(path)).replace(made.name, path.name)
+        unlike = InputFileError(
+            f"{path} is not written: what it would say cannot be read back", place=str(path), why=why,
+            hint="what it is made of may be at fault: `eds check FILE` looks at a device's file",
+        )  # fmt: skip
+        unlike.outcome = "what was there of that name stays"
+        raise unlike from failed
 
 
 def _mode(target: Path) -> int:

@@ -14,7 +14,7 @@ from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.several import plural, several
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import UsageError
-from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, whole_device_text
+from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, read_whole_device, whole_device_text
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.whole_device.export_dcf import SUFFIXES, dcf_of, left_out, why_unread
@@ -80,7 +80,7 @@ def _as_lines(session: Session, node: Node, path: Path, file: str, found: Mappin
     out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
     _must_have_read(node, len(kept) - len(out), out)
     text = whole_device_text(KeptDevice(node.node_id, node.identity(), utc(time.time()), kept, eds))
-    make_file(session, path, text)
+    make_file(session, path, text, read_whole_device)
     answer = _answer(file, node, len(kept) - len(out), out)
     if node.dictionary is not None:
         return answer
