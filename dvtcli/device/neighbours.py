@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_cob_id
+from dvtcli.device.read_pdos import read_cob_id, sdo_channels
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.finding import Producer
+from dvtcli.domain.services import taken_by_channels
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
@@ -18,6 +20,19 @@ if TYPE_CHECKING:
 def producers(nodes: Iterable[KnownPdos]) -> tuple[Producer, ...]:
     """Every enabled TPDO of *nodes*, as they say now; of a node that does not answer, as it was last known."""
     return tuple(one for node in nodes for one in _producers(node))
+
+
+def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
+    """CAN-IDs of further SDO channels of *nodes*, each with what it is; a node that does not answer takes none.
+
+    A node without an EDS of which nothing was read yet is not asked.
+    """
+    found: dict[tuple[int, bool], str] = {}
+    for node in nodes:
+        if node.dictionary is not None or node.last_seen:
+            with suppress(NoAnswer, SdoProtocolError):
+                found |= taken_by_channels(node.node_id, sdo_channels(node.memory, node.dictionary))
+    return found
 
 
 def _producers(node: KnownPdos) -> Iterator[Producer]:

@@ -43,7 +43,7 @@ class Node(Applier):
         from dvtcli.device.proposal import proposal
         from dvtcli.device.resolve import resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
-        from dvtcli.domain.request import said_by
+        from dvtcli.domain.request import instead_findings, said_by
         from dvtcli.domain.rules import check_pdo
         from dvtcli.domain.several import several
 
@@ -56,7 +56,8 @@ class Node(Applier):
         findings: list[Finding] = []
         for pdo, want in wanted.items():
             if now[pdo] != want or not want.has_cob_id:  # nobody knows whether that is so already
-                findings += check_pdo(proposal(self, pdo, now[pdo], want, wanted))
+                proposed = proposal(self, pdo, now[pdo], want, wanted)
+                findings += [*instead_findings(wants[pdo], proposed), *check_pdo(proposed)]
         labels = several(pdo.label for pdo in wanted)
         # with nothing to write, force would only make of "nobody knows" that it is so
         can_force = all(now[pdo] != want or want.has_cob_id for pdo, want in wanted.items())

@@ -7,8 +7,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lazy_pdos import LazyMapping
-from dvtcli.device.neighbours import producers
-from dvtcli.device.read_pdos import learnt_objects, service_can_ids
+from dvtcli.device.neighbours import channels_taken, producers
+from dvtcli.device.read_pdos import learnt_objects, service_ids
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Proposal
@@ -45,7 +45,7 @@ def proposal(
         node.profile,
         node.dictionary,
         lengths,
-        cache(lambda: service_can_ids(node.memory)),
+        cache(lambda: {**channels_taken(node.neighbours()), **service_ids(node.memory, node.node_id, node.dictionary)}),
         elsewhere or cache(lambda: producers(node.neighbours())),
         cob_ids,
         absent,

@@ -6,6 +6,7 @@ Reads raw words and takes them apart. Does not judge them, and does not need an 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import takewhile
 
@@ -15,6 +16,7 @@ from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.ports import SdoReader
+from dvtcli.domain.services import FIRST_SDO_CLIENT, FIRST_SDO_SERVER, SDO_CHANNELS, taken_by_services
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
@@ -78,10 +80,44 @@ def learnt_objects(
     return lengths, absent
 
 
-def service_can_ids(sdo: SdoReader) -> tuple[int, int | None]:
-    """CAN-IDs of SYNC and of the node's EMCY as 0x1005 and 0x1014 say, else the defaults."""
+def sdo_channel_places(sdo: SdoReader, dictionary: ObjectDictionary | None) -> Iterator[tuple[int, int]]:
+    """The COB-IDs of further SDO servers and clients that a node has: the EDS's, else those that the node answers for.
+
+    Source: CiA 301, 7.5.2.33 and 7.5.2.34.
+    """
+    for first in (FIRST_SDO_SERVER, FIRST_SDO_CLIENT):
+        for index in range(first, first + SDO_CHANNELS - (first == FIRST_SDO_SERVER)):
+            if dictionary is not None and index not in dictionary:
+                continue
+            if dictionary is None and not _has(sdo, index):
+                break
+            yield from ((index, sub_index) for sub_index in (1, 2))
+
+
+def _has(sdo: SdoReader, index: int) -> bool:
+    try:
+        read_number(sdo, index, 1, 4)
+    except SdoAborted as aborted:
+        return aborted.code not in ABSENT
+    return True
+
+
+def sdo_channels(sdo: SdoReader, dictionary: ObjectDictionary | None) -> dict[tuple[int, int], int]:
+    """The COB-IDs at those places, as far as the node tells them."""
+    found: dict[tuple[int, int], int] = {}
+    for index, sub_index in sdo_channel_places(sdo, dictionary):
+        with suppress(SdoAborted, SdoProtocolError):
+            found[index, sub_index] = read_number(sdo, index, sub_index, 4)
+    return found
+
+
+def service_ids(sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None) -> dict[tuple[int, bool], str]:
+    """What services of a node take: CAN-ID, whether it has 29 bits, and what it is, by 0x1005, 0x1014 and SDO channels.
+
+    SYNC is 0x080 if the node has no 0x1005; an EMCY that is off, or that it lacks, takes nothing.
+    """
     sync, emcy = read_optional(sdo, 0x1005, 0, 4), read_optional(sdo, 0x1014, 0, 4)
-    return 0x080 if sync is None else sync & 0x7FF, None if emcy is None else emcy & 0x7FF
+    return taken_by_services(node_id, sync, emcy, sdo_channels(sdo, dictionary))
 
 
 def read_cob_id(sdo: SdoReader, pdo: Pdo) -> CobId:

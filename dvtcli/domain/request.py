@@ -5,8 +5,9 @@ A want is a value: it is made, shown and compared without a device. Does not jud
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Literal
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
@@ -15,7 +16,7 @@ from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.profile import BitPolicy, ObjectAddress, Severity
 from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings
-from dvtcli.domain.rules.finding import Proposal
+from dvtcli.domain.rules.finding import Finding, Proposal, note
 from dvtcli.domain.rules.mappable import usable_dummies
 
 
@@ -118,6 +119,26 @@ def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectA
     if request.objects is not None:
         want = PdoConfig(communication, _entries(request.objects, proposal, lengths), unread=now.lacking)
     return _with_cob_id(want, _cob_id(request, replace(proposal, want=want)))
+
+
+def instead_findings(want: PdoWant, proposal: Proposal) -> Iterator[Finding]:
+    """A note if *want* leaves the CAN-ID open and *proposal* gives the PDO another one than it had or its default.
+
+    A PDO that had none (CAN-ID 0x000) gets its default without a word.
+    """
+    held, got = proposal.now.communication.cob_id, proposal.want.communication.cob_id
+    if not isinstance(want, PdoRequest) or want.cob_id not in (None, "auto") or not got.valid:
+        return
+    default = proposal.pdo.default_can_id(proposal.node_id)
+    kept = held.can_id if want.cob_id is None else default
+    if not kept or kept == got.can_id:
+        return
+    usual = replace(got, can_id=kept, extended=held.extended and want.cob_id is None)
+    kept_proposal = replace(proposal, want=_with_cob_id(proposal.want, usual))
+    refusals = (one for one in can_id_findings(kept_proposal) if one.severity is Severity.ERROR)
+    for refused in islice(refusals, 1):
+        text = f"{refused.text}: {got} instead (--cob-id {usual} --force takes it all the same)"
+        yield note("can-id-instead", proposal.communication_place(1), text)
 
 
 def _with_cob_id(config: PdoConfig, cob_id: CobId) -> PdoConfig:

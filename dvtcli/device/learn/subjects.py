@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import producers
-from dvtcli.device.read_pdos import ABSENT, service_can_ids
+from dvtcli.device.read_pdos import ABSENT, service_ids
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.learning.probe import Features, Subject
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, PdoMappingEntry
@@ -64,7 +64,7 @@ def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> 
     """Two CAN-IDs that no PDO of a known node has, no service uses, and nobody was heard on."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}
     used |= {one.cob_id.can_id for one in producers(node.neighbours())}
-    used |= {can_id for can_id in service_can_ids(node.memory) if can_id is not None} | heard
+    used |= {can_id for can_id, _ in service_ids(node.memory, node.node_id, node.dictionary)} | heard
     free = [can_id for can_id in FREE_POOL if can_id not in used]
     return tuple(free[-2:]) if len(free) > 1 else ()
 

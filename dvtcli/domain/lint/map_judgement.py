@@ -13,13 +13,17 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
+from dvtcli.domain.services import SDO_CHANNEL_INDICES, taken_by_services
 
 
 def judged(
     dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int, profile: DeviceProfile
 ) -> Iterator[Finding]:
     """The errors and warnings about each of *pdos* on node *node_id* of that *profile*, made one after the other."""
-    sync, emcy = (_can_id(dictionary, index, node_id) for index in (0x1005, 0x1014))
+    sync, emcy = (_cob_id(dictionary, index, 0, node_id) for index in (0x1005, 0x1014))
+    places = ((index, sub) for index in dictionary if index in SDO_CHANNEL_INDICES for sub in (1, 2))
+    channels = {place: held for place in places if (held := _cob_id(dictionary, *place, node_id)) is not None}
+    taken = taken_by_services(node_id, sync, emcy, channels)
     before: dict[Pdo, PdoConfig] = {}
     for one in pdos:
         if not (one.has_communication and one.has_mapping):
@@ -32,16 +36,16 @@ def judged(
             before,
             profile,
             dictionary,
-            services=lambda: (0x080 if sync is None else sync, emcy),
+            services=lambda: taken,
         )
         yield from (finding for finding in check_pdo(proposal) if finding.severity is not Severity.NOTE)
         before = {**before, one.pdo: one.config}
 
 
-def _can_id(dictionary: ObjectDictionary, index: int, node_id: int) -> int | None:
-    entry = dictionary.entry(index, 0)
-    data = None if entry is None else entry.initial(node_id)
-    return None if data is None else int.from_bytes(data, "little") & 0x7FF
+def _cob_id(dictionary: ObjectDictionary, index: int, sub_index: int, node_id: int) -> int | None:
+    entry = dictionary.entry(index, sub_index)
+    data = None if entry is None else entry.at_power_on(node_id)
+    return None if data is None else int.from_bytes(data, "little")
 
 
 def blank(config: PdoConfig) -> PdoConfig:

@@ -12,6 +12,7 @@ from dvtcli.domain.network.wanted_state import NOWHERE, Endpoint, LinkWish, Mark
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.domain.services import SDO_CHANNEL_INDICES
 
 Place = tuple[int, int]
 Identity = Mapping[str, int | None]
@@ -95,6 +96,14 @@ class NodeState:
         """The CAN-ID of its EMCY, and whether that has 29 bits; None where it has none, or it is off."""
         held = self.number(EMCY_COB_ID)
         return None if held is None or held & _OFF else _identifier(held)
+
+    @property
+    def sdo_channels(self) -> dict[Place, int]:
+        """The COB-IDs of further SDO servers and clients (0x1201…, 0x1280…) by index and sub-index."""
+        numbers = self.numbers.items()
+        return {
+            (index, sub): value for (index, sub), value in numbers if index in SDO_CHANNEL_INDICES and sub in (1, 2)
+        }
 
     @property
     def sync(self) -> Identifier:

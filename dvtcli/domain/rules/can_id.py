@@ -20,10 +20,11 @@ RULES = (
     Rule("extended-id", ERROR, "29 bits where the device takes 11", "the family", (Abort.VALUE_RANGE,)),
     Rule("rtr-bit", ERROR, "bit 30 is against what the family wants", "the family", (Abort.VALUE_RANGE,)),
     Rule("can-id-in-use", (Severity.ERROR, Severity.WARNING),
-         "the CAN-ID is SYNC or the node's EMCY (error); another node's EMCY, or TIME (warning)",
-         "CiA 301, 7.3.5; the node's 0x1005 and 0x1014"),
+         "the CAN-ID is SYNC, the node's EMCY, or an SDO of some node (error); another node's EMCY by default, or TIME "
+         "(warning)", "CiA 301, 7.3.5; the node's 0x1005 and 0x1014, 0x1201…0x12FF of all nodes"),
     Rule("can-id-clash", ERROR, "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session",
          "ours"),
+    Rule("can-id-instead", NOTE, "the CAN-ID that a PDO had, or its default, may not be: it gets another one", "ours"),
     Rule("can-id-default", NOTE,
          "the CAN-ID is another PDO's default, or set at one that is off; that of EMCY is another node's",
          "CiA 301, 7.3.5"),
@@ -111,18 +112,13 @@ def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
 
 
 def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
-    """CAN-IDs that are not restricted but in use: SYNC, EMCY, TIME."""
+    """CAN-IDs that are not restricted but in use: SYNC, EMCY, TIME, further SDO channels."""
     want = proposal.want.communication.cob_id
-    if want.extended:
+    taken = {**proposal.services(), (0x080, False): "SYNC"}.get((want.can_id, want.extended))
+    if taken is not None:
+        yield error("can-id-in-use", place, f"CAN-ID {want} is {taken}", hint="take another CAN-ID, or --cob-id auto")
+    elif want.extended:
         return
-    sync, emcy = proposal.services()
-    own_emcy = emcy if emcy is not None else 0x080 + proposal.node_id
-    if want.can_id in (0x080, sync):
-        yield error("can-id-in-use", place, f"CAN-ID {want} is SYNC", hint="take another CAN-ID, or --cob-id auto")
-    elif want.can_id == own_emcy:
-        yield error(
-            "can-id-in-use", place, f"CAN-ID {want} is this node's EMCY", hint="take another CAN-ID, or --cob-id auto"
-        )
     elif 0x081 <= want.can_id <= 0x0FF:
         yield warning("can-id-in-use", place, f"CAN-ID {want} is the EMCY of node {want.can_id - 0x080} by default")
     elif want.can_id == 0x100:
@@ -200,7 +196,7 @@ def automatic_can_id(proposal: Proposal) -> int | None:
     """
     used: set[int | None] = {cob_id.can_id for cob_id in proposal.other_cob_ids.values() if cob_id.valid}
     used |= {one.cob_id.can_id for one in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()
-    used |= set(proposal.services())  # where EMCY is by default, no PDO's default is
+    used |= {can_id for can_id, extended in proposal.services() if not extended}
     default = proposal.pdo.default_can_id(proposal.node_id)
     if default is not None and default not in used:
         return default

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_number
+from dvtcli.device.read_pdos import read_number, sdo_channels
 from dvtcli.domain.network.network_state import (
     BOOT_TIME,
     CONCISE_DCF,
@@ -67,6 +67,8 @@ def node_state(node: Node, *, for_rules: bool = False) -> NodeState:
     places = (*TIMING, *(JUDGED if for_rules else ()))
     arrays = _ARRAYS if for_rules else {CONSUMER_HEARTBEAT: 4}
     numbers = node.observed(lambda: dict(_numbers(node.memory, places, arrays)))
+    if for_rules:
+        numbers |= node.observed(lambda: sdo_channels(node.memory, node.dictionary))
     downloads = node.observed(lambda: dict(_downloads(node.memory))) if numbers.get((NMT_STARTUP, 0)) else {}
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
+from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
@@ -19,6 +20,7 @@ from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.request import instead_findings
 from dvtcli.domain.value_order import SYNC_OVERFLOW, SYNC_PERIOD, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
@@ -212,10 +214,14 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, s
     pdos = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
     changes: tuple[Change, ...] = (*values, *(change for change in pdos if change.steps))
     stamped = stamping(node, stamp, changes)
+    proposed = (
+        (wants.pdos[pdo], proposal(node, pdo, now[pdo], want, wanted, elsewhere)) for pdo, want in wanted.items()
+    )
+    instead = [finding for want, one in proposed for finding in instead_findings(want, one)]
     plan = Plan(node.node_id, (*stamped.changes, *changes))
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
-        {**wants.values, **stamped.values}, wants.pruned, stamped.findings,
+        {**wants.values, **stamped.values}, wants.pruned, (*stamped.findings, *instead),
         lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, object_lines=dict(wants.lines),
         names=names(node, plan.changes), understood=understood(node, plan.changes),
         unstored=_unstored(node, plan) if wish.store else (),

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import service_can_ids
+from dvtcli.device.read_pdos import service_ids
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.network.can_ids import free_can_id, may_keep
 from dvtcli.domain.network.links import LinkSide, agrees, linked, object_remarks
@@ -119,7 +119,7 @@ class _Linking:
     def _used(self, link: LinkWish, producer: LinkSide) -> Iterator[tuple[int, bool]]:
         """Every CAN-ID, and whether it has 29 bits, that is not free for the producer."""
         for node in self.known:
-            yield from ((can_id, False) for can_id in service_can_ids(node.memory) if can_id is not None)
+            yield from service_ids(node.memory, node.node_id, node.dictionary)
             for pdo, cob_id in node.known_cob_ids().items():
                 end = Endpoint(node.node_id, pdo)
                 wish = self._pdos.get(end)

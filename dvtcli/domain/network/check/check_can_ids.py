@@ -18,10 +18,12 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import default_owner, restricted_use
+from dvtcli.domain.services import taken_by_channels
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
 _RESTRICTED = "CiA 301, 7.3.5: restricted CAN-IDs"
 _LSS = (0x7E4, 0x7E5)
+_SDO = ("SDO answers", "SDO requests")
 
 
 @check("one-producer", ERROR, "two TPDOs send the same CAN-ID: their frames collide on the wire", _SET)
@@ -59,6 +61,11 @@ def can_id_of_sdo(network: CheckedNetwork) -> NetFound:
     """It reads as an answer, or a request, of that node."""
     yield from _of_pdos(network, "SDO answers")
     yield from _of_pdos(network, "SDO requests")
+    taken: dict[Identifier, str] = {}
+    for node in network.nodes:
+        taken |= taken_by_channels(node.node_id, node.sdo_channels)
+    free = {can_id: what for can_id, what in taken.items() if can_id[1] or _service(can_id[0]) not in _SDO}
+    yield from _enabled_among(network, free)
 
 
 @check("can-id-of-heartbeat", ERROR, "an enabled PDO has the CAN-ID of some node's heartbeat", _RESTRICTED)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.lint.map_judgement import blank
-from dvtcli.domain.network.network_state import EMCY_COB_ID, NodeState
+from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_COB_ID, NodeState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
+from dvtcli.domain.services import taken_by_services
 
 
 def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
@@ -19,7 +20,7 @@ def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
             continue
         proposal = Proposal(
             node.node_id, pdo, blank(config), config, before, node.profile, node.dictionary,
-            services=lambda: (node.sync[0], None if emcy is None else emcy & 0x7FF),
+            services=lambda: taken_by_services(node.node_id, node.number(SYNC_COB_ID), emcy, node.sdo_channels),
         )  # fmt: skip
         yield from ((pdo, finding) for finding in check_pdo(proposal))
         before = {**before, pdo: config}

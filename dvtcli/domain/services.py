@@ -1,0 +1,40 @@
+"""Which CAN-IDs the services of a node take besides its PDOs: SYNC, EMCY, further SDO channels. Reads no node."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+#: The first SDO server after the default one, the first SDO client, and how many of each there may be (CiA 301, 7.4.1).
+FIRST_SDO_SERVER, FIRST_SDO_CLIENT, SDO_CHANNELS = 0x1201, 0x1280, 128
+#: Where the COB-IDs of further SDO servers and clients are.
+SDO_CHANNEL_INDICES = range(FIRST_SDO_SERVER, FIRST_SDO_CLIENT + SDO_CHANNELS)
+_FRAME, _OFF = 1 << 29, 1 << 31
+
+
+def taken_by_services(
+    node_id: int, sync: int | None, emcy: int | None, channels: Mapping[tuple[int, int], int]
+) -> dict[tuple[int, bool], str]:
+    """CAN-IDs, and whether they have 29 bits, each with what it is; *sync*, *emcy* and *channels* are raw COB-IDs.
+
+    *sync* is None if the node has no 0x1005, which is 0x080, *emcy* if it has no 0x1014.
+    """
+    found = taken_by_channels(node_id, channels)
+    if emcy is not None and not emcy & _OFF:
+        found[_identifier(emcy)] = "this node's EMCY"
+    found[0x080 if sync is None else _identifier(sync)[0], sync is not None and _identifier(sync)[1]] = "SYNC"
+    return found
+
+
+def taken_by_channels(node_id: int, channels: Mapping[tuple[int, int], int]) -> dict[tuple[int, bool], str]:
+    """The same of further SDO servers and clients, whose COB-IDs *channels* holds; one that is off takes none."""
+    found: dict[tuple[int, bool], str] = {}
+    for (index, sub_index), raw in channels.items():
+        if not raw & _OFF and not channels.get((index, 3 - sub_index), 0) & _OFF:
+            what = "server" if index < FIRST_SDO_CLIENT else "client"
+            found[_identifier(raw)] = f"an SDO {what} of node {node_id} ({index:04X}:{sub_index:02X})"
+    return found
+
+
+def _identifier(raw: int) -> tuple[int, bool]:
+    extended = bool(raw & _FRAME)
+    return raw & (0x1FFF_FFFF if extended else 0x7FF), extended
