@@ -40,6 +40,7 @@ class Node(Applier):
         """
         from dvtcli.device.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
+        from dvtcli.device.heard_producers import heard_ids, heard_producer_findings
         from dvtcli.device.proposal import proposal
         from dvtcli.device.resolve import resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
@@ -49,11 +50,13 @@ class Node(Applier):
 
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         look = self.pdo if found is None else self.known_pdo
-        found = found or self.claim()
-        lengths = untyped_lengths(self, wants.values())
-        now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # what is so already is not looked at again
-        wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
-        findings: list[Finding] = []
+        with heard_ids(self.bus) as heard:
+            found = found or self.claim()
+            lengths = untyped_lengths(self, wants.values())
+            now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # what is so already is not looked at again
+            wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
+            changes_of = {pdo: (now[pdo], want) for pdo, want in wanted.items()}
+            findings: list[Finding] = list(heard_producer_findings(self, changes_of, heard))
         for pdo, want in wanted.items():
             if now[pdo] != want or not want.has_cob_id:  # nobody knows whether that is so already
                 proposed = proposal(self, pdo, now[pdo], want, wanted)

@@ -24,6 +24,8 @@ RULES = (
          "(warning)", "CiA 301, 7.3.5; the node's 0x1005 and 0x1014, 0x1201…0x12FF of all nodes"),
     Rule("can-id-clash", ERROR, "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session",
          "ours"),
+    Rule("one-producer", ERROR, "a TPDO is to get a CAN-ID that is on the bus, sent by a node that is not known",
+         "CiA 301, 7.3.5: the pre-defined connection set"),
     Rule("can-id-instead", NOTE, "the CAN-ID that a PDO had, or its default, may not be: it gets another one", "ours"),
     Rule("can-id-default", NOTE,
          "the CAN-ID is another PDO's default, or set at one that is off; that of EMCY is another node's",

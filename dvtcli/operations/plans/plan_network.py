@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
+from dvtcli.device.heard_producers import HeardIds, heard_ids, heard_producer_findings
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.resolve import resolve, untyped_lengths
@@ -19,7 +20,7 @@ from dvtcli.device.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import instead_findings
 from dvtcli.domain.value_order import SYNC_OVERFLOW, SYNC_PERIOD, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
@@ -74,11 +75,28 @@ def plan_wish(
 
     *trust_stamp*, *as_far* and what is raised as of `plan_network`.
     """
-    with short_frames(session.bus) as frames, session.network.as_it_was_if_refused():
+    with (
+        short_frames(session.bus) as frames,
+        heard_ids(session.bus) as heard,
+        session.network.as_it_was_if_refused(),
+    ):
         plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
         if not as_far:
             refuse_lacking(plan)
+        refuse_heard(session, plan, heard)
     return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
+
+
+def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds) -> None:
+    """RuleError if a TPDO of *plan* is to get a CAN-ID that somebody unknown was *heard* to send, unless forced."""
+    refused: list[RuleError] = []
+    for one in plan.nodes if heard.others and not session.options.force else ():
+        changes = [change for change in one.plan.changes if isinstance(change, PdoChange)]
+        pdos = {change.pdo: (change.before, change.after) for change in changes}
+        if found := list(heard_producer_findings(session.node(one.node_id), pdos, heard)):
+            refused.append(RuleError(f"node {one.node_id}: {found[0].text}", found, node=one.node_id))
+    if refused:
+        raise together(refused)
 
 
 def _master_syncs(wish: NetworkWish) -> bool:

@@ -1,0 +1,66 @@
+"""A CAN-ID that is on the bus already, sent by a node that nobody named, is not given to a second TPDO."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from tests.commands.bench import Bench, beside
+from tests.small_eds import U16, communication, plain, var
+from tests.virtual_time import VirtualTimeBus
+
+
+def stranger_sends(can_id: int, folder: Path) -> VirtualTimeBus:
+    """Nodes 5 and 9; node 9 sends *can_id* every millisecond, and runs."""
+    path, other = folder / "io.eds", folder / "other.eds"
+    path.write_text(plain().text(), "latin-1")
+    eds = plain()
+    eds.record(0x1800, "Communication 1", communication(can_id, sub5=var("Event timer", U16, 1)))
+    other.write_text(eds.text(), "latin-1")
+    bus = beside([simulated_device(one) for one in simulated_nodes((f"{path}@5", f"{other}@9"))])
+    bus.send_nmt(NmtCommand.START, 9)
+    return bus
+
+
+LINES = ["set tpdo1 --cob-id 0x1A5", "map tpdo2 6000:2 --cob-id 0x1A5", "enable tpdo2"]
+
+
+@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize("sent", [0x1A5, 0x1A6])
+def test_a_second_producer_is_refused_unless_forced(tmp_path: Path, line: str, sent: int) -> None:
+    bus = stranger_sends(sent, tmp_path)
+    with Bench((), {"node": 5, "yes": True}, bus) as bench:
+        if line.startswith("enable"):
+            assert bench.run("map tpdo2 6000:2 --off --cob-id 0x1A5").code == 0
+        held = bench.session.node(5).pdos()
+        ran = bench.run(f"{line} --json")
+        refused = sent == 0x1A5
+        assert ran.code == int(refused), ran.stdout
+        assert ("sent by a node that is not known here" in ran.stdout) is refused
+        if refused:
+            assert bench.session.node(5).pdos() == held
+            assert bench.run(f"{line} --force").code == 0
+
+
+@pytest.mark.parametrize("verb", ["plan", "apply"])
+@pytest.mark.parametrize("sent", [0x1A5, 0x1A6])
+def test_so_it_is_of_a_file_that_names_one_of_two_nodes(tmp_path: Path, verb: str, sent: int) -> None:
+    bus = stranger_sends(sent, tmp_path)
+    file = tmp_path / "net.yml"
+    file.write_text("a: {node_id: 5, dcf: io.eds, tpdo: {1: {enabled: true, cob_id: 0x1A5}}}\n", "utf-8")
+    with Bench((), {"yes": True}, bus) as bench:
+        ran = bench.run(f"{verb} {file} --json")
+        assert ran.code == int(sent == 0x1A5), ran.stdout
+        assert bench.run(f"{verb} {file} --force").code == 0
+
+
+def test_what_the_node_itself_sends_is_no_second_producer(tmp_path: Path) -> None:
+    bus = stranger_sends(0x1A5, tmp_path)
+    with Bench((), {"node": 9, "yes": True}, bus) as bench:
+        assert bench.run("set tpdo1 --timer 2").code == 0
+        assert bench.run("map tpdo1 6000:2").code == 0
+        assert bench.run("disable tpdo1").code == 0
+        assert bench.run("map tpdo2 6000:2 --cob-id 0x1A5").code == 0
