@@ -114,7 +114,7 @@ def sdo_channels(sdo: SdoReader, dictionary: ObjectDictionary | None) -> dict[tu
 def service_ids(sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None) -> dict[tuple[int, bool], str]:
     """What services of a node take: CAN-ID, whether it has 29 bits, and what it is, by 0x1005, 0x1014 and SDO channels.
 
-    SYNC is 0x080 if the node has no 0x1005; an EMCY that is off, or that it lacks, takes nothing.
+    If the node lacks one of the two, the standard's default counts; an EMCY that is off takes nothing.
     """
     sync, emcy = read_optional(sdo, 0x1005, 0, 4), read_optional(sdo, 0x1014, 0, 4)
     return taken_by_services(node_id, sync, emcy, sdo_channels(sdo, dictionary))

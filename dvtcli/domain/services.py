@@ -16,10 +16,12 @@ def taken_by_services(
 ) -> dict[tuple[int, bool], str]:
     """CAN-IDs, and whether they have 29 bits, each with what it is; *sync*, *emcy* and *channels* are raw COB-IDs.
 
-    *sync* is None if the node has no 0x1005, which is 0x080, *emcy* if it has no 0x1014.
+    *sync* is None if the node has no 0x1005, *emcy* if it has no 0x1014: the standard's defaults count.
     """
     found = taken_by_channels(node_id, channels)
-    if emcy is not None and not emcy & _OFF:
+    if emcy is None:
+        found[0x080 + node_id, False] = "this node's EMCY by default"
+    elif not emcy & _OFF:
         found[_identifier(emcy)] = "this node's EMCY"
     found[0x080 if sync is None else _identifier(sync)[0], sync is not None and _identifier(sync)[1]] = "SYNC"
     return found

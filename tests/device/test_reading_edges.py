@@ -17,7 +17,7 @@ from dvtcli.device.read_pdos import (
     read_number,
     read_optional,
     read_pdo,
-    service_can_ids,
+    service_ids,
 )
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
@@ -147,8 +147,8 @@ TOO_LONG = b"\1\2\3\4\5"
     ("place", "read"),
     [
         ((0x1018, 4), lambda sdo: read_identity(sdo, 4)),
-        ((0x1005, 0), service_can_ids),
-        ((0x1014, 0), service_can_ids),
+        ((0x1005, 0), lambda sdo: service_ids(sdo, 1, None)),
+        ((0x1014, 0), lambda sdo: service_ids(sdo, 1, None)),
         ((0x1800, 1), lambda sdo: exists(sdo, TPDO1)),
         ((0x1A00, 0), lambda sdo: exists(sdo, TPDO1)),
     ],

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
-from dvtcli.device.read_pdos import read_identity, service_can_ids
+from dvtcli.device.read_pdos import read_identity, service_ids
 from dvtcli.device.store_parameters import RESTORE, STORE, sign
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.profile import GENERIC, StorePolicy
@@ -130,16 +130,17 @@ def test_a_refusal_says_what_to_do_and_what_is_certain(code: Abort, hint: str | 
 @pytest.mark.parametrize(
     ("sync", "emcy", "can_ids"),
     [
-        (None, None, (0x080, None)),
-        (0x80, 0x81, (0x080, 0x081)),
-        (0x4000_07FF, 0x8000_07FF, (0x7FF, 0x7FF)),  # bit 30: it makes SYNC; bit 31: no EMCY now
-        (0x100, 0x690, (0x100, 0x690)),
+        (None, None, {(0x080, False), (0x080 + NODE, False)}),
+        (0x80, 0x81, {(0x080, False), (0x081, False)}),
+        (0x4000_07FF, 0x8000_07FF, {(0x7FF, False)}),  # bit 30: it makes SYNC; bit 31: no EMCY now
+        (0x100, 0x690, {(0x100, False), (0x690, False)}),
+        (0x2001_2345, 0x2000_0690, {(0x1_2345, True), (0x690, True)}),  # bit 29: 29 bits
     ],
 )
-def test_the_can_ids_of_sync_and_emcy(sync: int | None, emcy: int | None, can_ids: tuple[int, int | None]) -> None:
+def test_the_can_ids_of_sync_and_emcy(sync: int | None, emcy: int | None, can_ids: set[tuple[int, bool]]) -> None:
     rows = {(0x1005, 0): sync, (0x1014, 0): emcy}
     table = Table({place: word.to_bytes(4, "little") for place, word in rows.items() if word is not None})
-    assert service_can_ids(table) == can_ids
+    assert service_ids(table, NODE, None).keys() == can_ids
 
 
 def test_a_part_of_the_identity() -> None:

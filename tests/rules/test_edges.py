@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
@@ -16,10 +17,16 @@ from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.can_id import FREE_POOL, automatic_can_id, default_owner
 from dvtcli.domain.rules.mapped_object import is_taken
+from dvtcli.domain.services import taken_by_services
 from tests.laws.bench import NODE, DirectSdo, booted, dictionary
 
 TPDO1, TPDO2, TPDO5, RPDO1 = (Pdo.parse(text) for text in ("tpdo1", "tpdo2", "tpdo5", "rpdo1"))
 EMCY_OF_THIS_NODE = 0x080 + NODE
+
+
+def taken(sync: int, emcy: int | None) -> Callable[[], dict[tuple[int, bool], str]]:
+    """What SYNC and EMCY with those COB-IDs take (None: no 0x1014)."""
+    return lambda: taken_by_services(NODE, sync, emcy, {})
 
 
 def held() -> dict[Pdo, PdoConfig]:
@@ -84,9 +91,12 @@ def test_services_of_this_node_are_errors_and_those_of_others_warnings(can_id: i
 
 def test_services_may_have_moved() -> None:
     wanted = CobId(0x690, rtr_allowed=False)
-    assert rules(replace(proposal(cob_id=wanted), services=lambda: (0x690, None))) == ["can-id-in-use"]
-    assert rules(replace(proposal(cob_id=wanted), services=lambda: (0x080, 0x690))) == ["can-id-in-use"]
-    moved = replace(proposal(cob_id=CobId(EMCY_OF_THIS_NODE, rtr_allowed=False)), services=lambda: (0x080, 0x690))
+    assert rules(replace(proposal(cob_id=wanted), services=taken(0x690, None))) == ["can-id-in-use"]
+    assert rules(replace(proposal(cob_id=wanted), services=taken(0x080, 0x690))) == ["can-id-in-use"]
+    moved = replace(
+        proposal(cob_id=CobId(EMCY_OF_THIS_NODE, rtr_allowed=False)),
+        services=taken(0x080, 0x690),
+    )
     assert (rules(moved), rules(moved, Severity.WARNING)) == ([], ["can-id-in-use"])
 
 
@@ -120,14 +130,14 @@ def test_auto_is_the_default_of_the_pdo() -> None:
 def test_auto_takes_no_can_id_that_is_in_use() -> None:
     first = 0x680
     assert automatic_can_id(with_other(proposal(), 0x180 + NODE)) == first
-    assert automatic_can_id(replace(proposal(), services=lambda: (0x180 + NODE, None))) == first
-    assert automatic_can_id(replace(proposal(), services=lambda: (0x080, 0x180 + NODE))) == first
+    assert automatic_can_id(replace(proposal(), services=taken(0x180 + NODE, None))) == first
+    assert automatic_can_id(replace(proposal(), services=taken(0x080, 0x180 + NODE))) == first
     beyond = replace(proposal(), pdo=TPDO5)
     assert automatic_can_id(beyond) == first
     assert automatic_can_id(with_other(beyond, first)) == first + 1
     assert automatic_can_id(with_other(beyond, first, valid=False)) == first
-    assert automatic_can_id(replace(with_other(beyond, first), services=lambda: (first + 1, None))) == first + 2
-    assert automatic_can_id(replace(with_other(beyond, first), services=lambda: (0x080, first + 1))) == first + 2
+    assert automatic_can_id(replace(with_other(beyond, first), services=taken(first + 1, None))) == first + 2
+    assert automatic_can_id(replace(with_other(beyond, first), services=taken(0x080, first + 1))) == first + 2
 
 
 def test_auto_has_an_end() -> None:

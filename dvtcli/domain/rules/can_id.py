@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
@@ -11,6 +11,7 @@ from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
 from dvtcli.domain.rules.finding import Finding, Producer, Proposal, error, note, warning
 from dvtcli.domain.rules.rule import ERROR, NOTE, Rule
+from dvtcli.domain.services import taken_by_services
 
 RULES = (
     Rule("can-id-length", ERROR, "more than 11 bits without `--extended`", "CiA 301, 7.5.2.35: bit 29 (frame)",
@@ -116,7 +117,7 @@ def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
 def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     """CAN-IDs that are not restricted but in use: SYNC, EMCY, TIME, further SDO channels."""
     want = proposal.want.communication.cob_id
-    taken = {**proposal.services(), (0x080, False): "SYNC"}.get((want.can_id, want.extended))
+    taken = {**_services(proposal), (0x080, False): "SYNC"}.get((want.can_id, want.extended))
     if taken is not None:
         yield error("can-id-in-use", place, f"CAN-ID {want} is {taken}", hint="take another CAN-ID, or --cob-id auto")
     elif want.extended:
@@ -125,6 +126,10 @@ def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         yield warning("can-id-in-use", place, f"CAN-ID {want} is the EMCY of node {want.can_id - 0x080} by default")
     elif want.can_id == 0x100:
         yield warning("can-id-in-use", place, f"CAN-ID {want} is TIME by default")
+
+
+def _services(proposal: Proposal) -> Mapping[tuple[int, bool], str]:
+    return proposal.services() or taken_by_services(proposal.node_id, None, None, {})
 
 
 def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
@@ -198,7 +203,7 @@ def automatic_can_id(proposal: Proposal) -> int | None:
     """
     used: set[int | None] = {cob_id.can_id for cob_id in proposal.other_cob_ids.values() if cob_id.valid}
     used |= {one.cob_id.can_id for one in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()
-    used |= {can_id for can_id, extended in proposal.services() if not extended}
+    used |= {can_id for can_id, extended in _services(proposal) if not extended}
     default = proposal.pdo.default_can_id(proposal.node_id)
     if default is not None and default not in used:
         return default

@@ -43,7 +43,8 @@ class Proposal:
     *others* are the node's other PDOs as they will be, and *cob_ids* their COB-IDs where these are known without the
     rest (None: *others* tell them); *dictionary* is None without an EDS; *lengths* are
     object lengths in bits that were learnt by reading the device; *services* tells the CAN-IDs of services, and
-    whether they have 29 bits, each with what it is: SYNC, the node's EMCY, further SDO channels of all known nodes;
+    whether they have 29 bits, each with what it is: SYNC, the node's EMCY, further SDO channels of all known nodes
+    (nothing: the standard's defaults);
     *elsewhere* tells what the other known nodes send;
     *absent* has the abort codes with which the device refused uploads of objects that it does not have.
     """
@@ -56,7 +57,7 @@ class Proposal:
     profile: DeviceProfile
     dictionary: ObjectDictionary | None = None
     lengths: Mapping[tuple[int, int], int] = field(default_factory=dict)
-    services: Callable[[], Mapping[tuple[int, bool], str]] = lambda: {(0x080, False): "SYNC"}
+    services: Callable[[], Mapping[tuple[int, bool], str]] = dict
     elsewhere: Callable[[], Collection[Producer]] = tuple
     cob_ids: Mapping[Pdo, CobId] | None = None
     absent: Mapping[tuple[int, int], int] = field(default_factory=dict)
