@@ -771,8 +771,10 @@ class Judge:
 
     def _differing(self) -> list[Place]:
         """Where a node holds something else than before, that could be known."""
-        found = []
+        found, written = [], set(self.record.written())
         for place in sorted(set(self.world.before) | set(self.ran.after)):
+            if place[0] not in written:  # what changed there is another's
+                continue
             before, after = self._before(place), self.ran.after.get(place)
             if after in (before, self.world.before.get(place)) or (
                 before is not None and self.record.looked(place, before)
