@@ -243,6 +243,7 @@ STANDARD = (
     more("sync-counter", var("1019", "SYNC counter", 5, "rw", "241"), "DefaultValue=241",
          twin=var("1019", "SYNC counter", 5, "rw", "240")),
     s("sdo-can-id", "1200sub2", "DefaultValue=$NODEID+0x580", "DefaultValue=$NODEID+0x500"),
+    s("base-cob-id", "1800sub1", "DefaultValue=$NODEID+0x180", "DefaultValue=0x280", said="$NODEID+0x180"),
     s("fixed-cob-id", "1014", "DefaultValue=$NODEID+0x80", "DefaultValue=0x81", twin="DefaultValue=0x80000081"),
     Planted("store-without-restore", without("1011"), "[1010]"),
     s("profile-objects", "1000", "DefaultValue=0x00030191", "DefaultValue=0x00020192", said="6040 and 6041"),

@@ -11,7 +11,7 @@ from dvtcli.domain.lint.default_pdos import DefaultPdo
 from dvtcli.domain.lint.described import HELD, Described, Found, Spot
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import MAX_ENTRIES
-from dvtcli.domain.pdo import is_mpdo
+from dvtcli.domain.pdo import Direction, Pdo, is_mpdo
 
 _COMMUNICATION = "CiA 301, 7.5.2.35 and 7.5.2.37"
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
@@ -51,6 +51,21 @@ def unknown_cob_id(device: Described) -> Found:
         index = one.pdo.communication_index
         if one.cob_id is None and device.dictionary.entry(index, 1) is not None:
             yield Spot(index, 1), f"{one.pdo.label} has a COB-ID without DefaultValue: enabled or not is not known"
+
+
+@check("base-cob-id", WARNING, "a COB-ID is a base of the pre-defined connection set, without the node-ID",
+       "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
+def base_cob_id(device: Described) -> Found:
+    """All nodes of the file have the same, whether the PDO is on or off. A DCF is for one node."""
+    bases = {Pdo(direction, number).default_can_id(0) for direction in Direction for number in range(1, 5)}
+    for one in () if device.configured else device.pdos:
+        index, own = one.pdo.communication_index, one.pdo.default_can_id(0)
+        entry = device.dictionary.entry(index, 1)
+        if entry is None or entry.default_relative or one.cob_id is None or one.cob_id & 0x3FFF_FFFF not in bases:
+            continue
+        meant = "$NODEID+" + (f"0x{one.cob_id:X}" if own is None else f"0x{one.cob_id & 0xC000_0000 | own:X}")
+        text = f"{one.pdo.label} has 0x{one.cob_id:X} without $NODEID on every node; its default is {meant}"
+        yield Spot(index, 1, HELD), text
 
 
 @check("count-over-entries", ERROR, "the count of a mapping is above the entries that are described, or above 64",
