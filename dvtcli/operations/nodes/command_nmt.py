@@ -104,6 +104,8 @@ def _commanded(
     notes = [
         f"node {node_id} sent no boot-up message, and answers: nobody knows whether it restarted" for node_id in unheard
     ]
+    for note in notes:
+        session.tell.warning(note)
     notes += _interrupted(session, {*states, *([] if target else [session.selected_id()])})
     wanted = None if reset else command.after.label
     return Commanded(target, command.word, seen, session.dry_run, lost, wanted, tuple(notes))

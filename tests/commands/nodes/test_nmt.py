@@ -274,3 +274,12 @@ def test_what_is_asked_of_one_node_names_it_in_json(eds: str) -> None:
         ran = bench.run("set tpdo1 --timer 20 --json")
         assert (ran.code, ran.document["node"]) == (6, 3)
         assert bench.run("restore --json").document["node"] == 3
+
+
+def test_a_reset_without_a_boot_up_message_is_said() -> None:
+    with Bench(("no-boot-up",), {"yes": True}) as bench:
+        ran = bench.run("nmt reset-node 1")
+    assert (ran.code, "sent no boot-up message, and answers: nobody knows whether it restarted" in ran.stderr) == (
+        0,
+        True,
+    )
