@@ -30,5 +30,10 @@ def make_shells_safe() -> None:
     """Let click answer every shell that asks with safe items only."""
     for name in _SHELLS:
         usual = get_completion_class(name)
-        if usual is not None:  # PowerShell came with click 8.5
-            add_completion_class(type(usual.__name__, (_SafeComplete, usual), {}), name)
+        if usual is None:  # PowerShell came with click 8.5
+            continue
+
+        class Safe(_SafeComplete, usual):  # type: ignore[misc, valid-type]
+            pass
+
+        add_completion_class(Safe, name)

@@ -5,13 +5,14 @@ Knows boot-ups and repeated uploads as numbers of the bus. Does not know what is
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.errors import NoAnswer
+from dvtcli.domain.several import several
+from dvtcli.errors import NoAnswer, SafetyRefusal
 
 #: How often something is looked at anew before the node counts as one that cannot be looked at.
 MOST_LOOKS = 5
@@ -88,4 +89,15 @@ def observed(witness: Witness, look: Callable[[], T], node_id: int | None = None
         f"{name} restarted, or lost an answer, each of {MOST_LOOKS} times that it was read back",
         node=node_id,
         hint="look at its supply and its wiring, then try again",
+    )
+
+
+def restarted_since_read(node_id: int, lost: Iterable[str] = ()) -> SafetyRefusal:
+    """The error of a change that was not begun, since *node_id* restarted after it was read; *lost* are labels."""
+    gone = several(lost)
+    return SafetyRefusal(
+        f"node {node_id} restarted since it was read; run it again",
+        node=node_id,
+        why=f"its boot-up was received, and no reset was sent from here; {f'lost: {gone}' if gone else 'RAM is lost'}",
+        hint="look at its supply; `pdo` shows what it holds now",
     )

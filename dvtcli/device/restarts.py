@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.several import several
-from dvtcli.errors import BusUnavailable, Restarted, SafetyRefusal
+from dvtcli.errors import BusUnavailable, Restarted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -38,14 +37,3 @@ def refuse_after_restarts(nodes: Iterable[Node]) -> None:
     """A script, and a command of its own, has not done what it says where a node lost that again: raise Restarted."""
     for text in losses(nodes):
         raise Restarted(text, hint="look at its supply, then do it all again", state="unknown")
-
-
-def restarted_since_read(node_id: int, lost: Iterable[str] = ()) -> SafetyRefusal:
-    """The error of a change that was not begun, since *node_id* restarted after it was read; *lost* are labels."""
-    gone = several(lost)
-    return SafetyRefusal(
-        f"node {node_id} restarted since it was read; run it again",
-        node=node_id,
-        why=f"its boot-up was received, and no reset was sent from here; {f'lost: {gone}' if gone else 'RAM is lost'}",
-        hint="look at its supply; `pdo` shows what it holds now",
-    )

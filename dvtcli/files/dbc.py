@@ -113,7 +113,7 @@ def _alone(message: Message, signal: DbcSignal) -> Message:
     """A message of the same length that holds *signal* only, whatever its multiplexor says."""
     single = copy(signal)
     single.is_multiplexer, single.multiplexer_ids, single.multiplexer_signal = False, None, None
-    return type(message)(message.frame_id, message.name, message.length, [single], strict=False)
+    return message.__class__(message.frame_id, message.name, message.length, [single], strict=False)
 
 
 def _one_by_one(signals: list[DbcSignal], alone: list[Message], data: bytes, failures: _Failures) -> list[Value | None]:

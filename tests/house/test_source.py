@@ -48,6 +48,7 @@ MAY_OPEN = {
     "files/picture/svg.py": "the package's own templates",
     "files/profile/standards.py": "the package's own data",
     "files/profile/toml.py": "the package's own data",
+    "files/read_back.py": "what was just written, by its own reader",
     "files/sim_state.py": "writes the state of a simulated node",
     "files/recordings/captures.py": "writes a recording",
     "files/values/value_file.py": "writes values",

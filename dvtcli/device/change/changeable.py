@@ -103,7 +103,7 @@ class Changeable(KnownPdos):
             return
         restarted = self.boot_count is not None and self.bus.restarts(self.node_id) != self.boot_count
         if restarted or (found is not None and self.bus.boot_ups(self.node_id) != found.boot_ups):
-            from dvtcli.device.restarts import restarted_since_read
+            from dvtcli.device.observe import restarted_since_read
 
             self.told_restart = True
             raise restarted_since_read(self.node_id, self.pending.unstored)

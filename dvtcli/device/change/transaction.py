@@ -29,8 +29,7 @@ from dvtcli.device.change.put_back import (
     restore_patiently,
 )
 from dvtcli.device.change.taken_back import put_back_findings
-from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed
-from dvtcli.device.restarts import restarted_since_read
+from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed, restarted_since_read
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport

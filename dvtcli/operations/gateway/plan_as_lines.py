@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.seen_state import present_state
 from dvtcli.device.store_parameters import STORE, chosen
 from dvtcli.domain.gateway.plan_lines import Around, plan_lines
 from dvtcli.domain.nmt import NmtState
@@ -40,6 +39,4 @@ def _around(session: Session, planned: NodePlan, stores: Sequence[str]) -> Aroun
     required = node.is_pre_operational_wanted
     groups = [store_group(word) for word in stores] if planned.stores else []
     chose = (chosen(node.access, node.profile.store, STORE, group, node.dictionary)[0] for group in groups)
-    return Around(
-        required, required and present_state(node.access) is NmtState.OPERATIONAL, tuple(dict.fromkeys(chose))
-    )
+    return Around(required, required and node.access.state() is NmtState.OPERATIONAL, tuple(dict.fromkeys(chose)))

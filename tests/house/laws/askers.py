@@ -18,7 +18,12 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
     "device/resets.py": ("device/", "operations/nodes/command_nmt.py", "operations/stores/store_restore.py"),
     "device/access_level.py": ("device/", "operations/nodes/log_in.py", "cli/dvt/state.py"),
     "device/nmt_gate.py": ("device/",),
-    "device/seen_state.py": ("operations/nodes/command_nmt.py", "operations/consent/reset_consent.py"),
+    "device/seen_state.py": (
+        "device/",
+        "operations/nodes/command_nmt.py",
+        "operations/consent/reset_consent.py",
+        "operations/plans/apply_network.py",
+    ),
     "device/lss_master.py": ("operations/lss/",),
     "device/program_download.py": ("operations/nodes/load_program.py",),
     "device/learn/saving.py": ("device/learn/",),
