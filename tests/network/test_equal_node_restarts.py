@@ -14,7 +14,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import DvtcliError, Restarted, SafetyRefusal
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.plans.link_pdos import link_pdos
 from tests.network.bench import Chain
@@ -114,9 +114,11 @@ def test_it_restarts_while_another_one_stores(tmp_path: Path) -> None:
     restart = restarting(chain)
     writes = chain.plan(file).plan.writes
     chain.bus.on_write = lambda count: restart(count) if count > writes else None  # type: ignore[attr-defined]
-    with pytest.raises(Restarted) as raised:
+    with pytest.raises(LeftChanged) as raised:
         apply(chain, file)
     assert (raised.value.node, raised.value.state) == (6, "left_changed")
+    assert raised.value.stores is not None
+    assert raised.value.stores.stored == (5,)
     assert chain.stored()[5][0x1800, 5] == (20).to_bytes(2, "little"), "the store came first"
     assert chain.journals() == []
 

@@ -62,7 +62,8 @@ class AlsoClaimed:
 class Verified:
     """What is claimed of *nodes*: that they hold *changes*, on the devices of these *identities*.
 
-    *boot_ups* are those that were heard by then, of the nodes that are not to store.
+    *boot_ups* are those that were heard by then, of the nodes that are not to store. *verify_others* reads what is
+    claimed besides, as of nodes to which nothing is written, and raises if that is not so.
     """
 
     session: Session
@@ -70,6 +71,7 @@ class Verified:
     changes: Changes
     identities: Mapping[int, Identity]
     boot_ups: Mapping[int, int] = field(default_factory=dict)
+    verify_others: Callable[[], None] = lambda: None
 
     def require(self, node_id: int) -> None:
         """Right before it stores: SafetyRefusal where that is another device, DeviceRefused where it lost something."""

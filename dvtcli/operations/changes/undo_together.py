@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied
 from dvtcli.device.change.carry_out import enter
+from dvtcli.device.change.course import combined
 from dvtcli.device.change.taken_back import foreseen
-from dvtcli.device.change.way_back import TakeBack, way_back
+from dvtcli.device.change.way_back import TakeBack, WayBack, way_back
+from dvtcli.domain.plan import STAMP, Change, PdoChange, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.changes.change_together import carry_out_together, complete
+from dvtcli.operations.changes.final_verify import AlsoClaimed, refuse_lost
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -65,7 +68,15 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
                 enter(nodes[node_id], found[node_id])  # whoever is asked is asked before the first write
         plans = {node_id: back.plan for node_id, back in backs.items()}
         findings = {node_id: back.unknown for node_id, back in backs.items()}
-        with carry_out_together(session, nodes, plans, found, "undo --all", findings) as course:
+        held = {node_id: _as_before(back) for node_id, back in backs.items()}
+
+        def verify_others() -> None:
+            for node_id, back in backs.items():
+                if not len(back.plan):
+                    refuse_lost(nodes[node_id], held[node_id])
+
+        also = AlsoClaimed(held, verify_others=verify_others)
+        with carry_out_together(session, nodes, plans, found, "undo --all", findings, also) as course:
             complete(course)
     done = []
     for one in undoings:
@@ -74,3 +85,21 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         lines = one.forget(applied, len(back.undone))
         done.append(changed(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
     return tuple(done)
+
+
+def _as_before(back: WayBack) -> tuple[Change, ...]:
+    """What the node holds as it was before the changes that go *back*, so that it is not written: each as a change."""
+    written = {change.label for change in back.plan.changes if change.steps}
+    changes = combined(back.plan.node_id, back.undone).changes if back.undone else ()
+    return tuple(_to_the_same(one) for one in changes if one.label not in written and _is_put_back(one))
+
+
+def _is_put_back(change: Change) -> bool:
+    """Whether what there was before is known, and comes back: a stamp does not."""
+    return isinstance(change, PdoChange) or (change.is_readable and change.step.index != STAMP)
+
+
+def _to_the_same(change: Change) -> Change:
+    if isinstance(change, PdoChange):
+        return plan_pdo(change.pdo, change.before, change.before)
+    return ValueChange(change.step.otherwise(change.step.before, change.step.before or b"", change.step.reason))

@@ -6,7 +6,6 @@ Decides nothing about what is legal (`plan_network`). Does not know files.
 from __future__ import annotations
 
 import time
-from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -15,13 +14,12 @@ from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural
-from dvtcli.errors import DvtcliError
 from dvtcli.operations.changes.change import keep_words
 from dvtcli.operations.changes.change_together import carry_out_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, Verified
 from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.power_stage import refuse_powered
-from dvtcli.operations.plans.claims import Claims, refuse_stale
+from dvtcli.operations.plans.claims import Claims, refuse_stale, steady
 from dvtcli.operations.plans.plan_network import with_unknown_syncs
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.stores.possible_stores import refuse_unprovable_stores
@@ -29,7 +27,7 @@ from dvtcli.operations.stores.store_network import store_network
 from dvtcli.operations.sync.unknown_sync import short_frames
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
@@ -56,9 +54,11 @@ def apply_network(
     refuse_powered(session, powered_off)
     if prove and not session.dry_run:
         refuse_unprovable_stores(nodes, {one.node_id: one.store for one in planned if one.stores}, prove)
+    asked = False
     if planned:
         if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
             session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
+            asked = True
         plan = _listened(session, plan)
     started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.guard(), session.agreed():
@@ -67,7 +67,7 @@ def apply_network(
         claims.refuse_lost()  # while it was planned, or while somebody took time to answer
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
-        _refuse_any_stale(session, nodes, planned)
+        _refuse_any_stale(session, nodes, planned, kept=asked and not session.options.yes)
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
         also = AlsoClaimed(claims.held(), sum(one.stores for one in planned), claims.verify_others)
@@ -76,11 +76,8 @@ def apply_network(
             course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with course:
             _keep(session, nodes, course.plans)
-            stored = store_network(session, course, planned, _verified(session, course, planned, found), prove)
+            stored = store_network(session, course, planned, _verified(session, course, claims, found), prove)
             complete(course)
-        if stored:
-            with _after_stores():
-                claims.verify_others()
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
 
@@ -92,11 +89,17 @@ def _listened(session: Session, plan: NetworkPlan) -> NetworkPlan:
     return with_unknown_syncs(session, plan, frames)
 
 
-def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list[NodePlan]) -> None:
-    """As `refuse_stale`, for all nodes at once."""
-    for fault in session.bus.side_by_side(
-        [partial(refuse_stale, nodes[one.node_id], one, one.plan.changes) for one in planned]
-    ):
+def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list[NodePlan], *, kept: bool) -> None:
+    """As `refuse_stale`, for all nodes at once; with *kept* also if a node holds what is to stay otherwise by now.
+
+    Somebody may have changed that while the question stood: it would be rolled back as if a write had altered it.
+    """
+
+    def refuse(one: NodePlan) -> None:
+        node = nodes[one.node_id]
+        refuse_stale(node, one, (*one.plan.changes, *(steady(node, one.holds) if kept else ())))
+
+    for fault in session.bus.side_by_side([partial(refuse, one) for one in planned]):
         raise fault
 
 
@@ -108,22 +111,13 @@ def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan])
             session.record.add(node_id, change_lines(plan))
 
 
-@contextmanager
-def _after_stores() -> Iterator[None]:
-    """A last look once all have stored, at those that nothing was written to: what they lost takes nothing back."""
-    try:
-        yield
-    except DvtcliError as lost:
-        lost.state, lost.state_text = "left_changed", "every other node holds what was planned, and has stored it"
-        raise
-
-
-def _verified(session: Session, course: Course, planned: list[NodePlan], found: Mapping[int, Found]) -> Verified:
-    """What each node of *planned* holds by now: what it was changed to; where it only stores, what the file says."""
+def _verified(session: Session, course: Course, claims: Claims, found: Mapping[int, Found]) -> Verified:
+    """What each node that is written or stores holds by now: what it was changed to, and what the file says."""
+    planned = [one for one in claims.planned if len(one.plan) or one.stores]
     held = {one.node_id: one.holds for one in planned if not len(one.plan)}
     boot_ups = {one.node_id: found[one.node_id].boot_ups for one in planned if not one.stores}
     identities = {one.node_id: one.identity for one in planned}
-    return Verified(session, course.nodes, {**held, **course.claims()}, identities, boot_ups)
+    return Verified(session, course.nodes, {**held, **course.claims()}, identities, boot_ups, claims.verify_others)
 
 
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:

@@ -240,7 +240,7 @@ class NetworkApplied(Answer):
             "remaining": self.plan.remains,
             "unknown_syncs": list(self.plan.unknown_syncs),
             "untold": list(self.plan.untold),
-            "verified": not self.plan.unread,
+            "verified": not (self.plan.unread or any(node.plan.unreadable for node in self.plan.nodes)),
             "dry_run": self.dry_run,
             "seconds": round(self.seconds, 3),
             "nodes": [_node_document(node) for node in self.plan.nodes],

@@ -14,7 +14,13 @@ from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DvtcliError, JournalKept, LeftChanged, SafetyRefusal
 from dvtcli.operations.stores.possible_stores import store_group
 from dvtcli.operations.stores.store_restore import end_stamp, store_settings
-from dvtcli.operations.stores.unfinished_stores import Stores, hint_without_journal, lost_settings, not_all_stored
+from dvtcli.operations.stores.unfinished_stores import (
+    Stores,
+    hint_without_journal,
+    lost_besides,
+    lost_settings,
+    not_all_stored,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -110,6 +116,8 @@ def store_each(
         raise left from course.lost[0]
     if course.failed:
         raise not_all_stored(course) from next(iter(course.failed.values()))
+    if others := one_by_one([verified.verify_others]):
+        raise lost_besides(course, others[0]) from others[0]
     return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)
 
 

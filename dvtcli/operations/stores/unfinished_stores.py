@@ -56,6 +56,21 @@ def not_all_stored(course: Stores) -> LeftChanged:
     return left
 
 
+def lost_besides(course: Stores, lost: BaseException) -> LeftChanged:
+    """What is told if all hold what was written, and have stored it, and something else is not as planned any more."""
+    left = LeftChanged(
+        f"every node that was written stored, and then: {lost}",
+        node=lost.node if isinstance(lost, DvtcliError) else None,
+        place=lost.place if isinstance(lost, DvtcliError) else None,
+        why=lost.why if isinstance(lost, DvtcliError) else None,
+        hint=_AGAIN,
+        state="left_changed",
+    )
+    _say_who(course, left)
+    left.state_text = "every other node holds what was planned, and has stored it"
+    return left
+
+
 def lost_settings(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
     """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
     first, *others = lost
