@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -26,6 +26,7 @@ TASK = ("Scripts and files", 40)
 @click.argument("files", type=FILE, nargs=-1, metavar="[FILE…]")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="This rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="All rules but this one; repeatable.")
+@click.option("--all", "shows_all", is_flag=True, help="Also warnings and notes about PDOs that FILE does not name.")
 @click.option("--strict", is_flag=True, help="A warning is as bad as an error, too.")
 @click.option(
     "--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or the file's]."
@@ -39,20 +40,19 @@ def command(
     session: Conversation,
     /,
     files: tuple[str, ...],
-    only: tuple[str, ...],
-    without: tuple[str, ...],
-    strict: bool,
     bit_rate: int | None,
     live: bool,
     for_s: float | None,
+    **chosen: Any,
 ) -> NetworksChecked:
     """Say what is wrong with network files (YAML), and with the nodes on a bus; nothing is written.
 
     Of a file: what cannot be read, with line, column and a caret, then what the rules find in the network that it makes
     of its nodes' EDS, DCF or family. An error in a file is exit code 4, in nodes 3; of several files, a wrong or
-    missing one keeps no other from being checked. Without FILE, or with --live, the nodes on the bus: what they hold,
-    and what is heard: SYNC, heartbeats, other masters, frames from nobody; with --live also whether they are those of
-    FILE. --format github, junit or sarif is for CI.
+    missing one keeps no other from being checked. Warnings and notes about PDOs that FILE does not name are counted,
+    and shown with --all; they do not count for --strict. Without FILE, or with --live, the nodes on the bus: what they
+    hold, and what is heard: SYNC, heartbeats, other masters, frames from nobody; with --live also whether they are
+    those of FILE. --format github, junit or sarif is for CI.
 
     \b
     check press.yaml
@@ -65,7 +65,8 @@ def command(
     from dvtcli.operations.network.check_networks import CheckWishes, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too
-    wishes = CheckWishes(only, without, strict, bit_rate or session.options.bitrate, as_findings, for_s)
+    rate = bit_rate or session.options.bitrate
+    wishes = CheckWishes(bit_rate=rate, as_findings=as_findings, for_s=for_s, **chosen)
     if files and not live:
         return check_networks(files, wishes)
     from dvtcli.operations.network.check_live import check_all

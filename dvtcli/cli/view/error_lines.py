@@ -76,6 +76,9 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
         yield from complaint_lines(error.complaints, _MOST_COMPLAINTS, error.outcome)
         yield from _rows([*error.details, *([("hint", error.hint)] if error.hint else [])])
         return
+    if isinstance(error, RuleError) and any(finding.complaint for finding in error.findings):
+        yield from _placed_lines(error, at)
+        return
     yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
     if isinstance(error, RuleError):
         yield from _rule_lines(error, at)
@@ -120,6 +123,28 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
     yield [Cell("  state   ", "dim"), Cell(_state(error, at) + _forced(error))]
 
 
+def _placed_lines(error: RuleError, at: str | None) -> Iterator[Line]:
+    """Each finding at its place in the file, in the order of the file; then what is not in it."""
+    ordered = sorted(error.findings, key=_line_of)
+    for finding in ordered[:_MOST_COMPLAINTS]:
+        node = "" if error.node is None or finding.text.startswith("node ") else f"node {error.node}: "
+        place = f"{at}: " if at else ""
+        place = place if finding.complaint is None else f"{place}{finding.complaint.place}: "
+        yield [Cell(place), Cell("error: ", "red"), Cell(f"{node}{finding.text}", "bold")]
+        yield from () if finding.complaint is None else source_lines(finding.complaint)
+        yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
+        if finding.hint:
+            yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
+    if len(ordered) > _MOST_COMPLAINTS:
+        yield f"{len(ordered)} errors ({_MOST_COMPLAINTS} shown)."
+    yield from _rows(row for row in error.details if row[0] == "also")
+    yield [Cell("  state   ", "dim"), Cell(_state(error, at) + _forced(error))]
+
+
+def _line_of(finding: Finding) -> tuple[bool, int]:
+    return finding.complaint is None, 0 if finding.complaint is None else finding.complaint.line
+
+
 def _forced(error: RuleError) -> str:
     """What --force would do, where it helps."""
     if error.rehearsed or not error.can_force:
@@ -135,7 +160,8 @@ def _rule_text(finding: Finding) -> str:
 
 
 def finding_line(finding: Finding) -> Line:
-    """A finding that stopped nothing, on one line."""
+    """A finding that stopped nothing, on one line, with its place in a file."""
     word = "forced" if finding.severity is Severity.ERROR else str(finding.severity)
     hint = f"; {finding.hint}" if finding.hint else ""
-    return [Cell(f"{word}: ", _STYLES[finding.severity]), Cell(f"{finding.text}{hint}")]
+    place = "" if finding.complaint is None else f"{finding.complaint.place}: "
+    return [Cell(place), Cell(f"{word}: ", _STYLES[finding.severity]), Cell(f"{finding.text}{hint}")]

@@ -12,6 +12,7 @@ from dvtcli.domain.network.wanted_state import NOWHERE, Endpoint, LinkWish, Mark
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.domain.rules.finding import Finding
 from dvtcli.domain.services import SDO_CHANNEL_INDICES
 
 Place = tuple[int, int]
@@ -37,7 +38,8 @@ class NodeState:
     *name* is the node's in a file, *title* what the device calls itself; *mark* is where the file speaks of it. *asked*
     is the identity that somebody wants of it, by the names of `Identity`. *downloads* are what it, a manager, downloads
     to other nodes by node-ID (0x1F22). *guessed* are the PDOs whose mapping nobody said of this very node, each with
-    whose it is instead, in words.
+    whose it is instead, in words. *said* is what the rules of a change found in the plan that makes it so; *places* are
+    the objects that a file speaks of, each with its place there.
     """
 
     node_id: int
@@ -52,6 +54,8 @@ class NodeState:
     asked: Identity = field(default_factory=dict)
     downloads: Mapping[int, bytes] = field(default_factory=dict)
     guessed: Mapping[Pdo, str] = field(default_factory=dict)
+    said: tuple[Finding, ...] = ()
+    places: Mapping[Place, Mark] = field(default_factory=dict)
 
     def number(self, index: int, sub_index: int = 0) -> int | None:
         """What an object holds, None where the node has none or does not tell it."""

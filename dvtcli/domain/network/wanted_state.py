@@ -6,11 +6,17 @@ and no node.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import Pdo
+
+Place = tuple[int, int]
+_PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
+_LINKED = re.compile(r"([0-9]+):([rt]pdo[0-9]+)")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -38,7 +44,8 @@ class PdoWish:
     """What a PDO should be. Units are those of `PdoRequest`: *inhibit_time* counts 100 µs, *event_timer* 1 ms.
 
     *cob_id* is bits 28..0 or `auto`; *extended* is bit 29, *rtr_allowed* bit 30 clear, *enabled* bit 31 clear.
-    *mapping* is the whole mapping in frame order, () for none at all.
+    *mapping* is the whole mapping in frame order, () for none at all. *keys* are the places of its keys in the file, by
+    sub-index of the communication parameter, 0 for the mapping.
     """
 
     pdo: Pdo
@@ -52,6 +59,18 @@ class PdoWish:
     sync_start_value: int | None = None
     mapping: tuple[FileWord, ...] | None = None
     mark: Mark = field(default=NOWHERE, compare=False)
+    keys: Mapping[int, Mark] = field(default_factory=dict, compare=False)
+
+    @property
+    def marks(self) -> Iterator[tuple[Place, Mark]]:
+        """The objects that it speaks of, each with its place in the file."""
+        for sub_index, mark in self.keys.items():
+            index = self.pdo.communication_index if sub_index else self.pdo.mapping_index
+            yield (index, sub_index), mark
+        for number, word in enumerate(self.mapping or (), 1):
+            if word.text.lower().startswith("dummy"):
+                return  # it may take several entries
+            yield (self.pdo.mapping_index, number), word.mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +148,24 @@ class NodeWish:
     store_mark: Mark = field(default=NOWHERE, compare=False)
     physical: tuple[tuple[str, str], ...] = ()
 
+    @property
+    def asks_nothing(self) -> bool:
+        """Whether it says nothing that the node should hold."""
+        return not (self.pdos or self.objects or self.values or self.watches or self.pins or self.prune or self.stamp)
+
+    @property
+    def marks(self) -> dict[Place, Mark]:
+        """The objects that it speaks of by their numbers, each with its place in the file."""
+        found = {(one.index, one.sub_index): one.mark for one in self.objects}
+        for one in self.values:
+            try:
+                place = parse_object(one.object.text)
+            except ValueError:
+                continue
+            if place is not None:
+                found[place] = one.object.mark
+        return {**found, **{place: mark for pdo in self.pdos for place, mark in pdo.marks if mark.line}}
+
 
 @dataclass(frozen=True, slots=True)
 class MasterRole:
@@ -192,6 +229,31 @@ class NetworkWish:
     master: MasterRole | None = None
     multiplier: float | None = None
     notes: tuple[FileNote, ...] = field(default=(), compare=False)
+
+    @property
+    def asked_nothing(self) -> tuple[int, ...]:
+        """The node-IDs of which it says nothing that they should hold."""
+        linked = {end.node_id for link in self.links for end in link.ends}
+        return tuple(one.node_id for one in self.nodes if one.asks_nothing and one.node_id not in linked)
+
+    def mark_of(self, node_id: int | None, place: str) -> Mark:
+        """Find where the file speaks of *place* (`0x1A00:03`, `TPDO1`, `5:tpdo1`), of its PDO, or of the node."""
+        found, linked = _PLACE.fullmatch(place), _LINKED.fullmatch(place)
+        node_id = int(linked[1]) if linked is not None else node_id
+        node = next((one for one in self.nodes if one.node_id == node_id), None)
+        if node is None:
+            return NOWHERE
+        if found is not None:
+            number = (int(found[1], 16), int(found[2], 16))
+            if (mark := node.marks.get(number, NOWHERE)).line:
+                return mark
+            pdo = Pdo.at(number[0])
+        else:
+            pdo = Pdo.parse(linked[2]) if linked is not None else None
+            pdo = pdo or next((one.pdo for one in node.pdos if place == one.pdo.label), None)
+        said = next((one.mark for one in node.pdos if one.pdo == pdo and one.mark.line), NOWHERE)
+        ends = (link.mark for link in self.links if any((end.node_id, end.pdo) == (node_id, pdo) for end in link.ends))
+        return said if said.line else next(ends, node.mark)
 
     def of(self, ids: Collection[int]) -> NetworkWish:
         """What it says of the nodes with the node-IDs *ids*, and of links between them."""

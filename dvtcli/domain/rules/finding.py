@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
@@ -16,7 +17,7 @@ class Finding:
     """One thing a rule noticed.
 
     *rule* is its short name, *place* an object (`0x1A00:03`) or `FILE:LINE`, *abort* the SDO abort code the
-    device would give, or None.
+    device would give, or None. *complaint* is the place of the file that asks for it, None if no file does.
     """
 
     rule: str
@@ -25,6 +26,15 @@ class Finding:
     text: str
     abort: int | None = None
     hint: str | None = None
+    complaint: FileComplaint | None = field(default=None, compare=False)
+
+    @property
+    def pdo(self) -> Pdo | None:
+        """The PDO that its place is part of, or is the end of a link of (`5:rpdo2`); None for none."""
+        head, _, tail = self.place.partition(":")
+        if head.startswith("0x"):
+            return Pdo.at(int(head, 16))
+        return Pdo.parse(tail) if head.isdecimal() and tail[1:4] == "pdo" else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +91,11 @@ class Proposal:
     def mapping_place(self, sub_index: int) -> str:
         """A mapping sub-index for a person: `0x1A00:03`."""
         return f"0x{self.pdo.mapping_index:04X}:{sub_index:02X}"
+
+
+def finding_of(rule: str, severity: Severity, place: str, text: str) -> Finding:
+    """What a rule found that is declared elsewhere, as those of networks are."""
+    return Finding(rule, severity, place, text)
 
 
 def error(rule: str, place: str, text: str, abort: int | None = None, hint: str | None = None) -> Finding:

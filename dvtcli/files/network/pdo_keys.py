@@ -16,6 +16,12 @@ from dvtcli.files.network.known_keys import key_mark, number_key, read_keys
 from dvtcli.files.network.network_keys import Where
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
 
+#: the keys of a PDO, the last of several that mean one sub-index; 0: the mapping
+_SUB_INDICES = {
+    "mapping": 0, "enabled": 1, "cob_id": 1, "transmission": 2, "inhibit_time": 3, "inhibit_ms": 3, "event_timer": 5,
+    "event_deadline": 5, "sync_start": 6,
+}  # fmt: skip
+
 
 def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) -> Iterator[PdoWish]:
     """The PDOs of *branch* by their numbers."""
@@ -48,6 +54,7 @@ def _pdo(pdo: Pdo, branch: Branch, title: str, log: FileLog) -> PdoWish:
         event_timer=found.get("event_timer" if pdo.is_tpdo else "event_deadline"),
         sync_start_value=found.get("sync_start"),
         mapping=_mapping(found["mapping"], title, log) if "mapping" in found else None,
+        keys={sub_index: key_mark(branch, name) for name, sub_index in _SUB_INDICES.items() if name in branch.items},
     )
     return _with_cob_id(wish, found["cob_id"], branch, log) if "cob_id" in found else wish
 

@@ -5,7 +5,7 @@ Reads dcfgen's files as they are. Opens nothing but the file itself, and knows n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,9 +29,12 @@ _NODE_ID = OF[Where.NODE]["node_id"]
 Named = dict[str, tuple[Leaf, Branch]]
 
 
-def read_network_file(path: Path) -> NetworkWish:
-    """What the file *path* wants; InputFileError with all that is wrong, OSError where it cannot be read."""
-    return read_network(network_text(path), str(path))
+def read_network_file(path: Path, why_not: Callable[[str], str] | None = None) -> NetworkWish:
+    """Read what the file *path* wants; InputFileError with all that is wrong, OSError if it cannot be read.
+
+    *why_not* tells why a `dcf` names nothing, empty if it names a file.
+    """
+    return read_network(network_text(path), str(path), why_not)
 
 
 def network_text(path: Path | str) -> str:
@@ -42,11 +45,17 @@ def network_text(path: Path | str) -> str:
         raise InputFileError(f"{path}: not UTF-8 (byte {wrong.start})", place=str(path)) from wrong
 
 
-def read_network(text: str, file: str) -> NetworkWish:
-    """What *text* wants; *file* is its name for messages. InputFileError with all that is wrong."""
+def read_network(text: str, file: str, why_not: Callable[[str], str] | None = None) -> NetworkWish:
+    """Read what *text* wants; *file* is its name for messages, *why_not* as of `read_network_file`.
+
+    InputFileError with all that is wrong.
+    """
     log = FileLog(file, text)
     tree = read_tree(text, log)
     wish = _network(tree, log) if isinstance(tree, Branch) else NetworkWish()
+    for dcf in {node.dcf.mark: node.dcf for node in wish.nodes if node.dcf is not None}.values():
+        if why_not is not None and (reason := why_not(dcf.text)):
+            log.complain(dcf.mark, reason)
     if not isinstance(tree, Branch) and log.is_silent:
         log.complain(tree.mark if tree else Mark(1, 1), "a network is written as keys and values")
     log.end()

@@ -28,8 +28,8 @@ def export_dbc(session: Session, file: str, wishes: DbcWishes = PLAIN) -> Facts:
 
     Asks before it overwrites. NoAnswer where no node answers; UsageError where the file cannot be written.
     """
-    from dvtcli.operations.network.network_states import network_state
     from dvtcli.operations.nodes.find_nodes import find_nodes
+    from dvtcli.operations.plans.network_states import network_state
 
     place_of(file, "export {}/NAME.dbc")
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)

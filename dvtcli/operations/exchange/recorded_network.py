@@ -168,7 +168,7 @@ def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[P
 
 
 def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig]) -> NodeState:
-    from dvtcli.operations.network.network_states import timing_numbers
+    from dvtcli.operations.plans.network_states import timing_numbers
 
     dictionary = _dictionary(session, values)
     if dictionary is None:

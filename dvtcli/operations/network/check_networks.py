@@ -5,13 +5,13 @@ Judges nothing itself: the rules are in `domain/network/check`, and those of `ma
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
-from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.unknown_names import unknown_names
 from dvtcli.operations.results.checked_files import FileRule
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_state import NetworkState
     from dvtcli.domain.network.wanted_state import FileNote, Mark, NetworkWish
+    from dvtcli.domain.rules.finding import Finding
+    from dvtcli.files.network.file_log import FileLog
     from dvtcli.operations.user.telling import Teller
 
 #: Rules that no state is asked for.
@@ -39,7 +41,8 @@ class CheckWishes:
 
     With *strict* a warning is as bad as an error; *bit_rate* (bit/s) is the bus's, None for what a file says. With
     *as_findings* what cannot be read of a file is a finding, and no error. A bus is listened to for *for_s* seconds
-    (None: `LISTEN_S`, and not at all where nobody else can be on it).
+    (None: `LISTEN_S`, and not at all where nobody else can be on it). With *shows_all* what is no error of a PDO that
+    the file does not name is told, too, and not only counted.
     """
 
     only: Collection[str] = ()
@@ -48,6 +51,7 @@ class CheckWishes:
     bit_rate: int | None = None
     as_findings: bool = False
     for_s: float | None = None
+    shows_all: bool = False
 
 
 def check_networks(
@@ -70,13 +74,43 @@ def chosen_rules(wishes: CheckWishes) -> tuple[LintRule, ...]:
     """The rules that *wishes* name; UsageError for one that there is not."""
     from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 
-    known = {rule.name: rule for rule in (*FILE_RULES, *NETWORK_RULES)}
+    known = {rule.name: rule for rule in (*change_rules(), *FILE_RULES, *NETWORK_RULES)}
     for name in (*wishes.only, *wishes.without):
         if name not in known:
             near = get_close_matches(name, known, n=1)
             raise UsageError(f"there is no rule {name!r}", hint=f"did you mean {near[0]}?" if near else None)
     return tuple(
         rule for name, rule in known.items() if name not in wishes.without and (not wishes.only or name in wishes.only)
+    )
+
+
+def change_rules() -> tuple[LintRule, ...]:
+    """The rules of a change (`map`, `link`, `apply`), which are asked of what a file wants; by their worst severity."""
+    from dvtcli.domain import vpdo
+    from dvtcli.domain.network import consumers, heartbeats, links
+    from dvtcli.domain.rules import (
+        can_id,
+        communication,
+        described_step,
+        entry_length,
+        mappable,
+        mapped_object,
+        no_way_back,
+        producer,
+        raw_write,
+        whole_pdo,
+    )
+    from dvtcli.operations.plans import plan_network
+    from dvtcli.operations.stores import possible_stores
+    from dvtcli.operations.wanted import lacked, linked_wishes, stamping
+
+    files = (
+        can_id, communication, described_step, entry_length, mappable, mapped_object, no_way_back, producer, raw_write,
+        whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, lacked, linked_wishes, stamping,
+        plan_network,
+    )  # fmt: skip
+    return tuple(
+        LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for one in files for rule in one.RULES
     )
 
 
@@ -88,13 +122,17 @@ def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
 def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]) -> NetworkReport:
     """What there is to say of *file*; InputFileError or UsageError where it cannot be read."""
     wish = read_wish(file)
-    _, findings = judged_file(file, wish, wishes, on_bus)
+    state, findings = judged_file(file, wish, wishes, on_bus)
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
+    shown = tuple(one for one in findings if wishes.shows_all or not one.is_aside)
     notes = tuple(
         (one.mark.line, one.mark.column, one.times, one.text)
-        for one in (*wish.notes, *unknown_names(file, wish, on_bus), *_described(file, wish))
+        for one in (*wish.notes, *unknown_names(file, wish, on_bus), *_described(file, wish), *_undescribed(state))
     )
-    return NetworkReport(file, asked_rules(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
+    return NetworkReport(
+        file, asked_rules(rules), shown, nodes, len(wish.links), notes, strict=wishes.strict,
+        folded=len(findings) - len(shown),
+    )  # fmt: skip
 
 
 def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
@@ -106,6 +144,16 @@ def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
         found = library_match(file, node)
         if found is not None and (remark := found.remark("in `identity:`")):
             yield FileNote(f"node {node.node_id}: {remark}", node.mark)
+
+
+def _undescribed(state: NetworkState) -> Iterator[FileNote]:
+    """A note that names the nodes of *state* that nothing describes, if there are such."""
+    from dvtcli.domain.network.wanted_state import NOWHERE, FileNote
+    from dvtcli.operations.wanted.network_wish import skipped_rules
+
+    if state.untold:
+        marks = [node.mark for node in state.nodes if node.node_id in state.untold]
+        yield FileNote(skipped_rules(state.untold), min(marks, default=NOWHERE))
 
 
 def _report_anyway(
@@ -139,62 +187,128 @@ def judged_file(
     wishes: CheckWishes,
     on_bus: Mapping[int, str] | None = None,
     tell: Teller | None = None,
-) -> tuple[NetworkState | None, tuple[NetworkFinding, ...]]:
-    """The network that *wish*, from *file*, makes, and what the rules say of it.
+) -> tuple[NetworkState, tuple[NetworkFinding, ...]]:
+    """Make the network that *wish*, from *file*, describes; tell what the rules of a change and of networks say of it.
 
-    Where it cannot be made a finding says why, and it is that without its links; None where that cannot be made, too.
+    What cannot be made is among the findings, and the state has the rest.
     """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork
+    from dvtcli.files.network.file_log import FileLog
+    from dvtcli.files.network.read_network import network_text
     from dvtcli.operations.network.described_network import described_network
 
-    rules, refused = chosen_rules(wishes), list[NetworkFinding]()
-    try:
-        state = described_network(file, tell, for_rules=True, on_bus=on_bus, wish=wish)
-    except (RuleError, UsageError) as failed:
-        if FILE_RULES[1] in rules:
-            refused += _refused(wish, failed)
-        try:
-            state = described_network(file, tell, for_rules=True, with_links=False, on_bus=on_bus, wish=wish)
-        except (RuleError, UsageError):
-            return None, tuple(refused)
-    return state, (*refused, *findings_of(CheckedNetwork(state, wishes.bit_rate or state.bit_rate), rules))
+    rules, failures, log = chosen_rules(wishes), list[DvtcliError](), FileLog(file, network_text(file))
+    state = described_network(file, tell, for_rules=True, on_bus=on_bus, wish=wish, failures=failures)
+    state = replace(state, links=()) if failures else state
+    names = {rule.name for rule in rules}
+    found = [one for failed in failures for one in _refused(wish, failed, names)]
+    found += (_of_change(state, node.node_id, said) for node in state.nodes for said in node.said if said.rule in names)
+    found += _nothing_asked(wish, state, names)
+    network = CheckedNetwork(state, wishes.bit_rate or state.bit_rate)
+    return state, tuple(_shown(one, log) for one in without_repeats(found, findings_of(network, rules)))
 
 
-def _refused(wish: NetworkWish, refused: DvtcliError) -> Iterator[NetworkFinding]:
-    """Each reason, where the file asks for it; where that is not known, at the node that it is about."""
-    if complaints := getattr(refused, "complaints", ()):
-        yield from (_at(one, FILE_RULES[1].name) for one in complaints)
+def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
+    """*found* with the line of the file that it is about, if it has a place there."""
+    from dvtcli.domain.network.wanted_state import Mark
+
+    if found.complaint is not None or not found.column:
+        return found
+    mark = Mark(found.line, found.column, found.end_column - found.column + 1)
+    return replace(found, complaint=log.shown(mark, found.text))
+
+
+def _nothing_asked(wish: NetworkWish, state: NetworkState, names: Collection[str]) -> Iterator[NetworkFinding]:
+    """A warning for each node of which *wish* asks for nothing, and that nothing describes: no plan has it."""
+    from dvtcli.domain.rules.finding import warning
+    from dvtcli.operations.plans.plan_network import ASKS_NOTHING
+
+    for node_id in wish.asked_nothing if "asked-nothing" in names else ():
+        if node_id in state.untold:
+            yield _of_change(state, node_id, warning("asked-nothing", "", ASKS_NOTHING))
+
+
+def _refused(wish: NetworkWish, refused: DvtcliError, names: Collection[str]) -> Iterator[NetworkFinding]:
+    """Each reason, where the file asks for it; where that is not known, at the node that it is about.
+
+    Under the name of its rule; what has none, or one that is no rule of a change, is under that of what cannot be made.
+    """
+    if isinstance(refused, InputFileError) and refused.complaints:
+        yield from (replace(_at(one, FILE_RULES[0].name), complaint=one) for one in refused.complaints)
         return
-    marks = {node.node_id: node.mark for node in wish.nodes}
-    mark = marks.get(refused.node or 0) or (wish.links[0].mark if wish.links else None)
-    findings = getattr(refused, "findings", ()) or ()
-    for text in [one.text for one in findings if one.severity is ERROR] or [refused.text]:
-        yield _finding(FILE_RULES[1], refused.node, None, "", text, mark)
+    for said in getattr(refused, "findings", ()) or ():
+        rule = said.rule if said.rule in names else FILE_RULES[1].name
+        mark = wish.mark_of(refused.node, said.place) if said.complaint is None else _mark_of(said.complaint)
+        if rule in names:
+            yield _finding(rule, str(said.severity), refused.node, None, "", said.text, mark)
+    if not getattr(refused, "findings", ()) and FILE_RULES[1].name in names:
+        mark = wish.mark_of(refused.node, "")
+        yield _finding(FILE_RULES[1].name, "error", refused.node, None, "", refused.text, mark)
+
+
+def _mark_of(complaint: FileComplaint) -> Mark:
+    from dvtcli.domain.network.wanted_state import Mark
+
+    return Mark(complaint.line, complaint.column, complaint.width)
+
+
+def _of_change(state: NetworkState, node_id: int, said: Finding) -> NetworkFinding:
+    """What a rule of a change *said* of a node, at its place in the file."""
+    from dvtcli.domain.network.check.checked_network import NetSpot, mark_of
+
+    place = said.place.removeprefix("0x").partition(":")
+    index = int(place[0], 16) if said.place.startswith("0x") else None
+    sub_index = int(place[2], 16) if place[2] and index is not None else 0
+    spot = NetSpot(node_id, said.pdo, index, sub_index)
+    mark = mark_of(state, spot) if said.complaint is None else _mark_of(said.complaint)
+    return _finding(said.rule, str(said.severity), node_id, spot, spot.object, said.text, mark, _is_aside(state, spot))
 
 
 def findings_of(network: CheckedNetwork, rules: Sequence[LintRule]) -> Iterator[NetworkFinding]:
     """What *rules* say of *network*, at the places of its file."""
+    from dvtcli.domain.network.check.checked_network import mark_of
     from dvtcli.domain.network.check.network_rules import network_findings
 
+    state = network.state
     for rule, spot, text in network_findings(network, {rule.name for rule in rules}):
-        yield _finding(rule, spot.node_id, spot, spot.object, text, _mark(network.state, spot))
+        aside, mark = _is_aside(state, spot), mark_of(state, spot)
+        yield _finding(rule.name, str(rule.severity), spot.node_id, spot, spot.object, text, mark, aside)
 
 
-def _mark(state: NetworkState, spot: NetSpot) -> Mark | None:
-    """Where the file speaks of it: of the PDO, else of the node."""
-    node = None if spot.node_id is None else state.node(spot.node_id)
-    if node is None:
-        return None
-    return node.mark if spot.pdo is None else node.marks.get(spot.pdo, node.mark)
+def _is_aside(state: NetworkState, spot: NetSpot) -> bool:
+    """Whether *spot* is a PDO that the file does not name."""
+    node = None if spot.node_id is None or spot.pdo is None else state.node(spot.node_id)
+    return bool(state.file) and node is not None and spot.pdo not in node.marks
+
+
+def without_repeats(first: Sequence[NetworkFinding], others: Iterable[NetworkFinding]) -> Iterator[NetworkFinding]:
+    """*first*, then *others*, each thing once: what both say of a PDO of a node by other names of the rule, too."""
+    from dvtcli.domain.network.check.network_rules import SAME_RULES, SUPERSEDED
+
+    said = {(one.node, one.pdo, one.rule) for one in first}
+    texts = {(one.node, one.text) for one in first}
+    new: list[NetworkFinding] = []
+    for one in dict.fromkeys(others):
+        same = SAME_RULES.get(one.rule, ())
+        if not any((one.node, one.pdo, name) in said for name in same) and (one.node, one.text) not in texts:
+            new.append(one)
+    superseded = {(one.node, one.pdo, name) for one in new for name in SUPERSEDED.get(one.rule, ())}
+    yield from (one for one in dict.fromkeys(first) if (one.node, one.pdo, one.rule) not in superseded)
+    yield from new
 
 
 def _finding(
-    rule: LintRule, node: int | None, spot: NetSpot | None, about: str, text: str, mark: Mark | None
-) -> NetworkFinding:
+    rule: str, severity: str, node: int | None, spot: NetSpot | None, about: str, text: str, mark: Mark | None,
+    is_aside: bool = False,
+) -> NetworkFinding:  # fmt: skip
     pdo = None if spot is None else spot.pdo
-    who = "" if node is None else f"node {node}" + (f" {pdo.label}" if pdo else f" 0x{about}" if about else "") + ": "
+    what = (
+        pdo.label if pdo is not None and not text.startswith(pdo.label) else f"0x{about}" if about and not pdo else ""
+    )
+    who = "" if node is None else f"node {node}{what and f' {what}'}: "
     line, column, width = (mark.line, mark.column, mark.width) if mark is not None and mark.line else (1, 0, 0)
     end = column + max(width, 1) - 1 if column else 0
     return NetworkFinding(
-        line, str(rule.severity), rule.name, about, f"{who}{text}", column, end, node, None if pdo is None else str(pdo)
-    )
+        line, severity, rule, about, f"{who}{text}", column, end, node, None if pdo is None else str(pdo),
+        is_aside=is_aside and severity != "error",
+    )  # fmt: skip

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
+from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.network.wanted_state import (
     Endpoint,
@@ -25,10 +26,11 @@ from dvtcli.domain.network.wanted_state import (
 )
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.network.guessed_mappings import guessed_mappings
-from dvtcli.operations.network.network_states import network_after, network_state, with_wish
+from dvtcli.operations.plans.network_states import network_after, network_state, with_link_marks, with_wish
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -47,10 +49,12 @@ def described_network(
     with_links: bool = True,
     on_bus: Mapping[int, str] | None = None,
     wish: NetworkWish | None = None,
+    failures: list[DvtcliError] | None = None,
 ) -> NetworkState:
     """What the nodes of the network *file* hold once it is applied to devices that are as new.
 
-    *wish* is what the file says, where that was read already.
+    *wish* is what the file says, where that was read already. If *failures* is given, what would be raised is put
+    there, and the state has what can be made.
 
     A node is what its `dcf` describes, else its `profile`'s family, else the family or the file of `eds add` that its
     identity is of, else what *on_bus* has for its node-ID. Of one that is none of these only what the file says is
@@ -65,12 +69,13 @@ def described_network(
     links = tuple(link for link in wish.links if _is_told(link, words.keys()))
     state = NetworkState(file=file, master=wish.master, links=links)
     if known:
-        state = _simulated(file, replace(wish, nodes=known, links=links), words, tell, for_rules=for_rules)
+        state = _simulated(file, replace(wish, nodes=known, links=links), words, tell, failures, for_rules=for_rules)
     named = {node.node_id: node for node in wish.nodes}
     met = [_met(node, named[node.node_id], words[node.node_id]) for node in state.nodes]
     untold = [node for node in wish.nodes if node.node_id not in words]
     nodes = sorted([*met, *map(told_state, untold)], key=lambda one: one.node_id)
-    return replace(state, nodes=tuple(nodes), untold=tuple(node.node_id for node in untold))
+    ids = tuple(node.node_id for node in untold)
+    return with_link_marks(replace(state, nodes=tuple(nodes), untold=ids), read.links)
 
 
 def _met(node: NodeState, wish: NodeWish, word: str) -> NodeState:
@@ -144,11 +149,17 @@ def _linked_node(
 
 
 def _simulated(
-    file: str, wish: NetworkWish, words: Mapping[int, str], tell: Teller | None, *, for_rules: bool
+    file: str,
+    wish: NetworkWish,
+    words: Mapping[int, str],
+    tell: Teller | None,
+    failures: list[DvtcliError] | None,
+    *,
+    for_rules: bool,
 ) -> NetworkState:
     options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()), force=True)
     with Session(options, tell) as session:
-        plan = plan_wish(session, wish, FileLog(file, network_text(file)))
+        plan = _planned(session, wish, FileLog(file, network_text(file)), failures)
         nodes = [session.node(node.node_id) for node in wish.nodes]
         state = network_state(nodes, for_rules=for_rules)
         state = replace(state, nodes=tuple(map(_without_unknown_types, state.nodes)))
@@ -165,6 +176,17 @@ def _without_unknown_type(node: NodeState, pdo: Pdo, config: PdoConfig) -> PdoCo
     if entry is None or entry.initial(node.node_id) is not None:
         return config
     return replace(config, communication=replace(config.communication, transmission_type=None))
+
+
+def _planned(session: Session, wish: NetworkWish, log: FileLog, failures: list[DvtcliError] | None) -> NetworkPlan:
+    """Plan *wish*; if *failures* is given, a UsageError is put there, too, and nothing is planned then."""
+    try:
+        return plan_wish(session, wish, log, failures=failures)
+    except UsageError as failed:
+        if failures is None:
+            raise
+        failures.append(failed)
+        return NetworkPlan(log.file, ())
 
 
 def simulated_word(file: str, node: NodeWish) -> str | None:

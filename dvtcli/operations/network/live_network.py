@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.network.network_states import network_state
+from dvtcli.operations.plans.network_states import network_state
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

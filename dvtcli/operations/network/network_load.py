@@ -17,7 +17,7 @@ from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
-from dvtcli.operations.network.network_states import network_after, network_state
+from dvtcli.operations.plans.network_states import network_after, network_state
 from dvtcli.operations.results.loads import Measured, NetworkLoad
 from dvtcli.watch.frame_count import FrameCount
 

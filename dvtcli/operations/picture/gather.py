@@ -19,7 +19,6 @@ from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal
 from dvtcli.files.network.physical_keys import rules_by_node
 from dvtcli.operations.network.check_live import LISTEN_S, against_file
 from dvtcli.operations.network.check_networks import CheckWishes, chosen_rules, findings_of, judged_file
-from dvtcli.operations.network.described_network import described_network
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
 from dvtcli.operations.network.network_load import USUAL_BIT_RATE
 from dvtcli.operations.picture.differing_rows import differences
@@ -68,8 +67,6 @@ def network_picture(session: Session, file: str | None = None, wishes: PictureWi
 def _of_file(session: Session, file: str, wishes: PictureWishes) -> NetworkPicture:
     told, wish = wishes.bit_rate or session.options.bitrate, read_wish(file)
     state, found = judged_file(file, wish, CheckWishes(bit_rate=told), tell=session.tell)
-    if state is None:
-        state = described_network(file, session.tell, with_links=False, wish=wish)  # which raises why
     return _picture(
         state, wishes.title or Path(file).stem, Path(file).name, told, found, said=rules_by_node(wish.nodes)
     )

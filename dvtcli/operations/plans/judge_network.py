@@ -15,14 +15,29 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.consumers import Id, Sent, left_findings, length_findings, moved_tpdos, sent_by_id
 from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import PdoChange, ValueChange
+from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import check_pdo, errors_in
+from dvtcli.domain.rules.finding import Finding, finding_of
 from dvtcli.errors import RuleError
+from dvtcli.operations.results.failures import together
+from dvtcli.operations.wanted.chosen_nodes import named_nodes
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from dvtcli.device.node import Node
-    from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Finding
+    from dvtcli.domain.network.check.checked_network import NetSpot
+    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.files.network.file_log import FileLog
+    from dvtcli.operations.session.session import Session
+
+    Placed = Callable[[int | None, Finding], Finding]
+
+ERROR, WARNING = Severity.ERROR, Severity.WARNING
 
 
 def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
@@ -30,19 +45,48 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
 
     RuleError with all errors of all nodes, and InputFileError for a concise DCF (0x1F22) that is none, unless forced.
     """
+    found = judged(nodes, planned, force=force)
+    if (refused := refusals(found)) and not force:
+        raise together(refused)
+    return iter(found)
+
+
+def judged(
+    nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool, placed: Placed | None = None
+) -> list[NodePlan]:
+    """*planned* with what the rules say of it as a whole, errors among it, and what is to be asked about it.
+
+    *placed* gives a finding its place in a file. InputFileError for a concise DCF (0x1F22) that is none, unless forced.
+    """
     planned = [_doubted(nodes[one.node_id], one, force=force) for one in planned]
     after = {one.node_id: _cob_ids(one) for one in planned}
     senders = Senders(nodes, after)
     sent = sent_by_id(planned)
-    judged = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, sent, senders))) for one in planned]
-    refused = [
+    found = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, sent, senders))) for one in planned]
+    if placed is None:
+        return found
+    return [replace(one, findings=tuple(placed(one.node_id, finding) for finding in one.findings)) for one in found]
+
+
+def refusals(planned: Iterable[NodePlan]) -> list[RuleError]:
+    """An error for each node of *planned* of which the rules found errors."""
+    return [
         RuleError(f"node {one.node_id}: {errors[0].text}", errors, node=one.node_id)
-        for one in judged
+        for one in planned
         if (errors := errors_in(one.findings))
     ]
-    if refused and not force:
-        raise together(refused)
-    return iter(judged)
+
+
+def placed_in(wish: NetworkWish, log: FileLog) -> Placed:
+    """Give findings about nodes of *wish* their places in its file."""
+
+    def placed(node_id: int | None, finding: Finding) -> Finding:
+        mark = wish.mark_of(node_id, finding.place)
+        if finding.complaint is not None or not mark.line:
+            return finding
+        return replace(finding, complaint=log.shown(mark, finding.text))
+
+    return placed
 
 
 def _doubted(node: Node, planned: NodePlan, *, force: bool) -> NodePlan:
@@ -85,11 +129,54 @@ def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Findi
             yield from tie_findings(node, step.index, step.sub_index, step.after)
 
 
-def together(refused: list[RuleError]) -> RuleError:
-    """One error with the findings of all nodes."""
-    if len(refused) == 1:
-        return refused[0]
-    findings = [
-        replace(finding, text=f"node {error.node}: {finding.text}") for error in refused for finding in error.findings
-    ]
-    return RuleError(findings[0].text, findings)
+def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: FileLog) -> NetworkPlan:
+    """Add what the rules of networks say of the state that *plan* leaves: errors, and warnings of what *wish* names.
+
+    Reads what its nodes hold; a node that was not to be read is left out. If these are not all nodes of a file, only
+    errors count: what a warning misses, another node may have.
+    """
+    from dvtcli.domain.network.check.checked_network import CheckedNetwork, mark_of
+    from dvtcli.domain.network.check.network_rules import NETWORK_RULES, SAME_RULES, SUPERSEDED, network_findings
+    from dvtcli.operations.plans.network_states import network_after, states_of, with_link_marks
+
+    read = [one.node_id for one in plan.nodes if one.is_read]
+    if not read or plan.lacking:
+        return plan
+    is_whole = all(node.mark.line for node in wish.nodes) and not plan.unread and not named_nodes(session)
+    bit_rate = session.wire.bitrate or session.options.bitrate
+    state = network_after(states_of(session, [session.node(one) for one in read]), plan, wish)
+    state = with_link_marks(state, wish.links)
+    found: dict[int, dict[Finding, None]] = {}
+    said = {(one.node_id, finding.pdo, finding.rule) for one in plan.nodes for finding in one.findings}
+    texts = {(one.node_id, finding.text) for one in plan.nodes for finding in one.findings}
+    superseded: set[tuple[int, Pdo | None, str]] = set()
+    network = CheckedNetwork(state, bit_rate or state.bit_rate)
+    for rule, spot, text in network_findings(network, {rule.name for rule in NETWORK_RULES}):
+        node_id = spot.node_id or read[0]
+        node = state.node(node_id)
+        is_named = spot.pdo is None or node is None or spot.pdo in node.marks
+        same = SAME_RULES.get(rule.name)
+        if same and any((node_id, spot.pdo, name) in said for name in (rule.name, *same)):
+            continue
+        superseded |= {(node_id, spot.pdo, name) for name in SUPERSEDED.get(rule.name, ())}
+        counts = rule.severity is ERROR or (rule.severity is WARNING and is_named and is_whole)
+        if counts and (node_id, text) not in texts:
+            label = "" if spot.pdo is None or text.startswith(spot.pdo.label) else f"{spot.pdo.label}: "
+            finding = finding_of(rule.name, rule.severity, _place(spot, plan.file), f"{label}{text}")
+            mark = mark_of(state, spot)
+            complaint = log.shown(mark, text) if mark.line else None
+            found.setdefault(node_id, {})[replace(finding, complaint=complaint)] = None
+    nodes = []
+    for one in plan.nodes:
+        kept = (each for each in one.findings if (one.node_id, each.pdo, each.rule) not in superseded)
+        nodes.append(replace(one, findings=(*kept, *found.get(one.node_id, ()))))
+    return replace(plan, nodes=tuple(nodes))
+
+
+def _place(spot: NetSpot, file: str) -> str:
+    """*spot* as a finding has it: an object, else *file*."""
+    if spot.index is not None:
+        return f"0x{spot.object}"
+    if spot.pdo is not None:
+        return f"0x{spot.pdo.communication_index:04X}:01"
+    return "" if spot.node_id is not None else file

@@ -111,6 +111,6 @@ def _no_watches(session: Session, node: Node, ends: Sequence[Endpoint], producer
 def _carried_out(session: Session, name: str, wish: NetworkWish, on_plan: OnPlan) -> NetworkApplied:
     from dvtcli.operations.plans.apply_network import apply_network
 
-    plan = plan_wish(session, wish, FileLog(name, ""))
+    plan = plan_wish(session, wish, FileLog(name, ""), of_network=True)
     on_plan(plan)
     return apply_network(session, plan, name=name, asks=False)

@@ -22,20 +22,22 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import instead_findings
+from dvtcli.domain.rules.finding import warning
+from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.domain.value_order import SYNC_OVERFLOW, SYNC_PERIOD, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.changes.change import names, understood
-from dvtcli.operations.plans.judge_network import checked, together
-from dvtcli.operations.results.failures import lacking_error
+from dvtcli.operations.plans.judge_network import judged, judged_network, placed_in, refusals
+from dvtcli.operations.results.failures import lacking_error, together
 from dvtcli.operations.stores.possible_stores import refuse_stores_of
 from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.wanted.chosen_nodes import named_nodes, of_nodes
 from dvtcli.operations.wanted.lacked import LackedOfWish, refuse_lacking, without_lacked
 from dvtcli.operations.wanted.linked_wishes import with_links
 from dvtcli.operations.wanted.meet_network import Met, meet
-from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.operations.wanted.network_wish import read_wish, skipped_rules
 from dvtcli.operations.wanted.stamping import stamping, stamps_of, trusted
 from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 from dvtcli.operations.wanted.wanted_words import NodeWants, node_wants
@@ -43,11 +45,19 @@ from dvtcli.operations.wanted.wanted_words import NodeWants, node_wants
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish
+    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.stamp import Stamp
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.sync.unknown_sync import ShortFrames
+
+RULES = (
+    Rule("mapped-but-off", WARNING, "a network file gives a PDO a mapping or a timer, and it is off and stays off",
+         "ours; CiA 301, 7.5.2.35 and 7.5.2.37: bit 31 (valid)"),
+    Rule("asked-nothing", WARNING, "a network file names a node and says nothing that it should hold", "ours"),
+)  # fmt: skip
+ASKS_NOTHING = "the file asks for nothing of it: nothing is set, and nothing is compared"
 
 
 def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_far: bool = False) -> NetworkPlan:
@@ -65,23 +75,36 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_f
     wish = of_nodes(session, file, wish, named_nodes(session))
     tell_unknown_bit_rate(session, len(wish.nodes))
     log = FileLog(file, network_text(file))
-    return plan_wish(session, wish, log, trust_stamp=trust_stamp, as_far=as_far)
+    plan = plan_wish(session, wish, log, trust_stamp=trust_stamp, as_far=as_far, of_network=True)
+    undescribed = [one.node_id for one in plan.nodes if session.node(one.node_id).dictionary is None]
+    if undescribed:
+        session.tell.note(f"{file}: {skipped_rules(undescribed)}")
+    return plan
 
 
 def plan_wish(
-    session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool = False, as_far: bool = False
+    session: Session,
+    wish: NetworkWish,
+    log: FileLog,
+    *,
+    trust_stamp: bool = False,
+    as_far: bool = False,
+    of_network: bool = False,
+    failures: list[DvtcliError] | None = None,
 ) -> NetworkPlan:
     """What has to be written for the nodes of *wish* to hold what it says; what it cannot mean is told to *log*.
 
-    *trust_stamp*, *as_far* and what is raised as of `plan_network`.
+    With *of_network* the rules of networks are asked, too, of the state that the plan leaves.
+    *trust_stamp*, *as_far* and what is raised as of `plan_network`; if *failures* is given, what would be raised is put
+    there, and the plan has all that can be planned.
     """
     with (
         short_frames(session.bus) as frames,
         heard_ids(session.bus) as heard,
         session.network.as_it_was_if_refused(),
     ):
-        plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
-        if not as_far:
+        plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp, of_network=of_network, failures=failures)
+        if not as_far and failures is None:
             refuse_lacking(plan)
         refuse_heard(session, plan, heard)
     return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
@@ -114,7 +137,15 @@ def with_unknown_syncs(session: Session, plan: NetworkPlan, frames: ShortFrames)
     return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
 
 
-def _planned_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool) -> NetworkPlan:
+def _planned_wish(
+    session: Session,
+    wish: NetworkWish,
+    log: FileLog,
+    *,
+    trust_stamp: bool,
+    of_network: bool,
+    failures: list[DvtcliError] | None,
+) -> NetworkPlan:
     met = meet(session, log.file, wish)
     unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
     planned: list[NodePlan] = []
@@ -124,15 +155,31 @@ def _planned_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_st
         planned = _judged(session, met, read, log)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
-    if met.failures and lacked.found:
+    if (met.failures or failures is not None) and lacked.found:
         met.failures.append(lacking_error(lacked.found))
-    met.end()
     planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
     nodes = (
-        replace(one, lacks=lacked.of(one.node_id), boot_ups=met.boot_ups[one.node_id])
+        _with_nothing_asked(replace(one, lacks=lacked.of(one.node_id), boot_ups=met.boot_ups[one.node_id]), wish, log)
         for one in sorted(planned, key=lambda one: one.node_id)
     )
-    return NetworkPlan(log.file, tuple(nodes), lacking=tuple(lacked.found), torn=lacked.torn)
+    plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(lacked.found), torn=lacked.torn)
+    if of_network and all(isinstance(one, RuleError | InputFileError) for one in met.failures):
+        plan = judged_network(session, plan, wish, log)
+    if not session.options.force:
+        met.failures += refusals(plan.nodes)
+    if failures is None:
+        met.end()
+    else:
+        failures += met.failures
+    return plan
+
+
+def _with_nothing_asked(planned: NodePlan, wish: NetworkWish, log: FileLog) -> NodePlan:
+    """*planned* with a warning if the file of *wish* says nothing that the node should hold."""
+    if not planned.is_asked_nothing or planned.node_id not in wish.asked_nothing:
+        return planned
+    found = warning("asked-nothing", "", ASKS_NOTHING)
+    return replace(planned, findings=(*planned.findings, placed_in(wish, log)(planned.node_id, found)))
 
 
 def _unread(node: Node, wish: NodeWish) -> NodePlan:
@@ -142,37 +189,37 @@ def _unread(node: Node, wish: NodeWish) -> NodePlan:
 
 
 def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
-    """The plan of each node that was met; raises with all that is wrong of a kind.
+    """The plan of each node that was met; what is wrong is put to its failures.
 
-    Where a node's words mean nothing there, the others are judged all the same.
+    If a node's words mean nothing there, the others are judged all the same, and its own PDOs that mean something.
     """
     nodes = met.nodes
     said: Mapping[int, tuple[Finding, ...]] = {}
-    stamps = stamps_of(nodes, wish)
+    stamps, placed = stamps_of(nodes, wish), placed_in(wish, log)
     try:
         if wish.links:
             found = with_links(nodes, _known(session, nodes), wish)
             wish, said = found.wish, found.findings
     except RuleError as refused:
+        refused.findings = tuple(placed(refused.node, finding) for finding in refused.findings)
         met.failures.append(refused)
     wants = {}
     for node in wish.nodes:
-        complaints = log.count
-        wanted = node_wants(nodes[node.node_id], node, log)
-        if log.count == complaints:
-            wants[node.node_id] = wanted
-    planned: list[NodePlan] = []
-    try:
-        found_plans = plans_of(nodes, wish.of(wants), wants, stamps)
-        planned = [replace(one, findings=(*said.get(one.node_id, ()), *one.findings)) for one in found_plans]
-        planned = list(checked(nodes, planned, force=session.options.force))
-    except RuleError as refused:
-        met.failures.append(refused)
+        wants[node.node_id] = node_wants(nodes[node.node_id], node, log)
+    planned, refusals = plans_of(nodes, wish, wants, stamps)
+    for error in refusals:
+        error.findings = tuple(placed(error.node, finding) for finding in error.findings)
+        met.failures.append(error)
+    planned = [replace(one, findings=(*said.get(one.node_id, ()), *one.findings)) for one in planned]
+    planned = judged(nodes, planned, force=session.options.force, placed=placed)
     try:
         refuse_stores_of(nodes, wish, log)
     except RuleError as refused:
         met.failures.append(refused)
-    log.end(read=True)
+    try:
+        log.end(read=True)
+    except InputFileError as wrong:
+        met.failures.append(wrong)
     return planned
 
 
@@ -187,8 +234,8 @@ def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
 
 def plans_of(
     nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants], stamps: Mapping[int, Stamp]
-) -> list[NodePlan]:
-    """What brings each of *nodes* to its *wants*, not judged yet; RuleError with all objects that devices lack."""
+) -> tuple[list[NodePlan], list[RuleError]]:
+    """What brings each of *nodes* to its *wants*, not judged yet, and why PDOs are left out of it."""
     senders = Senders(nodes, {one.node_id: {pdo.pdo: _said(pdo) for pdo in one.pdos} for one in wish.nodes})
     planned: list[NodePlan] = []
     refused: list[RuleError] = []
@@ -197,14 +244,9 @@ def plans_of(
         for fault in node.bus.side_by_side(ahead):
             raise fault  # a Ctrl-C, or a bus that is gone
     for one in wish.nodes:
-        try:
-            stamp = stamps.get(one.node_id)
-            planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders, stamp))
-        except RuleError as error:
-            refused.append(error)
-    if refused:
-        raise together(refused)
-    return planned
+        stamp = stamps.get(one.node_id)
+        planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders, stamp, refused))
+    return planned, refused
 
 
 def _look_ahead(node: Node, wants: NodeWants) -> None:
@@ -221,11 +263,19 @@ def _said(wish: PdoWish) -> CobId | None:
     return CobId(wish.cob_id, extended=wish.extended)
 
 
-def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, stamp: Stamp | None) -> NodePlan:
+def _node_plan(
+    node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, stamp: Stamp | None, refused: list[RuleError]
+) -> NodePlan:
+    """The plan of *node*, without the PDOs of which *refused* gets why they cannot be made."""
     elsewhere = cache(partial(senders.besides, node.node_id))
     lengths = untyped_lengths(node, wants.pdos.values())
     now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
-    wanted = {pdo: resolve(node, pdo, now[pdo], want, lengths, elsewhere) for pdo, want in wants.pdos.items()}
+    wanted: dict[Pdo, PdoConfig] = {}
+    for pdo, want in wants.pdos.items():
+        try:
+            wanted[pdo] = resolve(node, pdo, now[pdo], want, lengths, elsewhere)
+        except RuleError as error:
+            refused.append(error)
     senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
     held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
     values = _values(node, wants, held)
@@ -239,11 +289,23 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, s
     plan = Plan(node.node_id, (*stamped.changes, *changes))
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
-        {**wants.values, **stamped.values}, wants.pruned, (*stamped.findings, *instead),
+        {**wants.values, **stamped.values}, wants.pruned,
         lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, object_lines=dict(wants.lines),
         names=names(node, plan.changes), understood=understood(node, plan.changes),
         unstored=_unstored(node, plan) if wish.store else (),
+        findings=(*stamped.findings, *instead, *_left_off(wish, wanted)),
     )  # fmt: skip
+
+
+def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Finding]:
+    """A warning for each PDO that gets a mapping or a timer and stays off, and that the file does not call off."""
+    for pdo in wish.pdos:
+        sets = [name for name, value in (("a mapping", pdo.mapping), ("an event timer", pdo.event_timer)) if value]
+        if sets and pdo.enabled is None and pdo.pdo in wanted and not wanted[pdo.pdo].enabled:
+            given = " and ".join(sets)
+            text = f"{pdo.pdo.label} is off and stays off: the file gives it {given}"
+            hint = "`enabled: true` switches it on; `enabled: false` says that it is meant to stay off"
+            yield warning("mapped-but-off", f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
 
 
 def _values(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> list[ValueChange]:

@@ -16,12 +16,14 @@ if TYPE_CHECKING:
 class NetworkFinding(FileFinding):
     """Something that a rule found in a network, with the *node* and the *pdo* that it is about.
 
-    *complaint* is what it is a finding of where the file cannot be read.
+    *complaint* is its line of the file, None if it has none. *is_aside*: it is no error, and about a PDO that the file
+    does not name.
     """
 
     node: int | None = None
     pdo: str | None = None
     complaint: FileComplaint | None = None
+    is_aside: bool = False
 
     def document(self) -> Document:
         """One of `findings` in `dvtcli.network-check/1`."""
@@ -44,7 +46,8 @@ class NetworkReport(Short, Judged):
     *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,
     column, times, text. With *strict* a warning is as bad as an error. *unread* is the exit code of a
     file that could not be read, 0 of one that was. *heard* is how long (s) a bus was listened to, and how many frames
-    others sent meanwhile. *said* findings of a bus are those of a file before it, and stand there.
+    others sent meanwhile. *said* findings of a bus are those of a file before it, and stand there. *folded* findings,
+    which are no errors, are about PDOs that the file does not name: they are only counted.
     """
 
     made_by: ClassVar = "check"
@@ -61,6 +64,12 @@ class NetworkReport(Short, Judged):
     heard: tuple[float, int] | None = None
     bus: str = ""
     said: int = 0
+    folded: int = 0
+
+    def is_bad(self, finding: FileFinding) -> bool:
+        """Whether *finding* makes it wrong, which nothing about a PDO does that the file does not name."""
+        aside = isinstance(finding, NetworkFinding) and finding.is_aside
+        return finding.severity == "error" or (self.strict and finding.severity == "warning" and not aside)
 
     @property
     def exit_code(self) -> int:
@@ -79,6 +88,7 @@ class NetworkReport(Short, Judged):
             "rules": len(self.rules),
             "count": self.count(),
             "said": self.said,
+            "folded": self.folded,
             "findings": [finding.document() for finding in self.findings],
         }
 

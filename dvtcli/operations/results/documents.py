@@ -153,6 +153,9 @@ def finding_document(finding: Finding) -> Document:
         "text": finding.text,
         "abort": None if finding.abort is None else f"0x{finding.abort:08X}",
         "hint": finding.hint,
+        "file": None if finding.complaint is None else finding.complaint.file,
+        "line": None if finding.complaint is None else finding.complaint.line,
+        "column": None if finding.complaint is None else finding.complaint.column,
     }
 
 

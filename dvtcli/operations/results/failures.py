@@ -6,6 +6,7 @@ Knows no screen; whoever shows an answer raises its failure where it was not sho
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.proof import RESTART_NAMES, Proof
@@ -120,3 +121,19 @@ def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str
     )
     failed.state_text = f"{', '.join(by_state)}; nothing was written"
     return failed
+
+
+def together(refused: Sequence[RuleError]) -> RuleError:
+    """One error with the findings of all nodes, which name their nodes if these are several."""
+    if len(refused) == 1:
+        return refused[0]
+    only = {error.node for error in refused}
+    same = len(only) == 1 and None not in only
+    findings = [
+        finding if same or error.node is None else replace(finding, text=f"node {error.node}: {finding.text}")
+        for error in refused
+        for finding in error.findings
+    ]
+    text = refused[0].text if same or refused[0].node is None else findings[0].text
+    can_force = all(error.can_force for error in refused)
+    return RuleError(text, findings, node=only.pop() if same else None, can_force=can_force)

@@ -97,7 +97,8 @@ def network_findings(plan: NetworkPlan) -> tuple[Finding, ...]:
 
 def _named(node_id: int, finding: Finding) -> Finding:
     """*finding* with its node, which that of a link names itself."""
-    return replace(finding, text=f"node {node_id}: {finding.text}") if finding.place.startswith("0x") else finding
+    is_of_node = not finding.place or finding.place.startswith("0x")
+    return replace(finding, text=f"node {node_id}: {finding.text}") if is_of_node else finding
 
 
 def _node_document(node: NodePlan) -> Document:

@@ -6,18 +6,19 @@ Writes nothing. Does not know what the nodes should hold.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
+from dvtcli.operations.results.failures import together
 from dvtcli.operations.wanted.network_wish import eds_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
     from dvtcli.operations.session.session import Session
 
@@ -41,10 +42,16 @@ class Met:
         """One error for all failures, where there is one: what trying again does not mend comes first."""
         if not self.failures:
             return
-        first, *others = sorted(self.failures, key=_weight)
+        refused = [one for one in self.failures if isinstance(one, RuleError)]
+        others = [one for one in self.failures if not isinstance(one, RuleError)]
+        failures: list[DvtcliError] = [*others, together(refused)] if refused else others
+        first, *others = sorted(failures, key=_weight)
         if isinstance(first, RuleError):  # force helps where it helps with everything
-            first.can_force = all(isinstance(one, RuleError) and one.can_force for one in self.failures)
-        first.details += [("also", text) for other in others for text in _texts(other)]
+            first.can_force = first.can_force and not others
+            first.complaints = first.complaints or tuple(placed_complaints([first]))
+        if isinstance(first, InputFileError):
+            first.complaints = (*first.complaints, *placed_complaints(refused))
+        first.details += [("also", text) for other in others for text in _texts(other, first)]
         raise first
 
 
@@ -107,16 +114,9 @@ def _choose_files(session: Session, file: str, node: NodeWish) -> None:
     files, met = session.network.files, session.network.nodes
     if node.profile is not None and session.options.profile is None and node.node_id not in met:
         files.own_profile[node.node_id] = node.profile
-    if node.dcf is None or session.options.eds is not None:
-        return
-    path = eds_of(file, node)
+    path = None if session.options.eds is not None else eds_of(file, node)
     if path is not None:
         files.own_eds[node.node_id] = path
-    else:
-        place, named = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}", Path(file).parent / node.dcf.text
-        note = f"{place}: there is no {named}: what is known of node {node.node_id} otherwise counts"
-        if files.is_news(note):
-            session.tell.note(note)
 
 
 def is_wanted(node: Node, wanted: WantedIdentity) -> bool:
@@ -147,10 +147,21 @@ def _weight(failure: DvtcliError) -> int:
     return next((number for number, kind in enumerate(kinds) if isinstance(failure, kind)), len(kinds))
 
 
-def _texts(failure: DvtcliError) -> Iterator[str]:
+def placed_complaints(refused: Sequence[RuleError]) -> Iterator[FileComplaint]:
+    """What *refused* found and a file asks for, each in its place there."""
+    for error in refused:
+        for finding in error.findings:
+            if finding.complaint is not None:
+                node = "" if error.node is None else f"node {error.node}: "
+                yield replace(finding.complaint, text=f"{node}{finding.text}")
+
+
+def _texts(failure: DvtcliError, told_by: DvtcliError) -> Iterator[str]:
+    """The sentences of *failure* that are not among the complaints of the file which *told_by* has."""
     if isinstance(failure, RuleError):
         node = "" if failure.node is None else f"node {failure.node}: "
-        yield from (f"{node}{finding.text}" for finding in failure.findings)
+        placed = isinstance(told_by, InputFileError)
+        yield from (f"{node}{one.text}" for one in failure.findings if one.complaint is None or not placed)
     elif isinstance(failure, InputFileError) and failure.complaints:
         yield from (f"{one.place}: {one.text}" for one in failure.complaints)
     else:

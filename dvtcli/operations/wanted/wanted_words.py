@@ -53,7 +53,10 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
     """What *wish* means on *node*; what it cannot mean there is told to *log*."""
     wants = NodeWants()
     for pdo in wish.pdos:
-        wants.pdos[pdo.pdo] = pdo_request(node, pdo, log)
+        complaints = log.count
+        request = pdo_request(node, pdo, log)
+        if log.count == complaints:
+            wants.pdos[pdo.pdo] = request
     if wish.prune:
         others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
         wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)

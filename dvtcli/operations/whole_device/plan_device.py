@@ -22,6 +22,7 @@ from dvtcli.operations.meanings.object_values import understood
 from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import plans_of, with_unknown_syncs
+from dvtcli.operations.results.failures import together
 from dvtcli.operations.sync.unknown_sync import short_frames
 from dvtcli.operations.wanted.meet_network import meet, unlike_wanted
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
@@ -190,7 +191,9 @@ def _planned(
             session.tell.warning(text)
     if not any(found.values()):
         raise _nothing_compared(held)
-    planned = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
+    planned, refused = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
+    if refused:
+        raise together(refused)
     said = [_said(one, nodes[one.node_id], held, found[one.node_id]) for one in planned]
     judged = checked(nodes, said, force=session.options.force)
     return (_powered(session, one) if len(one.plan) else one for one in judged)

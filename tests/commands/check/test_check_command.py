@@ -58,14 +58,14 @@ def test_what_is_wrong_with_one_file_keeps_no_other_from_being_checked(bench: Be
     }
     assert ran.code == 4
     assert found["a"] == [(7, 9, "network-file"), (8, 7, "network-file")]
-    assert found["b"] == []
+    assert found["b"] == [(1, 1, "asked-nothing")]
     assert [found["c"], found["d"], found["e"]] == [
         [(1, 14, "network-file")], [(1, None, "network-file")], [(1, None, "network-file")],
     ]  # fmt: skip
     text = bench.run(f"check {files}")
     assert text.stderr == ""
     assert "      |         ^^^^^^^^^^^\n" in text.stdout
-    assert f"{tmp_path / 'b.yaml'}: 1 node, 0 PDOs; no error\n" in text.stdout
+    assert f"{tmp_path / 'b.yaml'}: 1 node, 0 PDOs; 1 warning\n" in text.stdout
     assert f"{tmp_path / 'e.yaml'}: not checked; 1 error\n" in text.stdout
 
 
@@ -96,10 +96,13 @@ def test_no_file_and_no_text_are_said(bench: Bench, tmp_path: Path) -> None:
 
 def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) -> None:
     file = tmp_path / "bus.yml"
-    file.write_text("a: {node_id: 1, driver: x}\nb: {node_id: 2, driver: x}\n", "utf-8")
+    heartbeats = "heartbeat_producer: 1000, driver: x"
+    file.write_text(f"a: {{node_id: 1, {heartbeats}}}\nb: {{node_id: 2, {heartbeats}}}\n", "utf-8")
     ran = bench.run(f"check {file}")
     assert ran.code == 0
     assert ran.stdout.splitlines() == [
-        f"{file}:1:17: note: driver is left alone: a key of another tool (2 times)",
+        f"{file}:1:43: note: driver is left alone: a key of another tool (2 times)",
+        f"{file}:1:1: note: no EDS is known of nodes 1, 2: rules that need an EDS were skipped; `dcf:` beside the "
+        "node_id names one",
         f"{file}: 2 nodes, 0 PDOs; no error",
     ]

@@ -85,7 +85,9 @@ def test_what_cannot_be_made_is_found_and_the_rest_is_looked_at(nothing: Bench) 
     Path("linked.yaml").write_text(text)
     ran = nothing.run("check linked.yaml --json")
     assert ran.code == 4
-    assert {"cannot-be-made", "unbounded-event-pdo"} <= set(rules(ran.document))
+    assert {"link-length", "unbounded-event-pdo"} <= set(rules(ran.document))
+    (link,) = [one for one in ran.document["files"][0]["findings"] if one["rule"] == "link-length"]
+    assert (link["line"], link["column"]) == (9, 7), "the RPDO stands there"
 
 
 def test_a_file_whose_identity_its_nodes_do_not_have(nothing: Bench) -> None:

@@ -277,7 +277,8 @@ def test_objects_that_stay_are_judged_by_the_device_s_file(tmp_path: Path) -> No
         "a: {node_id: 1}\nb: {node_id: 6, dcf: other.eds}\nlinks: [{from: a:tpdo1, to: b:rpdo1, heartbeat: false}]\n"
     )
     with Bench(("gen4@1", "generic@6")) as bench:
-        findings = bench.run(f"plan {file} --json").document["nodes"][1]["findings"]
+        assert bench.run(f"plan {file}").code == 1, "6040 is ro in the file: no RPDO takes it"
+        findings = bench.run(f"plan {file} --json --force").document["nodes"][1]["findings"]
         (found,) = [one for one in findings if one["rule"] == "link-object"]
         assert "6:rpdo1 maps what it cannot: 6040:00" in found["text"]
 
@@ -309,7 +310,8 @@ def test_a_guarded_node_gets_no_heartbeat(tmp_path: Path) -> None:
     with Bench((f"{eds}@1", "generic@6")) as bench:
         before = value(bench, "1:1017")
         ran = bench.run("link 1:tpdo1 6:rpdo1 --heartbeat 100 --json")
-        assert (ran.code, [one["rule"] for one in ran.documents[-1]["findings"]]) == (1, ["link-guarded"])
+        said = ["link-guarded", "heartbeat-and-guarding"]  # the second is so already: 0x1017 is not 0
+        assert (ran.code, [one["rule"] for one in ran.documents[-1]["findings"]]) == (1, said)
         assert value(bench, "1:1017") == before
         assert bench.run("node 1").code == 0
         assert bench.run("write 100D 0").code == 0

@@ -42,7 +42,8 @@ def test_check_notes_it(tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"
     path.write_text(FILE.format(more=""))
     with Bench(()) as bench:
-        (note,) = bench.run(f"check {path} --json").document["files"][0]["notes"]
+        note, skipped = bench.run(f"check {path} --json").document["files"][0]["notes"]
+        assert "no EDS is known of node 1" in skipped["text"]
         assert "'velocity_actual_value' of node 1" in note["text"]
         for more in ("dcf: generic", "profile: generic"):
             path.write_text(FILE.format(more=f"    {more}\n"))

@@ -25,7 +25,7 @@ def check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
             for found in one.findings:
                 if found.severity == severity:
                     yield _finding(one, found)
-                    yield from () if found.complaint is None else source_lines(found.complaint)
+                    yield from () if found.complaint is None or severity == "note" else source_lines(found.complaint)
         yield _sum(one)
 
 
@@ -52,4 +52,5 @@ def _sum(report: NetworkReport) -> Line:
         found = f"{found + ', and ' if found else ''}{report.said} as said of the file"
     heard = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
     nodes = plural(len(report.nodes), "node")
-    return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{heard}; {found or 'no error'}"
+    folded = f"; {report.folded} more about PDOs that it does not name (--all shows them)" if report.folded else ""
+    return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{heard}; {found or 'no error'}{folded}"

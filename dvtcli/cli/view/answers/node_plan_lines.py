@@ -46,7 +46,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
     if node.also_equal:
         more = plural(node.also_equal, "more setting")
         yield [Cell(f"  = {more} as the file says, of those that are not written", "dim")]
-    if node.is_asked_nothing:
+    if node.is_asked_nothing and not any(found.rule == "asked-nothing" for found in node.findings):
         yield [Cell("  ! ", "yellow"), Cell("the file asks for nothing of it: nothing was compared")]
     if node.lacks:
         yield [Cell("  ! ", "yellow"), Cell(f"the device has no {several(node.lacks)}")]

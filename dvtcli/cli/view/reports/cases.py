@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 class Case:
     """One PDO or object of a *node*, or of a file: *says* what is not as it should be, nothing where all is.
 
-    *level* is `error`, `warning` or `notice`, or `skipped` where nobody looked; *file* with *line* (0: nowhere) says
-    what should be.
+    *level* is `error`, `warning` or `notice`, or `skipped` where nobody looked; *file* with *line* and *column* (0:
+    nowhere) says what should be.
     """
 
     node: int | str
@@ -36,6 +36,7 @@ class Case:
     level: str = "error"
     file: str = ""
     line: int = 0
+    column: int = 0
 
     @property
     def where(self) -> str:
@@ -79,7 +80,9 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
         yield Case(node.node_id, "store", says, level, result.plan.file, node.line)
     for finding in node.findings:
         level = "notice" if str(finding.severity) == "note" else "warning"
-        yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, node.line)
+        said = finding.complaint
+        line, column = (node.line, 0) if said is None else (said.line, said.column)
+        yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, line, column)
 
 
 def _lacking(lacking: Sequence[Lacked], file: str) -> Iterator[Case]:

@@ -25,7 +25,7 @@ def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeC
         for case in cases:
             if case.says and case.level == level:
                 text = f"{case.name} of {case.where}: {'; '.join(case.says)}"
-                yield workflow_command(command, case.file, case.line, case.where, text)
+                yield workflow_command(command, case.file, case.line, case.where, text, case.column)
     differing = sum(bool(case.says) for case in cases)
     yield f"{plural(len(cases), 'case')}, {plural(differing, 'notice')} or worse"
 

@@ -34,7 +34,8 @@ def _suite(where: str, cases: list[Case]) -> ET.Element:
         element = ET.SubElement(
             suite, "testcase", {"classname": safe(f"{case.file}.{where.replace(' ', '')}"), "name": safe(case.name)}
         )
-        text = "\n".join(map(safe, case.says))
+        place = f"{case.file}:{case.line}:{case.column}: " if case.column else ""
+        text = "\n".join(safe(f"{place}{said}") for said in case.says)
         if _fails(case):
             ET.SubElement(element, "failure", {"type": "differs", "message": safe(case.says[0])}).text = text
         elif case.level == "skipped":

@@ -47,4 +47,8 @@ def _suite(result: Report) -> ET.Element:
 
 
 def _text(result: Report, findings: list[FileFinding]) -> str:
-    return "\n".join(safe(f"{result.path}:{one.line}: {one.severity}: {one.text}") for one in findings)
+    return "\n".join(safe(f"{_place(result, one)}: {one.severity}: {one.text}") for one in findings)
+
+
+def _place(result: Report, found: FileFinding) -> str:
+    return f"{result.path}:{found.line}" + (f":{found.column}" if found.column else "")

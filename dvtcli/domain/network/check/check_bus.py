@@ -33,7 +33,7 @@ def _unlimited(network: CheckedNetwork) -> list[NetSpot]:
        "decide how much of the bus it takes", _TIMES)  # fmt: skip
 def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
     """A noisy value sends as fast as the device can; one robot's took three quarters of its bus."""
-    spots = _unlimited(network)
+    spots = frozenset(_unlimited(network))
     for node, pdo, config in network.tpdos:
         if at(node, pdo) not in spots:
             continue

@@ -12,6 +12,7 @@ from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.domain.network.stream import SYNCHRONOUS, Streams
+from dvtcli.domain.network.wanted_state import NOWHERE, Mark
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding
 
@@ -113,11 +114,14 @@ class CheckedNetwork:
     @cached_property
     def heard(self) -> tuple[Heard, ...]:
         """Every RPDO with each TPDO of another node that it hears."""
+        sent: dict[Identifier, list[tuple[NodeState, Pdo, PdoConfig]]] = {}
+        for one in self.tpdos:
+            sent.setdefault(identifier_of(one[2]), []).append(one)
         return tuple(
             Heard(consumer, rpdo, takes, producer, tpdo, sends)
             for consumer, rpdo, takes in self.rpdos
-            for producer, tpdo, sends in self.tpdos
-            if producer.node_id != consumer.node_id and identifier_of(takes) == identifier_of(sends)
+            for producer, tpdo, sends in sent.get(identifier_of(takes), ())
+            if producer.node_id != consumer.node_id
         )
 
     @cached_property
@@ -129,6 +133,16 @@ class CheckedNetwork:
     def sent(self) -> frozenset[Identifier]:
         """Every CAN-ID that a TPDO sends."""
         return frozenset(identifier_of(config) for _, _, config in self.tpdos)
+
+
+def mark_of(state: NetworkState, spot: NetSpot) -> Mark:
+    """Where the file of *state* speaks of the object at *spot*, else of its PDO, else of the node."""
+    node = None if spot.node_id is None else state.node(spot.node_id)
+    if node is None:
+        return NOWHERE
+    if spot.index is not None and (spot.index, spot.sub_index) in node.places:
+        return node.places[spot.index, spot.sub_index]
+    return node.mark if spot.pdo is None else node.marks.get(spot.pdo, node.mark)
 
 
 def at(node: NodeState, pdo: Pdo | None = None) -> NetSpot:

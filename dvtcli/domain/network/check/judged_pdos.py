@@ -12,11 +12,11 @@ from dvtcli.domain.services import taken_by_services
 
 
 def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
-    """What `map` would say if it were asked to make each PDO as it is, one after the other."""
+    """Tell what `map` would say of each PDO that is enabled, or that a file names, made one after the other."""
     before: dict[Pdo, PdoConfig] = {}
     emcy = node.number(EMCY_COB_ID)
     for pdo, config in sorted(node.pdos.items()):
-        if not config.enabled or config.inconsistency or config.mpdo is not None:
+        if (not config.enabled and pdo not in node.marks) or config.inconsistency or config.mpdo is not None:
             continue
         proposal = Proposal(
             node.node_id, pdo, blank(config), config, before, node.profile, node.dictionary,

@@ -30,6 +30,26 @@ CHECKS: list[Check[CheckedNetwork, NetSpot]] = [
 AGAINST_FILE: tuple[LintRule, ...] = tuple(
     one.rule for one in checks_of(check_nodes, check_boot, check_against_file) if one.rule.name != "nobody-starts"
 )
+#: Rules of networks that a rule of a change says with more: of one PDO they are said once.
+SAME_RULES: dict[str, tuple[str, ...]] = {
+    "one-producer": ("can-id-clash",),
+    **dict.fromkeys(
+        ("can-id-of-nmt", "can-id-of-sdo", "can-id-of-heartbeat", "can-id-of-lss", "can-id-reserved"),
+        ("can-id-restricted",),
+    ),
+    **dict.fromkeys(("can-id-of-sync", "can-id-of-emcy", "can-id-of-time"), ("can-id-in-use",)),
+    "rpdo-without-producer": ("rpdo-producer",),
+    "too-long": ("pdo-length",),
+    "heartbeat-and-guarding": ("link-guarded",),
+    "reserved-type": ("transmission-type",),
+    "hears-no-command": ("link-command",),
+    "hears-no-target": ("link-target",),
+    "part-of-object": ("link-part",),
+    "data-type": ("link-type",),
+    "unwatched-link": ("link-unwatched",),
+}
+#: Rules of networks that say more, or more strongly, what a rule of a change says of the same PDO.
+SUPERSEDED: dict[str, tuple[str, ...]] = dict.fromkeys(("frame-too-short", "frame-too-long"), ("consumer-length",))
 #: Every rule there is.
 NETWORK_RULES: tuple[LintRule, ...] = tuple(one.rule for one in CHECKS)
 

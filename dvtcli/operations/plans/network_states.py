@@ -5,11 +5,12 @@ Reads nodes, and writes nothing. Judges nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_number, sdo_channels
+from dvtcli.device.read_pdos import WHATEVER, read_number, read_pdo, sdo_channels
 from dvtcli.domain.network.network_state import (
     BOOT_TIME,
     CONCISE_DCF,
@@ -40,8 +41,10 @@ from dvtcli.errors import SdoAborted, SdoProtocolError
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
+    from dvtcli.domain.network.wanted_state import LinkWish, NetworkWish, NodeWish
+    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import SdoReader
+    from dvtcli.operations.session.session import Session
 
 #: What a load is computed from besides PDOs: index, sub-index, and its length in bytes.
 TIMING = (
@@ -61,9 +64,12 @@ _ARRAYS = {
 }  # fmt: skip
 
 
-def node_state(node: Node, *, for_rules: bool = False) -> NodeState:
-    """What *node* holds now; with *for_rules* also what only the rules of `check` look at. Raises as its reads do."""
-    pdos = dict(node.known_pdos())
+def node_state(node: Node, *, for_rules: bool = False, only_enabled: bool = False) -> NodeState:
+    """What *node* holds now; with *for_rules* also what only the rules of `check` look at. Raises as its reads do.
+
+    With *only_enabled* no PDO that is off is read.
+    """
+    pdos = node.observed(lambda: _enabled(node)) if only_enabled else dict(node.known_pdos())
     places = (*TIMING, *(JUDGED if for_rules else ()))
     arrays = _ARRAYS if for_rules else {CONSUMER_HEARTBEAT: 4}
     numbers = node.observed(lambda: dict(_numbers(node.memory, places, arrays)))
@@ -71,6 +77,23 @@ def node_state(node: Node, *, for_rules: bool = False) -> NodeState:
         numbers |= node.observed(lambda: sdo_channels(node.memory, node.dictionary))
     downloads = node.observed(lambda: dict(_downloads(node.memory))) if numbers.get((NMT_STARTUP, 0)) else {}
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
+
+
+def _enabled(node: Node) -> dict[Pdo, PdoConfig]:
+    cob_ids = node.known_cob_ids()
+    return {pdo: read_pdo(node.memory, pdo, WHATEVER) for pdo, cob_id in cob_ids.items() if cob_id.valid}
+
+
+def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
+    """What *nodes* hold now as far as a rule of `check` looks at it, read side by side; raises as their reads do."""
+    found: list[NodeState] = []
+
+    def read(node: Node) -> None:
+        found.append(node_state(node, for_rules=True, only_enabled=True))
+
+    for fault in session.bus.side_by_side([partial(read, node) for node in nodes]):
+        raise fault
+    return NetworkState(tuple(sorted(found, key=lambda one: one.node_id)))
 
 
 def timing_numbers(sdo: SdoReader) -> dict[Place, int]:
@@ -131,12 +154,24 @@ def _node_after(state: NodeState, plan: NodePlan | None, wish: NodeWish | None) 
     pdos = {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
     steps = (change.step for change in changes if isinstance(change, ValueChange))
     written = {(step.index, step.sub_index): int.from_bytes(step.after, "little") for step in steps}
-    after = replace(state, name=plan.name, pdos={**state.pdos, **pdos}, numbers={**state.numbers, **written})
+    after = replace(
+        state, name=plan.name, pdos={**plan.wanted, **state.pdos, **pdos}, numbers={**state.numbers, **written},
+        said=plan.findings,
+    )  # fmt: skip
     return after if wish is None else with_wish(after, wish)
+
+
+def with_link_marks(state: NetworkState, links: Sequence[LinkWish]) -> NetworkState:
+    """*state*, whose PDOs that only *links* of a file speak of have their places there, too."""
+    nodes = []
+    for node in state.nodes:
+        linked = {end.pdo: link.mark for link in links for end in link.ends if end.node_id == node.node_id}
+        nodes.append(replace(node, marks={**linked, **node.marks}) if linked else node)
+    return replace(state, nodes=tuple(nodes))
 
 
 def with_wish(state: NodeState, wish: NodeWish) -> NodeState:
     """*state* with where *wish* speaks of it, and the identity that it asks for."""
     asked = {name: getattr(wish.identity, name) for name in ("vendor", "product", "revision", "serial")}
     marks = {pdo.pdo: pdo.mark for pdo in wish.pdos}
-    return replace(state, name=wish.name, mark=wish.mark, marks=marks, asked=asked)
+    return replace(state, name=wish.name, mark=wish.mark, marks=marks, places=wish.marks, asked=asked)

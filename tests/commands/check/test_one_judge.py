@@ -1,0 +1,266 @@
+"""One judge: every command that judges a network file reports the same rules of the same state, each with its place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.commands.bench import Bench, Ran
+
+JUDGES = ("check", "plan", "diff", "apply", "verify")
+ON_THE_WAY = "plan", "apply"
+
+
+class Broken(NamedTuple):
+    """A network of gen4@1 and generic@5 in which *rule* is broken where § stands in what the file says."""
+
+    rule: str
+    marked: str
+    is_error: bool = True
+
+    @property
+    def text(self) -> str:
+        """What the file says."""
+        return self.marked.replace("§", "")
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Line and column of what breaks the rule."""
+        ahead = self.marked[: self.marked.index("§")]
+        return ahead.count("\n") + 1, len(ahead) - ahead.rfind("\n")
+
+
+def one(node: str, body: str) -> str:
+    """A file of one node, with the TPDOs of *body*."""
+    node_id = {"gen4": 1, "generic": 5}[node]
+    return f"a:\n  node_id: {node_id}\n  dcf: {node}\n  tpdo:\n      {body}\n"
+
+
+def pair(tpdo: str, rpdo: str) -> str:
+    """A file of both nodes: *tpdo* of node 1, and *rpdo* of node 5."""
+    return f"a: {{node_id: 1, dcf: gen4, tpdo: {{{tpdo}}}}}\nb: {{node_id: 5, dcf: generic, rpdo: {{{rpdo}}}}}\n"
+
+
+BROKEN = (
+    Broken("mappable", one("gen4", "1: {event_timer: 50, mapping: [6041, §1018:01]}")),
+    Broken("mappable", one("gen4", "3: {mapping: [§1018:01]}")),
+    Broken("pdo-length", one("gen4", "3: {§mapping: [606C, 606C, 606C]}")),
+    Broken("object-exists", one("gen4", "1: {mapping: [606C, §606C:07]}")),
+    Broken("object-exists", one("gen4", "3: {mapping: [§606C:07]}")),
+    Broken("can-id-restricted", one("generic", "1: {§cob_id: 0x601}")),
+    Broken("can-id-clash", one("generic", "2: {enabled: true, §cob_id: 0x185}")),
+    Broken("can-id-in-use", one("generic", "1: {§cob_id: 0x085}")),
+    Broken("parameter-range", one("gen4", "1: {§event_timer: 65535}")),
+    Broken("transmission-type", one("generic", "1: {§transmission: 245}")),
+    Broken("frame-too-short", pair("1: {cob_id: 0x1A1, mapping: [6041]}",
+                                   "§1: {cob_id: 0x1A1, mapping: [60FF, 6040]}")),
+    Broken("layout", pair("1: {cob_id: 0x1A1, mapping: [6041, 606C]}", "§1: {cob_id: 0x1A1, mapping: [60FF, 6040]}")),
+    Broken("heartbeat-too-short", "a: {node_id: 1, dcf: gen4, heartbeat_producer: 1000}\n"
+           "§b: {node_id: 5, dcf: generic, heartbeat_consumer: {1: 100}}\n"),
+    Broken("mapped-but-off", one("gen4", "§3: {mapping: [606C, 6041]}"), is_error=False),
+    Broken("mapped-but-off", one("gen4", "§3: {event_timer: 50}"), is_error=False),
+    Broken("unwatched-link", pair("1: {cob_id: 0x1A1, mapping: [606C, 6041]}",
+                                  "§1: {cob_id: 0x1A1, mapping: [60FF, 6040]}"), is_error=False),
+    Broken("unbounded-event-pdo", one("generic", "§1: {transmission: 255, event_timer: 0}"), is_error=False),
+    Broken("asked-nothing", "§a: {node_id: 5, dcf: generic}\n", is_error=False),
+)  # fmt: skip
+
+
+@pytest.fixture
+def both() -> Iterator[Bench]:
+    """A drive and a device of CiA 301, as new."""
+    with Bench(("gen4@1", "generic@5"), {"yes": True}) as made:
+        yield made
+
+
+def found(ran: Ran) -> set[tuple[str, str, int | None, int | None]]:
+    """Rule, severity, line and column of all that *ran* reported as JSON, whatever it ended with."""
+    document = ran.documents[-1]
+    if "files" in document:
+        said = [one for file in document["files"] for one in file["findings"]]
+    elif "findings" in document:
+        said = document["findings"]
+    else:
+        said = [one for node in document.get("nodes", ()) for one in node.get("findings", ())]
+    return {(one["rule"], one["severity"], one["line"], one["column"]) for one in said}
+
+
+@pytest.mark.parametrize("judge", JUDGES)
+@pytest.mark.parametrize("broken", BROKEN, ids=[f"{one.rule}-{n}" for n, one in enumerate(BROKEN)])
+def test_every_judge_reports_every_rule_with_its_place(broken: Broken, judge: str, both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(broken.text)
+    ran = both.run(f"{judge} {path} --json")
+    severity = "error" if broken.is_error else "warning"
+    if broken.is_error:
+        assert ran.code == (4 if judge == "check" else 1)
+    elif judge not in ON_THE_WAY and judge != "check":
+        assert ran.code in {0, 2, 3}  # `diff` and `verify` compare, and a warning keeps nothing from it
+        return
+    assert (broken.rule, severity, *broken.place) in found(ran), (found(ran), ran)
+
+
+@pytest.mark.parametrize("judge", JUDGES)
+def test_a_dcf_that_names_nothing_is_an_error_with_its_place(judge: str, both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text("a:\n  node_id: 1\n  dcf: gen4.ed\n  tpdo: {1: {event_timer: 50}}\n")
+    ran = both.run(f"{judge} {path}{' --strict' if judge == 'check' else ''}")
+    assert ran.code == 4
+    assert f"{path}:3:8: error: there is no {tmp_path / 'gen4.ed'}" in ran.stderr
+    assert "did you mean 'gen4'?" in ran.stderr
+    assert ran.stderr.splitlines()[3].endswith("|        ^^^^^^^")
+
+
+def test_a_dcf_is_found_beside_the_file_by_the_name_of_its_folder(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text('a: {node_id: 5, dcf: "@BUS_CONFIG_PATH@/own.eds", tpdo: {1: {event_timer: 50}}}\n')
+    assert both.run(f"check {path}").code == 4
+    assert both.run(f"export 5 {tmp_path / 'own.eds'}").code in {0, 2}
+    (tmp_path / "own.eds").write_bytes((Path(__file__).parents[3] / "dvtcli/families/generic/generic.eds").read_bytes())
+    assert both.run(f"check {path}").code == 0
+
+
+def test_of_nodes_without_a_dcf_it_is_said_once_that_rules_were_skipped(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text("a: {node_id: 7, tpdo: {1: {event_timer: 5}}}\nb: {node_id: 8, tpdo: {1: {event_timer: 5}}}\n")
+    (note,) = both.run(f"check {path} --json").document["files"][0]["notes"]
+    assert (note["line"], note["column"]) == (1, 1)
+    assert note["text"].startswith("no EDS is known of nodes 7, 8: rules that need an EDS were skipped")
+
+
+MANY = """\
+nodes:
+  a:
+    node_id: 1
+    dcf: gen4
+    tpdo:
+      1: {event_timer: 50, mapping: [nothing_like_it]}
+      2: {event_timer: 50, mapping: ['1018:01']}
+      3: {event_timer: 50, mapping: [606C, 606C, 606C]}
+  b:
+    node_id: 5
+    dcf: generic
+    tpdo:
+      1: {cob_id: 0x601}
+      2: {mapping: ['6041:07']}
+"""
+#: the lines of `MANY` in which something is wrong
+WRONG_LINES = [6, 7, 8, 13, 14]
+
+
+@pytest.mark.parametrize("judge", JUDGES)
+def test_all_errors_of_all_nodes_come_in_one_pass(judge: str, both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "many.yaml"
+    path.write_text(MANY)
+    ran = both.run(f"{judge} {path}")
+    text = ran.stdout + ran.stderr
+    assert ran.code == 4
+    for number in WRONG_LINES:
+        place = next(line for line in text.splitlines() if line.startswith(f"{path}:{number}:") and "error: " in line)
+        behind = text.splitlines()[text.splitlines().index(place) :]
+        column = int(place.split(":")[2])
+        caret = next(line for line in behind if set(line.strip()) <= set("|^ "))
+        assert caret.index("^") == len(f"{'':5} | ") + column - 1
+
+
+def test_formats_for_ci_carry_line_and_column(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(one("gen4", "3: {mapping: [606C, 606C, 606C]}"))
+    assert f"file={path},line=5,col=11," in both.run(f"check {path} --format github").stdout
+    sarif = json.loads(both.run(f"check {path} --format sarif").stdout)["runs"][0]["results"]
+    region = next(one for one in sarif if one["ruleId"] == "pdo-length")["locations"][0]["physicalLocation"]["region"]
+    assert (region["startLine"], region["startColumn"]) == (5, 11)
+    suites = ET.fromstring(both.run(f"check {path} --format junit").stdout)  # noqa: S314 - our own
+    case = next(one for one in suites.iter("testcase") if one.attrib["name"] == "pdo-length")
+    assert f"{path}:5:11: error: " in (case.findtext("failure") or "")
+
+
+def test_what_is_said_of_pdos_that_the_file_does_not_name_is_counted(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text("a: {node_id: 1, dcf: gen4, tpdo: {3: {enabled: false}}}\n")
+    ran, shown = (both.run(f"check {path} --strict{more} --json") for more in ("", " --all"))
+    (file,), (whole,) = ran.document["files"], shown.document["files"]
+    assert (ran.code, shown.code) == (0, 0), "they do not count for --strict, shown or not"
+    assert (file["findings"], file["folded"], whole["folded"]) == ([], len(whole["findings"]), 0)
+    assert file["folded"] > 1
+    assert {one["pdo"] for one in whole["findings"]} == {"tpdo1", "tpdo2", "rpdo2"}
+    assert (
+        f"; {file['folded']} more about PDOs that it does not name (--all shows them)"
+        in both.run(f"check {path}").stdout
+    )
+
+
+def test_an_error_of_a_pdo_that_the_file_does_not_name_is_not_folded(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(
+        "a: {node_id: 1, dcf: gen4, rpdo: {1: {enabled: true, cob_id: 0x185, mapping: [60FF, 60FF]}}}\n"
+        "b: {node_id: 5, dcf: generic, heartbeat_producer: 100}\n"
+    )
+    ran = both.run(f"check {path} --json")
+    assert ran.code == 4
+    assert {"error"} <= {one["severity"] for one in ran.document["files"][0]["findings"]}
+
+
+def test_a_warning_of_what_is_mapped_and_off_is_an_error_with_strict(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(one("gen4", "3: {event_timer: 50, mapping: [606C, 6041]}"))
+    assert both.run(f"check {path} --rule mapped-but-off").code == 0
+    assert both.run(f"check {path} --rule mapped-but-off --strict").code == 4
+    for word in ("enabled: true", "enabled: false"):
+        path.write_text(one("gen4", f"3: {{{word}, event_timer: 50, mapping: [606C, 6041]}}"))
+        assert "mapped-but-off" not in both.run(f"check {path}").stdout
+        assert "stays off" not in both.run(f"plan {path}").stderr
+    path.write_text(one("gen4", "1: {event_timer: 50}"))
+    assert "mapped-but-off" not in both.run(f"check {path}").stdout, "it is on"
+
+
+WORDS = st.sampled_from(["6041", "606C", "6040", "60FF", "1018:01", "6064", "6041:07", "dummy/8", "6061", "1001"])
+CAN_IDS = st.sampled_from([0x181, 0x185, 0x1A1, 0x085, 0x080, 0x601, 0x201, 0x301, 0x7E5, 0x701])
+
+
+@st.composite
+def pdo_keys(draw: st.DrawFn) -> dict[str, Any]:
+    """Some keys of a PDO, right and wrong."""
+    keys: dict[str, Any] = {}
+    if draw(st.booleans()):
+        keys["enabled"] = draw(st.booleans())
+    if draw(st.booleans()):
+        keys["cob_id"] = draw(CAN_IDS)
+    if draw(st.booleans()):
+        keys["mapping"] = draw(st.lists(WORDS, min_size=1, max_size=4))
+    if draw(st.booleans()):
+        keys["transmission"] = draw(st.sampled_from([0, 1, 240, 245, 253, 254, 255]))
+    return keys
+
+
+@st.composite
+def network_files(draw: st.DrawFn) -> dict[str, Any]:
+    """A network file of both nodes, as JSON, which is YAML."""
+    numbers = st.dictionaries(st.sampled_from(["1", "2", "3"]), pdo_keys(), max_size=2)
+    nodes: dict[str, Any] = {}
+    for name, node_id, family in (("a", 1, "gen4"), ("b", 5, "generic")):
+        nodes[name] = {"node_id": node_id, "dcf": family, "tpdo": draw(numbers), "rpdo": draw(numbers)}
+    return {"nodes": nodes}
+
+
+def errors(ran: Ran) -> set[tuple[str, int | None, int | None]]:
+    return {(rule, line, column) for rule, severity, line, column in found(ran) if severity == "error"}
+
+
+@settings(max_examples=40, deadline=None)
+@given(network_files())
+def test_check_and_plan_agree_on_errors(file: dict[str, Any]) -> None:
+    """Offline, by the EDS of a family, and with nodes as new from it."""
+    path = Path("drawn.yaml")
+    path.write_text(f"# drawn\n{json.dumps(file, indent=1)}\n")
+    with Bench(("gen4@1", "generic@5")) as bench:
+        planned, checked = bench.run(f"plan {path} --json"), bench.run(f"check {path} --json")
+    assert errors(planned) == errors(checked), path.read_text()
+    assert (planned.code != 0) == (checked.code != 0)
