@@ -5,7 +5,7 @@ Knows configurations. Computes no time on the wire, reads no node. What cannot b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.network.network_state import (
@@ -50,8 +50,11 @@ def streams_of(state: NetworkState, what_if: WhatIf | None = None) -> Streams:
     what_if = what_if or WhatIf()
     sync_us = what_if.sync_us or min(state.sync_periods_us, default=None)
     found = [*_syncs(state, what_if), *_times(state)]
+    takes: dict[Identifier, list[PdoConfig]] = {}
+    for _, _, config in state.enabled(is_tpdo=False):
+        takes.setdefault(identifier_of(config), []).append(config)
     for node in state.nodes:
-        found += _tpdos(state, node, sync_us, what_if)
+        found += _tpdos(takes, node, sync_us, what_if)
         found += _error_control(state, node)
         found += _emcy(node, what_if)
     found += _master(state, sync_us)
@@ -87,7 +90,10 @@ def _times(state: NetworkState) -> Iterator[Stream]:
             yield Stream("time", "TIME", frame, "assumed", node.node_id, deadline_us=TIME_US, assumed=True)
 
 
-def _tpdos(state: NetworkState, node: NodeState, sync_us: int | None, what_if: WhatIf) -> Iterator[Stream]:
+def _tpdos(
+    takes: Mapping[Identifier, Sequence[PdoConfig]], node: NodeState, sync_us: int | None, what_if: WhatIf
+) -> Iterator[Stream]:
+    """The TPDOs of *node*; *takes* are all enabled RPDOs by what they wait for."""
     for pdo, config in sorted(node.pdos.items()):
         kind = config.communication.transmission_type
         if not pdo.is_tpdo or not config.enabled or kind in ON_RTR:
@@ -96,7 +102,9 @@ def _tpdos(state: NetworkState, node: NodeState, sync_us: int | None, what_if: W
         inhibit = what_if.inhibit.get(end, config.communication.inhibit_time or 0) * _100_US
         period_us, why = _period(kind, inhibit, (config.communication.event_timer or 0) * _MS, sync_us)
         window = (node.number(SYNC_WINDOW) or None) if kind in SYNCHRONOUS else None
-        deadline = None if period_us is None else min([period_us, *_waits(state, config, period_us)])
+        deadline = (
+            None if period_us is None else min([period_us, *_waits(takes.get(identifier_of(config), ()), period_us)])
+        )
         frame = _frame(identifier_of(config), data_bytes(config), period_us)
         yield Stream("tpdo", pdo.label, frame, why, node.node_id, pdo, deadline, window)
 
@@ -121,11 +129,11 @@ def _period(kind: int | None, inhibit_us: int, timer_us: int, sync_us: int | Non
     return None, NO_LIMIT if kind in EVENT_DRIVEN else f"type {'unknown' if kind is None else kind}"
 
 
-def _waits(state: NetworkState, sent: PdoConfig, period_us: Time) -> Iterator[Time]:
+def _waits(consumers: Sequence[PdoConfig], period_us: Time) -> Iterator[Time]:
     """How much later than its period the consumers take it: their event timer (an RPDO's deadline), without that."""
-    for _, _, heard in state.enabled(is_tpdo=False):
+    for heard in consumers:
         patience_us = (heard.communication.event_timer or 0) * _MS
-        if patience_us > period_us and identifier_of(heard) == identifier_of(sent):
+        if patience_us > period_us:
             yield patience_us - period_us
 
 

@@ -13,8 +13,9 @@ from dvtcli.domain.several import plural, several
 def without_producer(state: NetworkState) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
     """The enabled RPDOs whose frames no node sends, one for each COB-ID."""
     seen: set[Identifier] = set()
+    sent = {identifier_of(config) for _, _, config in state.enabled(is_tpdo=True)}
     for node, pdo, config in state.enabled(is_tpdo=False):
-        if not state.producers(identifier_of(config)) and identifier_of(config) not in seen:
+        if identifier_of(config) not in sent and identifier_of(config) not in seen:
             seen.add(identifier_of(config))
             yield node, pdo, config
 

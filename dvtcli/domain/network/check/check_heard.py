@@ -90,9 +90,12 @@ def sync_uneven(network: CheckedNetwork) -> NetFound:
 
 def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
     """In words, how much more often frames of *kind* came than what is held has room for; empty where they did not."""
-    traffic, streams = network.traffic, _streams(network, kind, identifier)
-    most = most_frames(streams, traffic.seconds) if traffic is not None and streams else None
-    if traffic is None or most is None or traffic.count(identifier) <= most:
+    traffic = network.traffic
+    if traffic is None:
+        return ""
+    streams = _streams(network, kind, identifier)
+    most = most_frames(streams, traffic.seconds) if streams else None
+    if most is None or traffic.count(identifier) <= most:
         return ""
     rate = sum(1_000_000 / float(one.frame.period_us) for one in streams if one.frame.period_us)
     return f"{traffic.rate_hz(identifier):.1f} a second were heard, {rate:.1f} are to come at most"
