@@ -411,8 +411,8 @@ def test_what_is_refused_there_too_is_as_it_was_and_the_node_runs_again(abort: i
 
 
 def test_that_it_went_there_and_back_is_a_finding() -> None:
-    with Wire(gated("generic", 0x08000022)) as wire:
-        with Bench((), {**wire.options, "yes": True, "eds": str(family_eds("generic"))}) as bench:
-            assert bench.run("nmt start").code == 0
-            document = bench.run("set tpdo1 --timer 30 --json").document
+    options = {"yes": True, "eds": str(family_eds("generic"))}
+    with Wire(gated("generic", 0x08000022)) as wire, Bench((), {**wire.options, **options}) as bench:
+        assert bench.run("nmt start").code == 0
+        document = bench.run("set tpdo1 --timer 30 --json").document
     assert "pre-operational-first" in [finding["rule"] for finding in document["findings"]]
