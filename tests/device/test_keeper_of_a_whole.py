@@ -238,8 +238,9 @@ def test_a_folder_that_takes_nothing_is_the_users_to_mend(keep: Keep, tmp_path: 
     (tmp_path / "state").write_text("in the way", "utf-8")
     with pytest.raises(SafetyRefusal) as caught:
         one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
-    assert caught.value.text == "the journal of node 5 cannot be kept: File exists"
-    assert str(tmp_path / "state") in (caught.value.place or "")
+    state = tmp_path / "state"
+    assert caught.value.text == f"{state} is not used: it is a file, and no folder"
+    assert (caught.value.place, caught.value.hint) == (str(state), f"mv {state} {state}.old")
     (tmp_path / "state").unlink()
     make(one, 0x2001)
     assert indices(one) == [0x2001], "what was never begun is not put back"

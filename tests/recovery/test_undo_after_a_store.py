@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.process import PATIENCE_S
 
 
 @pytest.fixture(autouse=True)
@@ -21,6 +23,13 @@ def in_a_process(wire: Wire, *lines: str) -> list[dict[str, Any]]:
         ran = bench.script(*(f"{line} --json" for line in lines))
         assert ran.code == 0, ran
         return ran.documents
+
+
+def heard_boot_up(wire: Wire) -> None:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not any((frame.arbitration_id, bytes(frame.data)) == (0x701, b"\0") for frame in wire.frames()):
+        assert time.monotonic() < deadline_s, "no boot-up message"
+        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("line", ["set tpdo1 --timer 70", "write 1017 1000"])
@@ -42,7 +51,9 @@ def test_a_restart_takes_it_and_then_it_is_no_change() -> None:
     with Wire(node) as wire:
         for line in ("set tpdo1 --timer 70", "store", "undo"):
             in_a_process(wire, line)
+        wire.frames()
         wire.power_cycle(node)
+        heard_boot_up(wire)  # a process that meets the node before that sees it restart, and stores nothing
         (stored,) = in_a_process(wire, "store")
     assert stored["changed"] == []
 

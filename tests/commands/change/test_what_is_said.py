@@ -76,12 +76,12 @@ def test_a_reset_without_a_boot_up_but_with_heartbeats_tells_the_state() -> None
     from dvtcli.device.nmt_gate import Access
     from dvtcli.device.resets import reset_and_wait
     from dvtcli.errors import NoAnswer
+    from tests.device.test_reset import WithoutSdo
     from tests.laws.bench import NODE, dictionary, profile
-    from tests.virtual_time import VirtualTimeBus
 
     device = Quiet(dictionary("generic"), load_family("generic"), NODE)
     device.set_value(0x1017, 0, b"\x64\0")
-    bus = VirtualTimeBus([device])
+    bus = WithoutSdo([device])  # any answer would end the wait
     with pytest.raises(NoAnswer) as caught:
         reset_and_wait(Access(bus, NODE, profile("generic")), NmtCommand.RESET_NODE)
     assert (caught.value.state_text or "").startswith("PRE-OPERATIONAL, as its heartbeat says")

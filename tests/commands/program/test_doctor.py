@@ -150,7 +150,8 @@ def test_a_broken_profile_and_a_folder_that_is_none_fail(tmp_path: Path) -> None
     (own / "mine.toml").unlink()
     (tmp_path / "file").touch()
     code, found = doctor(tmp_path, "--journal", str(tmp_path / "file" / "below"))
-    assert (code, found["state"]["verdict"]) == (1, "fail")
+    assert (code, found["state"]["verdict"]) == (6, "fail")
+    assert f"{tmp_path / 'file'} is not used: it is a file, and no folder" in found["state"]["text"]
 
 
 def test_an_interrupted_change_is_told(tmp_path: Path) -> None:
