@@ -110,6 +110,7 @@ class Applier(Changeable):
         from dvtcli.domain.plan import alters
 
         self._heard(boot_ups)
+        self.await_no_restart()
         self.gate.done.append(set_words(plan))
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if kept and not saves and any(map(alters, plan.changes)):

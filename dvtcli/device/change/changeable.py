@@ -5,6 +5,7 @@ Does not know what is changed, nor what can be undone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -47,6 +48,8 @@ class Changeable(KnownPdos):
     takes_store: bool | None = None
     #: whether the user of the line that runs was told that it restarted
     told_restart: bool = False
+    #: whether its user is to restart it, for the defaults that it was asked for, and nothing was changed since
+    awaits_restart: bool = False
     _habits: Habits | None = None
 
     @property
@@ -107,6 +110,17 @@ class Changeable(KnownPdos):
 
             self.told_restart = True
             raise restarted_since_read(self.node_id, self.pending.unstored)
+
+    def await_restart(self) -> None:
+        """Its user was told to restart it, whenever that may be: no line is refused for that restart."""
+        self.awaits_restart = True
+        self.bus.order_restart(self.node_id, math.inf)
+
+    def await_no_restart(self) -> None:
+        """It was changed since its user was told to restart it: a restart takes that, and is told as any other."""
+        if self.awaits_restart:
+            self.awaits_restart = False
+            self.bus.order_restart(self.node_id, -math.inf)
 
     def end_of_line(self, *, failed: bool = False) -> bool:
         """End a line that read the node, or *failed*: the next line may write to it also if it restarted by now.

@@ -168,6 +168,8 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     node.pending.forget(done.sub_index)
     if proof is not None:
         node.pending.was_restored(len(node.history))
+    else:
+        node.await_restart()
     if not session.dry_run:
         session.record.add(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
     return Stored(

@@ -60,3 +60,18 @@ def test_a_store_after_a_restore_and_a_power_cycle_is_legitimate() -> None:
         assert bench.session.node().bus.wait_boot_up(1, boot_ups, 5.0)
         ran = bench.run("store")
         assert ran.code == 0, ran.stderr
+        wire.power_cycle(node)
+        assert bench.session.node().bus.wait_boot_up(1, boot_ups + 1, 5.0)
+        assert bench.run("store").code == 6, "nobody was told to do that"
+
+
+def test_what_is_changed_between_a_restore_and_a_power_cycle_is_lost_and_that_is_told() -> None:
+    node = device("generic")
+    with Wire(node) as wire, Bench((), {**wire.options, "yes": True}) as bench:
+        assert bench.run("restore").code == 0
+        assert bench.run("map tpdo1 6064 606C").code == 0
+        boot_ups = bench.session.node().bus.boot_ups(1)
+        wire.power_cycle(node)
+        assert bench.session.node().bus.wait_boot_up(1, boot_ups, 5.0)
+        ran = bench.run("set tpdo1 --timer 70")
+        assert (ran.code, "restarted since it was read" in ran.stderr) == (6, True), ran.stderr
