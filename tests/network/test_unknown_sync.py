@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import RuleError
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.sync.unknown_sync import ShortFrames
@@ -53,7 +54,12 @@ def test_plan_notes_what_passes_while_it_reads(tmp_path: Path) -> None:
 
 
 def test_one_with_another_can_id_is_noted_where_a_node_waits_for_it(tmp_path: Path) -> None:
-    assert noted(tmp_path, 9, 0x07A) == (0x07A,)
+    assert noted(tmp_path, 9, 0x0A0) == (0x0A0,)
+
+
+def test_one_with_a_reserved_can_id_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(RuleError, match="node 1: SYNC 0x07A is reserved"):
+        noted(tmp_path, 9, 0x07A)
 
 
 def test_one_of_a_node_is_none(tmp_path: Path) -> None:
