@@ -91,7 +91,7 @@ def test_an_event_timer_moves_no_other_pdo_and_reads_none(tmp_path: Path) -> Non
     [
         ("reset-after-read@20=0", [MAP, "store"], "TPDO1 is not as it was read back"),
         ("corrects@7=0.2", [MAP, "sync --period 20 --count 20", "store"], "TPDO1: COB-ID is 0x"),
-        ("alters@7=1A01:01:0x60610008", [MAP, "store"], "TPDO2: 0x1A01 maps 6061:00/8"),
+        ("alters@7=1A01:01:0x60610008", [MAP, "store"], "TPDO2: 0x1A01 is 6061:00/8 6061:00/8, expected 6041:00/16"),
     ],
 )
 def test_what_is_no_longer_so_is_not_stored(tmp_path: Path, fault: str, lines: list[str], told: str) -> None:

@@ -18,6 +18,16 @@ from tests.network.test_many_nodes import Unheard, many
 PDOS = [Pdo.parse(f"{direction}{number}") for direction in ("tpdo", "rpdo") for number in range(1, 5)]
 
 
+#: what the rules of networks look at beside PDOs (`node_state`): SYNC, guarding, TIME, EMCY, and heartbeats
+TIMING = ("1005:00", "1006:00", "1007:00", "1019:00", "100C:00", "100D:00", "1012:00", "1014:00", "1015:00", "1016:00",
+          "1016:01", "1017:00")  # fmt: skip
+#: who it is, what it does after an error, and whether it is the NMT master, and of whom
+JUDGED = ("1018:01", "1018:02", "1018:03", "1018:04", "1029:01", *(f"1F8{number}:00" for number in range(10)))
+#: of a node that is written: whether a write makes its stamp void
+STAMP = "1020:01"
+ONCE = Counter((*TIMING, *JUDGED))
+
+
 class Counted(Unheard):
     """Counts the SDO uploads of each node before its first download, and after it, by object."""
 
@@ -64,7 +74,7 @@ def test_where_all_pdos_change_each_is_read_whole_twice_after_that(tmp_path: Pat
         before, after, own = of(PDOS, bus.before[node_id]), of(PDOS, bus.after[node_id]), cob_ids(PDOS)
         assert {before[one] for one in set(before) - own} == {2}, "by the plan, and once more by who carries it out"
         assert max(before.values()) <= 3, "what the others send is looked at for their CAN-IDs"
-        assert bus.before[node_id].total() - before.total() <= 8, "who it is, and the CAN-IDs of its SYNC and EMCY"
+        assert bus.before[node_id] - before == ONCE + Counter([STAMP]), "what the rules of networks need, each once"
         assert {after[one] for one in set(after) - own} <= {1, 2}, "before it is enabled, and at the end"
         assert {after[one] for one in own} <= {2, 3, 4}, "off, written, on, and at the end"
         assert after.total() == bus.after[node_id].total(), "nothing else is of interest by then"
@@ -78,5 +88,12 @@ def test_the_others_are_told_by_their_cob_ids_around_each_part(tmp_path: Path) -
     others = [pdo for pdo in PDOS if pdo != PDOS[0]]
     after = of(others, bus.after[1])
     assert set(after) == cob_ids(others), "what another PDO has become is looked at on the wire, after the last write"
-    assert set(of(PDOS, bus.before[2])) <= cob_ids(PDOS), "which CAN-IDs are in use"
+    before, own = of(PDOS, bus.before[2]), cob_ids(PDOS)
+    enabled = {place for pdo in (PDOS[0], PDOS[1], PDOS[4], PDOS[5]) for place in of([pdo], before)}
+    assert set(before) <= own | enabled, (
+        "which CAN-IDs are in use, and what PDOs that are on send and take, for the rules"
+    )
+    assert {before[one] for one in set(before) - own} == {1}, "nobody carries anything out there"
+    assert max(before.values()) <= 2, "and what the others send is looked at for their CAN-IDs"
+    assert bus.before[2] - before == ONCE, "what the rules of networks need, each once"
     assert not bus.after[2]
