@@ -155,8 +155,6 @@ def _planned_wish(
         planned = _judged(session, met, read, log)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
-    if (met.failures or failures is not None) and lacked.found:
-        met.failures.append(lacking_error(lacked.found))
     planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
     nodes = (
         _with_nothing_asked(replace(one, lacks=lacked.of(one.node_id), boot_ups=met.boot_ups[one.node_id]), wish, log)
@@ -167,6 +165,10 @@ def _planned_wish(
         plan = judged_network(session, plan, wish, log)
     if not session.options.force:
         met.failures += refusals(plan.nodes)
+    if (met.failures or failures is not None) and lacked.found:
+        lacking = lacking_error(lacked.found)
+        lacking.findings = tuple(replace(one.finding, complaint=one.complaint) for one in lacked.found)
+        met.failures.append(lacking)
     if failures is None:
         met.end()
     else:
