@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 from pathlib import Path
 from typing import BinaryIO
 
@@ -59,7 +60,6 @@ def _head(path: Path | str, count: int) -> bytes:
         if pipe in _from_pipes:
             return _from_pipes[pipe]
         _wait_for_first_byte(path, descriptor)
-        os.set_blocking(descriptor, True)
         _from_pipes[pipe] = file.read(max(count, _MOST_FROM_PIPE))
         return _from_pipes[pipe]
 
@@ -70,7 +70,6 @@ def _opened(path: Path | str) -> int:
     try:
         if stat.S_ISFIFO(os.fstat(descriptor).st_mode):
             _wait_for_first_byte(path, descriptor)
-            os.set_blocking(descriptor, True)
     except BaseException:
         os.close(descriptor)
         raise
@@ -90,18 +89,17 @@ def _open_without_waiting(path: Path | str) -> int:
     raise InputFileError(f"{path} is a device, no file", place=str(path), hint="name a file or a pipe")
 
 
-def _is_readable(descriptor: int, timeout_s: float) -> bool:
-    """Whether a read would not wait: something has come, or the writer has gone."""
+def _wait_for_first_byte(path: Path | str, descriptor: int) -> None:
+    """Wait until a read of the pipe would not wait: something has come, or its writer has gone."""
+    if sys.platform == "win32":
+        return  # no path there leads to a pipe that is opened without waiting
     import select
 
     poll = select.poll()
     poll.register(descriptor, select.POLLIN)
-    return bool(poll.poll(timeout_s * 1000))
-
-
-def _wait_for_first_byte(path: Path | str, descriptor: int) -> None:
-    if not _is_readable(descriptor, FIRST_BYTE_S):
+    if not poll.poll(FIRST_BYTE_S * 1000):
         raise InputFileError(
             f"{path}: nothing came from this pipe within {FIRST_BYTE_S:g} s", place=str(path),
             hint="start what writes into it, or name a file",
         )  # fmt: skip
+    os.set_blocking(descriptor, True)
