@@ -31,17 +31,18 @@ def final_verify(
     changes: Changes,
     boot_ups: Mapping[int, int],
     verify_others: Callable[[], None] = lambda: None,
+    refuse_restarted: Callable[[], None] = lambda: None,
 ) -> list[BaseException]:
     """Read everything that is claimed; faults if a node restarted since *boot_ups*, or holds something else.
 
     *changes* are the claims by node-ID: each node is read, since one that restarts does not always say so.
-    *verify_others* reads what is claimed besides.
+    *verify_others* reads what is claimed besides; *refuse_restarted* reads it again of who restarted since then.
     """
     restarted = partial(_refuse_restarted, nodes, boot_ups)
     return (
         one_by_one([restarted, verify_others])  # the others first: a restart that is not told shows in what was written
         or session.bus.side_by_side([partial(refuse_lost, nodes[node_id], some) for node_id, some in changes.items()])
-        or one_by_one([restarted])  # once more: what was read of the first ones may be lost by now
+        or one_by_one([refuse_restarted, restarted])  # once more: what was read of the first ones may be lost by now
     )
 
 
@@ -50,12 +51,14 @@ class AlsoClaimed:
     """What is claimed beside the plans that are carried out, and how many nodes store next.
 
     *held* is what each node is to hold and held before, by node-ID; *verify_others* reads what is claimed besides,
-    as of nodes to which nothing is written, and raises if that is not so.
+    as of nodes to which nothing is written, and raises if that is not so; *refuse_restarted* does so of those of them
+    that restarted since then.
     """
 
     held: Mapping[int, Sequence[Change]] = field(default_factory=dict)
     stores: int = 0
     verify_others: Callable[[], None] = lambda: None
+    refuse_restarted: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True, slots=True)

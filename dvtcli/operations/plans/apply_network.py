@@ -70,7 +70,9 @@ def apply_network(
         _refuse_any_stale(session, nodes, planned, kept=asked and not session.options.yes)
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
-        also = AlsoClaimed(claims.held(), sum(one.stores for one in planned), claims.verify_others)
+        also = AlsoClaimed(
+            claims.held(), sum(one.stores for one in planned), claims.verify_others, claims.refuse_restarted
+        )
         findings = {one.node_id: one.findings for one in planned}
         with claims.rolled_back_whole():
             course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)

@@ -53,20 +53,27 @@ class Claims:
 
         Restarted if a node restarted and lost what was planned from, DeviceRefused if it holds something else.
         """
-        equal = [one for one in self.planned if not (len(one.plan) or one.stores)]
+        equal = self._equal()
         reads = [partial(_refuse_unequal, self.nodes[one.node_id], one) for one in equal if one.is_read]
         reads += [partial(_refuse_altered, self.nodes[one.node_id], one) for one in self.planned if one.also_held]
         for _ in range(MOST_LOOKS):
-            try:
-                self.refuse_lost({one.node_id for one in equal})
-            except SafetyRefusal as lost:
-                hint = "look at its supply, then try again"
-                raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
+            self.refuse_restarted()
             self._side_by_side(reads)
             restarted = [one.node_id for one in equal if self._has_restarted(one)]
             if not restarted:  # what was read of the first ones may be lost by now
                 return
         raise _restarts(restarted[0])
+
+    def refuse_restarted(self) -> None:
+        """Restarted if a node to which nothing is written restarted and lost what was planned from."""
+        try:
+            self.refuse_lost({one.node_id for one in self._equal()})
+        except SafetyRefusal as lost:
+            hint = "look at its supply, then try again"
+            raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
+
+    def _equal(self) -> list[NodePlan]:
+        return [one for one in self.planned if not (len(one.plan) or one.stores)]
 
     def refuse_lost(self, of: Collection[int] | None = None) -> None:
         """SafetyRefusal if one of the nodes *of*, None for all, restarted and is not as it was planned from."""
