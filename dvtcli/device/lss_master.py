@@ -31,6 +31,8 @@ _SCANS = 5
 #: how often a node that was found may be found again before every branch is asked: it answers in any state
 _AGAIN = 3
 _HIGHEST_BIT = lss.BITS - 1
+#: node-IDs that a bus has: more branches than that are answers to everything, and no nodes
+_MOST_NODES = 127
 
 
 class LssMaster:
@@ -253,7 +255,7 @@ class LssMaster:
         return [LssAddress(*parts) for parts in known]
 
     def _numbers_behind(self, before: tuple[int, ...], wait_s: float) -> list[int]:
-        """What the next part is of the nodes whose first parts are *before*; empty if an answer was lost."""
+        """What the next part is of the nodes whose first parts are *before*; empty if the answers are of no nodes."""
         part = len(before)
         if not self._anybody(wait_s):
             return []
@@ -269,6 +271,8 @@ class LssMaster:
                 if not answered:
                     return []
                 longer += answered
+            if len(longer) > _MOST_NODES:
+                return []
             prefixes = longer
         return prefixes
 
