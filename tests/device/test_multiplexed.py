@@ -176,7 +176,7 @@ def test_one_is_no_other_pdo_and_no_empty_one(made: Callable[[int], Bench]) -> N
         assert text == f"0x1A00:00 (count) is {held.count}, expected {wanted.count}"
     bench.device.set_value(*FIRST, bytes(4))
     (text,) = differences(TPDO1, other, bench.node.pdo(TPDO1))
-    assert text.startswith("0x1A00:01 holds ")
+    assert text.startswith("0x1A00:01 is ")
     assert differences(TPDO1, other, other) == []
 
 

@@ -11,7 +11,7 @@ from dvtcli.device.compare import differences
 from dvtcli.device.read_pdos import (
     WHATEVER,
     exists,
-    learnt_lengths,
+    learnt_objects,
     present_pdos,
     read_identity,
     read_number,
@@ -177,11 +177,14 @@ def test_lengths_are_learnt_of_objects_and_not_of_gaps() -> None:
     words = (0x6041_0010, 0x0005_0008, 0x2345_0120)
     asked: list[tuple[int, int]] = []
 
-    def length_of(index: int, sub_index: int) -> int | None:
+    def upload(index: int, sub_index: int) -> bytes:
         asked.append((index, sub_index))
-        return 16 if index == 0x6041 else None
+        if index == 0x6041:
+            return bytes(2)
+        raise SdoAborted(index, sub_index, 0x0602_0000)
 
-    assert learnt_lengths(map(PdoMappingEntry.from_raw, words), length_of) == {(0x6041, 0): 16}
+    lengths, absent = learnt_objects(map(PdoMappingEntry.from_raw, words), upload)
+    assert (lengths, absent) == ({(0x6041, 0): 16}, {(0x2345, 1): 0x0602_0000})
     assert asked == [(0x6041, 0), (0x2345, 1)]
 
 

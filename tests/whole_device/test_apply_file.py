@@ -460,7 +460,7 @@ def test_a_number_is_written_alike_by_diff_compare_and_verify(tmp_path: Path) ->
         diff, compared, verified = (bench.run(f"{line} {file}").stdout for line in ("diff", "compare", "verify"))
         assert "2001:00 (holds 50000, the file says 1300)" in diff
         assert re.search(r"2001:00  Maximum speed +1300 +50000", compared)
-        assert "0x1014:00  0x80000085 -> 0x00000085" in diff
+        assert "0x1014:00  is 0x80000085, expected 0x00000085" in diff
         assert re.search(r"1014:00  COB-ID EMCY +0x00000085 +0x80000085", compared)
         assert "2001:00  is 50000, expected 1300; apply does not write it" in verified
         assert "1014:00  is 0x80000085, expected 0x00000085" in verified

@@ -306,7 +306,7 @@ def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Findi
         if sets and pdo.enabled is None and pdo.pdo in wanted and not wanted[pdo.pdo].enabled:
             given = " and ".join(sets)
             text = f"{pdo.pdo.label} is off and stays off: the file gives it {given}"
-            hint = "`enabled: true` switches it on; `enabled: false` says that it is meant to stay off"
+            hint = "enabled: true in the file switches it on; enabled: false says that it is meant to stay off"
             yield warning("mapped-but-off", f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
 
 
