@@ -295,6 +295,24 @@ def test_a_pdo_that_only_compact_pdo_describes_gets_its_sections() -> None:
     assert b"[OptionalObjects]\nSupportedObjects=2\n1=0x1801\n2=0x1A01\n" in made.data
 
 
+@pytest.mark.parametrize("name", ["MandatoryObjects", "OptionalObjects", "ManufacturerObjects"])
+def test_a_pdo_that_only_compact_pdo_describes_is_named_once(name: str) -> None:
+    """Whichever list of the EDS names it already: it was named twice there, or dropped from it as undescribed."""
+    others = [one for one in ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects") if one != name]
+    empty = "".join(f"[{one}]\nSupportedObjects=0\n" for one in others)
+    text = SHORT.replace("VendorName=Example\n", "NrOfTXPDO=2\nCompactPDO=0x03\n").replace(
+        "[MandatoryObjects]\nSupportedObjects=2\n1=0x2000\n2=0x2001\n",
+        f"{empty}[{name}]\nSupportedObjects=3\n1=0x2000\n2=0x2001\n3=0x1801\n",
+    )
+    values = {(0x1801, 1): (0xC000_0285).to_bytes(4, "little"), (0x1A01, 0): b"\x00"}
+    made = write_dcf(text.encode(), "short.eds", values, DEVICE)
+    lines = made.data.decode().splitlines()
+    assert made.left_out == {}
+    assert sum(line.endswith("=0x1801") for line in lines) == 1
+    assert sum(line.endswith("=0x1A01") for line in lines) == 1
+    assert unlike(parse_eds(made.data, "b.dcf").dictionary, values) == []
+
+
 def test_odd_blanks_of_the_line_before_are_not_copied() -> None:
     """`CreatedBy=  somebody` is somebody's slip, `Key = value` how a file is written."""
     for before, after in (

@@ -5,7 +5,7 @@ Does not know what else is in a file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from dvtcli.domain.object_dictionary import OdObject
@@ -32,9 +32,11 @@ def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes])
         if index in eds.dictionary:
             for section in object_sections(_with_values(eds.dictionary[index], values, left_out)):
                 text.insert(text.last_line, ["", *section.split("\n")])
-    described = [index for index in added if index in eds.dictionary]
+    described = {index for index in added if index in eds.dictionary}
+    unnamed = sorted(described - _named(eds.layout))
     for name in OBJECT_LISTS:
-        dropped = _write_list(eds.layout, text, name, described if name == _OPTIONAL else ())
+        known = eds.layout.objects.keys() | described
+        dropped = _write_list(eds.layout, text, name, known, unnamed if name == _OPTIONAL else ())
         left_out |= {(index, 0): "a list names it, and no section describes it" for index in dropped}
     unknown = {place for place in values if place[0] in added and eds.dictionary.entry(*place) is None}
     return left_out | dict.fromkeys(unknown, "the file does not describe it")
@@ -52,8 +54,15 @@ def _with_values(one: OdObject, values: Mapping[Place, bytes], left_out: dict[Pl
     return replace(one, entries=entries)
 
 
-def _write_list(layout: Layout, text: EditedText, name: str, added: Sequence[int]) -> list[int]:
-    """Name *added* at the end of the list *name*, and drop from it what no section describes; what was dropped.
+def _named(layout: Layout) -> set[int]:
+    """The indices that the file's lists of objects name."""
+    lists = (section_values(layout.device.get(name, ()), Findings()) for name in OBJECT_LISTS)
+    indices = (_index(value.value) for keys in lists for key, value in keys.items() if key.isdecimal())
+    return {index for index in indices if index is not None}
+
+
+def _write_list(layout: Layout, text: EditedText, name: str, known: Collection[int], added: Sequence[int]) -> list[int]:
+    """Name *added* at the end of the list *name*, and drop from it what is not *known* by a section; what was dropped.
 
     Whoever reads the file takes it for cut short if its lists name objects to the end that have no section.
     """
@@ -63,7 +72,6 @@ def _write_list(layout: Layout, text: EditedText, name: str, added: Sequence[int
     keys = section_values(parts, Findings())
     counts = [value for key, value in keys.items() if key.replace(" ", "") == _COUNT]
     rows = [value for key, value in keys.items() if key.isdecimal()]  # other keys are whoever wrote them's
-    known = layout.objects.keys() | set(added)
     kept = [row for row in rows if (index := _index(row.value)) is None or index in known]
     dropped = [index for row in rows if (index := _index(row.value)) is not None and index not in known]
     if not (dropped or added):
