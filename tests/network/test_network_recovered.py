@@ -66,7 +66,7 @@ def test_an_undo_of_all_nodes_goes_back_in_phases(applied: Chain) -> None:
 @pytest.mark.counted
 def test_an_undo_of_all_nodes_takes_all_of_them_back_or_none(home: Path, pytestconfig: pytest.Config) -> None:
     """A fault at a write of the way back, as many of them as `--kills` says."""
-    cells = [(fault, *step) for step in STEPS for fault in ("refuse@{}=0x08000000", "reset@{}", "lose-response@{}")]
+    cells = [(fault, *step) for step in STEPS for fault in ("refuse@{}=0x06090030", "reset@{}", "lose-response@{}")]
     for fault, node_id, step in part(cells, pytestconfig.getoption("--kills"), pytestconfig, "undo"):
         folder = home.parent / f"{fault[:4]}-{node_id}-{step}"
         folder.mkdir()
