@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: What other nodes send, asked for when a rule first looks at it.
 Elsewhere = Callable[[], "Collection[Producer]"]
+#: The CAN-IDs of further SDO channels of known nodes, each with what it is, asked for likewise.
+Channels = Callable[[], Mapping[tuple[int, bool], str]]
 
 
 def proposal(
@@ -28,14 +30,17 @@ def proposal(
     want: PdoConfig,
     together: Mapping[Pdo, PdoConfig] | None = None,
     elsewhere: Elsewhere | None = None,
+    channels: Channels | None = None,
 ) -> Proposal:
     """What the rules look at before *pdo* of *node* may become *want*; *together* are PDOs changed in the same plan.
 
-    *elsewhere* is what the other nodes will send, None for what they send now.
+    *elsewhere* is what the other nodes will send, None for what they send now; *channels* are the further SDO channels
+    of all known nodes, None for those of its neighbours as they are now.
     """
     learn = node.dictionary is None and now.mapping != want.mapping
     lengths, absent = learnt_objects(want.mapping, node.memory.upload) if learn else ({}, {})
     others, cob_ids = _others(node, pdo, together or {})
+    taken = channels or (lambda: channels_taken(node.neighbours()))
     return Proposal(
         node.node_id,
         pdo,
@@ -45,7 +50,7 @@ def proposal(
         node.profile,
         node.dictionary,
         lengths,
-        cache(lambda: {**channels_taken(node.neighbours()), **service_ids(node.memory, node.node_id, node.dictionary)}),
+        cache(lambda: {**taken(), **service_ids(node.memory, node.node_id, node.dictionary)}),
         elsewhere or cache(lambda: producers(node.neighbours())),
         cob_ids,
         absent,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import takewhile
 
 from dvtcli.domain.abort import Abort
@@ -16,7 +17,7 @@ from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.ports import SdoReader
-from dvtcli.domain.services import FIRST_SDO_CLIENT, FIRST_SDO_SERVER, SDO_CHANNELS, taken_by_services
+from dvtcli.domain.services import SDO_CLIENTS, SDO_SERVERS, taken_by_services
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
@@ -85,13 +86,12 @@ def sdo_channel_places(sdo: SdoReader, dictionary: ObjectDictionary | None) -> I
 
     Source: CiA 301, 7.5.2.33 and 7.5.2.34.
     """
-    for first in (FIRST_SDO_SERVER, FIRST_SDO_CLIENT):
-        for index in range(first, first + SDO_CHANNELS - (first == FIRST_SDO_SERVER)):
-            if dictionary is not None and index not in dictionary:
-                continue
-            if dictionary is None and not _has(sdo, index):
-                break
-            yield from ((index, sub_index) for sub_index in (1, 2))
+    for channels in (SDO_SERVERS, SDO_CLIENTS):
+        if dictionary is None:
+            indices: Iterable[int] = takewhile(partial(_has, sdo), channels)
+        else:
+            indices = dictionary.indices_among(channels)
+        yield from ((index, sub_index) for index in indices for sub_index in (1, 2))
 
 
 def _has(sdo: SdoReader, index: int) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.neighbours import producers
+from dvtcli.device.neighbours import channels_taken, producers
 from dvtcli.domain.network.consumers import by_id
 from dvtcli.domain.rules.finding import Producer
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -30,6 +30,7 @@ class Senders:
     _now: dict[int, tuple[Producer, ...]] = field(default_factory=dict)
     _sent: Mapping[Id, Sequence[Producer]] | None = None
     _heard: Mapping[Id, Sequence[Producer]] | None = None
+    _channels: Mapping[tuple[int, bool], str] | None = None
 
     def besides(self, node_id: int) -> tuple[Producer, ...]:
         """What the other nodes will send, and nodes that were met and are not in the plan send now."""
@@ -52,6 +53,12 @@ class Senders:
         if self._heard is None:
             self._heard = by_id(self._rpdos())
         return self._heard
+
+    def channels(self) -> Mapping[tuple[int, bool], str]:
+        """The CAN-IDs of further SDO channels of all nodes, each with what it is; as `sent`."""
+        if self._channels is None:
+            self._channels = channels_taken((*self.nodes.values(), *self._strangers()))
+        return self._channels
 
     def _rpdos(self) -> Iterator[Producer]:
         for node in (*self.nodes.values(), *self._strangers()):

@@ -6,6 +6,7 @@ Knows names, types, access and limits. Does not know the file format, and never 
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
@@ -213,7 +214,8 @@ class ObjectDictionary(Mapping[int, OdObject]):
         info: DeviceInfo | None = None,
         source: str = "",
     ) -> None:
-        self._objects: dict[int, OdObject | Callable[[], OdObject]] = {i: objects[i] for i in sorted(objects)}
+        self._indices = sorted(objects)
+        self._objects: dict[int, OdObject | Callable[[], OdObject]] = {i: objects[i] for i in self._indices}
         self.info = info or DeviceInfo()
         self.source = source
         self._names: dict[str, list[OdEntry]] | None = None
@@ -233,6 +235,10 @@ class ObjectDictionary(Mapping[int, OdObject]):
 
     def __len__(self) -> int:
         return len(self._objects)
+
+    def indices_among(self, indices: range) -> list[int]:
+        """Those of *indices*, which have no gaps, at which there is an object, ascending."""
+        return self._indices[bisect_left(self._indices, indices.start) : bisect_left(self._indices, indices.stop)]
 
     def entry(self, index: int, sub_index: int) -> OdEntry | None:
         """The entry at *index*:*sub_index*, or None."""

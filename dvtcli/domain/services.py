@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-#: The first SDO server after the default one, the first SDO client, and how many of each there may be (CiA 301, 7.4.1).
-FIRST_SDO_SERVER, FIRST_SDO_CLIENT, SDO_CHANNELS = 0x1201, 0x1280, 128
+#: The parameters of SDO servers after the default one, and of SDO clients (CiA 301, 7.4.1).
+SDO_SERVERS, SDO_CLIENTS = range(0x1201, 0x1280), range(0x1280, 0x1300)
 #: Where the COB-IDs of further SDO servers and clients are.
-SDO_CHANNEL_INDICES = range(FIRST_SDO_SERVER, FIRST_SDO_CLIENT + SDO_CHANNELS)
+SDO_CHANNEL_INDICES = range(SDO_SERVERS.start, SDO_CLIENTS.stop)
 _FRAME, _OFF = 1 << 29, 1 << 31
 
 
@@ -32,7 +32,7 @@ def taken_by_channels(node_id: int, channels: Mapping[tuple[int, int], int]) -> 
     found: dict[tuple[int, bool], str] = {}
     for (index, sub_index), raw in channels.items():
         if not raw & _OFF and not channels.get((index, 3 - sub_index), 0) & _OFF:
-            what = "server" if index < FIRST_SDO_CLIENT else "client"
+            what = "server" if index in SDO_SERVERS else "client"
             found[_identifier(raw)] = f"an SDO {what} of node {node_id} ({index:04X}:{sub_index:02X})"
     return found
 

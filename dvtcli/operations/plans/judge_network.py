@@ -122,7 +122,8 @@ def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Findi
     together |= {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
     for change in changes:
         if isinstance(change, PdoChange):
-            yield from check_pdo(proposal(node, change.pdo, change.before, change.after, together, elsewhere))
+            proposed = proposal(node, change.pdo, change.before, change.after, together, elsewhere, senders.channels)
+            yield from check_pdo(proposed)
         else:
             step = change.step
             yield from raw_write_findings(node, step.index, step.sub_index, step.after)
@@ -133,10 +134,17 @@ def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: 
     """Add what the rules of networks say of the state that *plan* leaves: errors, and warnings of what *wish* names.
 
     Reads what its nodes hold; a node that was not to be read is left out. If these are not all nodes of a file, only
-    errors count: what a warning misses, another node may have.
+    errors count: what a warning misses, another node may have. An error by a rule of what one device takes is a warning
+    if the device holds the PDO so already, and the plan does not change it.
     """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, mark_of
-    from dvtcli.domain.network.check.network_rules import NETWORK_RULES, SAME_RULES, SUPERSEDED, network_findings
+    from dvtcli.domain.network.check.network_rules import (
+        NETWORK_RULES,
+        OF_ONE_DEVICE,
+        SAME_RULES,
+        SUPERSEDED,
+        network_findings,
+    )
     from dvtcli.operations.plans.network_states import network_after, states_of, with_link_marks
 
     read = [one.node_id for one in plan.nodes if one.is_read]
@@ -150,6 +158,7 @@ def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: 
     said = {(one.node_id, finding.pdo, finding.rule) for one in plan.nodes for finding in one.findings}
     texts = {(one.node_id, finding.text) for one in plan.nodes for finding in one.findings}
     superseded: set[tuple[int, Pdo | None, str]] = set()
+    changed = {(one.node_id, pdo) for one in plan.nodes for pdo in _changed_pdos(one)}
     network = CheckedNetwork(state, bit_rate or state.bit_rate)
     for rule, spot, text in network_findings(network, {rule.name for rule in NETWORK_RULES}):
         node_id = spot.node_id or read[0]
@@ -159,18 +168,27 @@ def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: 
         if same and any((node_id, spot.pdo, name) in said for name in (rule.name, *same)):
             continue
         superseded |= {(node_id, spot.pdo, name) for name in SUPERSEDED.get(rule.name, ())}
-        counts = rule.severity is ERROR or (rule.severity is WARNING and is_named and is_whole)
+        is_kept = rule.name in OF_ONE_DEVICE and (node_id, spot.pdo) not in changed
+        severity = WARNING if is_kept and rule.severity is ERROR else rule.severity
+        counts = severity is ERROR or (severity is WARNING and is_named and is_whole)
         if counts and (node_id, text) not in texts:
             label = "" if spot.pdo is None or text.startswith(spot.pdo.label) else f"{spot.pdo.label}: "
-            finding = finding_of(rule.name, rule.severity, _place(spot, plan.file), f"{label}{text}")
+            words = text if severity is rule.severity else f"{text}; the node holds it so already"
+            finding = finding_of(rule.name, severity, _place(spot, plan.file), f"{label}{words}")
             mark = mark_of(state, spot)
-            complaint = log.shown(mark, text) if mark.line else None
+            complaint = log.shown(mark, words) if mark.line else None
             found.setdefault(node_id, {})[replace(finding, complaint=complaint)] = None
     nodes = []
     for one in plan.nodes:
         kept = (each for each in one.findings if (one.node_id, each.pdo, each.rule) not in superseded)
         nodes.append(replace(one, findings=(*kept, *found.get(one.node_id, ()))))
     return replace(plan, nodes=tuple(nodes))
+
+
+def _changed_pdos(planned: NodePlan) -> set[Pdo | None]:
+    """The PDOs that *planned* changes, be it by a number of its parameters alone."""
+    changes = planned.plan.changes
+    return {change.pdo if isinstance(change, PdoChange) else Pdo.at(change.step.index) for change in changes}
 
 
 def _place(spot: NetSpot, file: str) -> str:

@@ -285,7 +285,8 @@ def _node_plan(
     changes: tuple[Change, ...] = (*values, *(change for change in pdos if change.steps))
     stamped = stamping(node, stamp, changes)
     proposed = (
-        (wants.pdos[pdo], proposal(node, pdo, now[pdo], want, wanted, elsewhere)) for pdo, want in wanted.items()
+        (wants.pdos[pdo], proposal(node, pdo, now[pdo], want, wanted, elsewhere, senders.channels))
+        for pdo, want in wanted.items()
     )
     instead = [finding for want, one in proposed for finding in instead_findings(want, one)]
     plan = Plan(node.node_id, (*stamped.changes, *changes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.commands.bench import Bench, Ran
+from tests.small_eds import communication, mapping, plain
 
 JUDGES = ("check", "plan", "diff", "apply", "verify")
 ON_THE_WAY = "plan", "apply"
@@ -206,6 +208,39 @@ def test_an_error_of_a_pdo_that_the_file_does_not_name_is_not_folded(both: Bench
     ran = both.run(f"check {path} --json")
     assert ran.code == 4
     assert {"error"} <= {one["severity"] for one in ran.document["files"][0]["findings"]}
+
+
+#: what breaks a rule of one device: the COB-ID and the mapping of a TPDO, and what the rule says
+ODD_PDOS = (
+    pytest.param("0x102", ["0x60000008"], "can-id-reserved", id="reserved CAN-ID"),
+    pytest.param("$NODEID+0x280", ["0x60000010"], "entry-length", id="length of an entry"),
+    pytest.param("$NODEID+0x280", ["0x60000008", "0x60010010"] * 3, "too-long", id="72 bits"),
+)
+
+
+@pytest.mark.parametrize(("cob_id", "entries", "rule"), ODD_PDOS)
+def test_what_a_device_holds_against_a_rule_is_a_warning_until_it_is_changed(
+    cob_id: str, entries: list[str], rule: str, tmp_path: Path
+) -> None:
+    """A maker's device may hold what the standard reserves: a file that leaves it alone does nothing wrong."""
+    eds = plain()
+    eds.record(0x1801, "TPDO2", communication(cob_id))
+    eds.record(0x1A01, "TPDO2 mapping", mapping(len(entries), entries))
+    (tmp_path / "odd.eds").write_text(eds.text(), encoding="utf-8")
+    file = tmp_path / "net.yaml"
+    with Bench((f"{tmp_path / 'odd.eds'}@5",), {"yes": True}) as bench:
+        assert bench.run(f"import {file}").code == 0
+        for judge in ("plan", "apply", "verify"):
+            ran = bench.run(f"{judge} {file} --json")
+            assert ran.code == 0, (judge, ran)
+        assert (rule, "warning") in {(each[0], each[1]) for each in found(bench.run(f"plan {file} --json"))}
+        held = file.read_text("utf-8")
+        odd = re.sub(r"(\n +2:\n(?:.*\n)*? +event_timer: )\d+", r"\g<1>70", held)
+        assert odd != held
+        file.write_text(odd, encoding="utf-8")
+        refused = bench.run(f"apply {file} --json")
+        assert refused.code == 1, refused
+        assert "error" in {each[1] for each in found(refused)}
 
 
 def test_a_warning_of_what_is_mapped_and_off_is_an_error_with_strict(both: Bench, tmp_path: Path) -> None:

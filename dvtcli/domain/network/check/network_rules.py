@@ -50,6 +50,10 @@ SAME_RULES: dict[str, tuple[str, ...]] = {
 }
 #: Rules of networks that say more, or more strongly, what a rule of a change says of the same PDO.
 SUPERSEDED: dict[str, tuple[str, ...]] = dict.fromkeys(("frame-too-short", "frame-too-long"), ("consumer-length",))
+#: Rules of what one device takes: if it holds a PDO that breaks them, its maker allows more than the standard does.
+OF_ONE_DEVICE = frozenset(
+    {"can-id-reserved", "too-long", "reserved-type", *(one.rule.name for one in check_each_pdo.CHECKS)}
+)
 #: Every rule there is.
 NETWORK_RULES: tuple[LintRule, ...] = tuple(one.rule for one in CHECKS)
 
