@@ -8,7 +8,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
+from importlib.resources import files
 
 import can
 
@@ -16,7 +16,7 @@ import can
 @cache
 def silent_settings() -> Mapping[str, Mapping[str, object]]:
     """The settings of each interface that can listen without a word, by its name."""
-    told = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+    told = tomllib.loads((files("dvtcli.bus") / "listen_only.toml").read_text("utf-8"))
     states = {state.name: state for state in can.BusState}
     return {
         name: {key: states[value] if key == "state" else value for key, value in settings.items()}

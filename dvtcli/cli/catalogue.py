@@ -1,87 +1,132 @@
-"""The commands' names, by task, and what their files say, read without importing any; and what is near a wrong name."""
+"""The commands, by task, each with one line, known without importing any; and what is near a wrong name."""
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterator, Sequence
-from functools import cache
+from collections.abc import Collection, Iterator, Sequence
 
-_COMMANDS = os.path.join(os.path.dirname(__file__), "commands")  # noqa: PTH118, PTH120 - pathlib costs 7 ms
-
-#: Within so many bytes of a command's file its task is declared.
-_MOST_BYTES = 8_000
-#: Tasks in the order in which they come up; which one a command belongs to, and where in it, its own file says.
-TASKS = (
-    "Begin",
-    "Find nodes",
-    "See",
-    "Frames",
-    "Change PDOs",
-    "Check and keep",
-    "Whole devices",
-    "Networks",
-    "Scripts and files",
-    "Programs around",
-)
+#: Every command by task, in the order in which help shows them: its name, and what it is for in one line.
+COMMANDS: dict[str, dict[str, str]] = {
+    "Begin": {
+        "tour": "Take a guided tour on a simulated node: each step is explained, and really run.",
+        "doctor": "Check the set-up: packages, settings, interfaces, bus, node, and what is kept.",
+        "help": "Show all commands by task, one command with its examples, or a topic.",
+        "exit": "Leave the prompt, or end a script here.",
+    },
+    "Find nodes": {
+        "scan": "Find the nodes on the bus, by their heartbeats and by asking each node-ID for its device type.",
+        "bitrate": "Listen for the bit rate that a bus runs at.",
+        "lss": "Find nodes without a node-ID, give them one and store it, by LSS (CiA 305).",
+        "node": "Show what a node says of itself; at the prompt and in scripts `node ID` also selects it.",
+        "nmt": "Send an NMT command: start, stop, pre-operational, or a reset; and see that it worked.",
+        "login": "Log in to a device that asks for an access level; the passcode is never shown or kept.",
+        "profiles": "List the device profiles, or show one with the reason for each value; what single devices "
+        "were found to want.",
+        "learn": "Find out what a device takes, put everything back, and write a profile and a simulated family.",
+        "eds": "Check, show, convert EDS, DCF, XDD or XDC files; keep those that nodes are recognised by.",
+    },
+    "See": {
+        "pdo": "List a node's PDOs, or show one with its frame picture.",
+        "objects": "Search the object dictionary: names, types, access, what can be mapped.",
+        "read": "Read objects by SDO upload and decode them: one, several, or again and again.",
+        "faults": "Show a node's errors in words: error register, history, EMCY messages; empty the history.",
+        "monitor": "Show what is on the bus, decoded, with rate, jitter, least and most; in a pipe one "
+        "document a frame.",
+        "watch": "Watch chosen objects and PDOs: values, changes, ages and courses on a full screen.",
+        "decode": "Show a recorded log file decoded: as lines, as documents, or as a table with one column a signal.",
+        "log": "Record what is on the bus: as .asc .blf .log .trc .mf4 .pcapng, or decoded as .csv .parquet .jsonl.",
+    },
+    "Frames": {
+        "explain": "Name every bit of a frame: whose it is, what it carries, what its values mean.",
+        "trace": "Show the last exchange with the nodes, frame by frame.",
+        "send": "Send frames, once or again and again, after saying what each one is.",
+        "replay": "Send a recording again, in its own time, faster or slower, as a whole or in part.",
+    },
+    "Change PDOs": {
+        "map": "Map objects into a PDO: check, disable, write, enable, read back; roll back on failure.",
+        "set": "Set communication parameters of a PDO: COB-ID, transmission type, inhibit time, event timer.",
+        "enable": "Enable PDOs: clear bit 31 of their COB-IDs.",
+        "disable": "Disable PDOs: set bit 31 of their COB-IDs; the mapping stays.",
+        "clear": "Clear PDOs: no mapping, and disabled.",
+        "vpdo": "List the virtual PDOs inside a node, or tie a pin to an object.",
+        "write": "Write an object by SDO download, under the same rules as the command for it.",
+    },
+    "Check and keep": {
+        "verify": "Read PDOs back and compare with what this session set, or with a FILE; --frame looks at a "
+        "real frame.",
+        "sync": "Send SYNC messages and show the frames that come in answer, or see who sends SYNC.",
+        "store": 'Store what the node holds, so that it survives a power cycle (0x1010 "save").',
+        "restore": 'Restore the node\'s defaults (0x1011 "load").',
+        "undo": "Put the last change back, all of this session's, or an automatic backup.",
+        "recover": "Finish an interrupted change: put the old configuration back from its journal, or close "
+        "the journal.",
+        "download": "Load a program (firmware) into a device, and see it run (CiA 302-3).",
+    },
+    "Whole devices": {
+        "backup": "Keep everything that can be read of a device in a file.",
+        "compare": "Compare a whole device, or a file about one, with a file; exit code 3 where a setting differs.",
+        "clone": "Make a device what a file says of another one of the same product.",
+    },
+    "Networks": {
+        "plan": "What has to be written for a network to be as a file says; nothing is.",
+        "diff": "Compare a network with its file; exit code 3 where it differs.",
+        "apply": "Make a network what a file says: all nodes, or none.",
+        "link": "Let RPDOs hear a TPDO of another node.",
+        "unlink": "Let RPDOs hear a TPDO no more.",
+        "load": "The load of a bus: what its frames need at worst, when each is there at the latest, and "
+        "what is on it.",
+        "report": "Draw a network: a page (HTML) with wiring, layouts, load and findings; or its wiring as "
+        "SVG or Graphviz.",
+    },
+    "Scripts and files": {
+        "run": "Run a script: every line is parsed before the first one runs.",
+        "tcl": "Run a line of Tcl with the DVT's words; alone, at the prompt, all lines are Tcl's until `exit`.",
+        "save": "Save what this session's changes come to as a script that runs.",
+        "require": "Stop a script before anything is written if the node is another device, or its power stage is on.",
+        "check": "Check network files without a bus, and the nodes on one: CAN-IDs, layouts, SYNC, heartbeats, load.",
+        "export": "Write what a node holds to a file that others read: a network file, a DCF, a DBC file.",
+        "import": "Write a whole network, or a folder of EDS files, to a network file.",
+        "plot": "Draw signals of a recorded log file: on the terminal, or as a picture.",
+    },
+    "Programs around": {
+        "sim": "Serve simulated nodes to other programs: on a socketcand port, or on a bus.",
+        "gateway": "Serve the bus to programs that speak CiA 309-3: a gateway in ASCII lines over TCP.",
+        "completion": "Print the script that makes a shell complete dvtcli's words.",
+    },
+}
+#: The tasks in the order in which they come up.
+TASKS = tuple(COMMANDS)
+_SUMMARIES = {name: line for group in COMMANDS.values() for name, line in group.items()}
+_NAMES = sorted(_SUMMARIES)
 
 
 def command_names() -> list[str]:
     """Names of all commands, sorted."""
-    return list(_command_names())
+    return list(_NAMES)
 
 
-@cache
-def _command_names() -> tuple[str, ...]:
-    names = (name for name in os.listdir(_COMMANDS) if name.endswith(".py"))  # noqa: PTH208
-    return tuple(sorted(name.removesuffix(".py") for name in names if not name.startswith("_")))
+def command_module(name: str) -> str:
+    """The module that has the command *name* as its `command`."""
+    return f"dvtcli.cli.commands.{name}"
 
 
 def summary(name: str) -> str:
-    """A command's one-line help: the first line of its file."""
-    return _declared(name)[0]
+    """A command's one-line help; KeyError if there is no such command."""
+    return _SUMMARIES[name]
 
 
-def task(name: str) -> tuple[str, int]:
-    """What a command is for, one of `TASKS`, and its place among the commands for that.
-
-    Its file says `TASK = ("See", 30)`; LookupError where it says none.
-    """
-    if declared := _declared(name)[1]:
-        said, _, place = declared.strip(" ()").rpartition(",")
-        return said.strip(' "'), int(place)
-    raise LookupError(f"dvtcli/cli/commands/{name}.py declares no TASK")
-
-
-def by_task(names: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """*names* in groups, each with its task, in the order of `TASKS` and in each of the places that their files say."""
-    declared = sorted((*task(name), name) for name in names)
-    for one in TASKS:
-        group = [name for named, _, name in declared if named == one]
+def by_task(names: Collection[str]) -> Iterator[tuple[str, list[str]]]:
+    """*names* in groups, each with its task, in the order of `COMMANDS`; a task without any of them is left out."""
+    for task, commands in COMMANDS.items():
+        group = [name for name in commands if name in names]
         if group:
-            yield one, group
+            yield task, group
 
 
 def task_sections() -> Iterator[tuple[str, list[tuple[str, str]]]]:
     """Every command with its one-line help, by task."""
-    for name_of_task, group in by_task(command_names()):
-        yield name_of_task, [(name, summary(name)) for name in group]
-
-
-@cache
-def _declared(name: str) -> tuple[str, str]:
-    """A command's summary, and what its file says of its task, empty where it says none.
-
-    `--help` does this with every command, hence the plainest way to a file's beginning.
-    """
-    file = os.open(os.path.join(_COMMANDS, f"{name}.py"), os.O_RDONLY)  # noqa: PTH118
-    try:
-        text = os.read(file, _MOST_BYTES)
-    finally:
-        os.close(file)
-    _, _, behind = text.partition(b"\nTASK = ")
-    first, task = (line.partition(b"\n")[0].decode().strip() for line in (text, behind))
-    return first.strip('"').strip(), task
+    for task, commands in COMMANDS.items():
+        yield task, list(commands.items())
 
 
 #: What people type who come from other programs, for the command that it is.

@@ -1,6 +1,6 @@
-"""The one registry: a command is found and imported by its file's name when it is first needed.
+"""The one registry: a command of the table is imported when it is first needed.
 
-Knows commands only by their files' names. Does not know how a line is cut into words (`lexer`) or run
+Knows commands only by their names. Does not know how a line is cut into words (`lexer`) or run
 (`run_line`), nor what runs lines (`ways_in`).
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.catalogue import command_names, meant, task_sections, unknown_command
+from dvtcli.cli.catalogue import command_module, command_names, meant, task_sections, unknown_command
 from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
 from dvtcli.cli.ways import Root, ways
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Registry(Root):
-    """The one set of commands: every file in `commands/` whose name has no leading underscore."""
+    """The one set of commands, those of `catalogue.COMMANDS`."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -40,7 +40,7 @@ class Registry(Root):
         """The command *cmd_name*, imported now, or None."""
         if cmd_name not in command_names():
             return _dvt_word(cmd_name)
-        command = import_module(f"dvtcli.cli.commands.{cmd_name}").command
+        command = import_module(command_module(cmd_name)).command
         assert isinstance(command, click.Command)  # noqa: S101 - the house's convention, also tested
         return command
 
@@ -52,7 +52,7 @@ class Registry(Root):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands by task, with the first sentence of their files, importing none."""
+        """List the commands by task, each with its line, importing none."""
         for task, rows in task_sections():
             with formatter.section(task):
                 formatter.write_dl(rows)

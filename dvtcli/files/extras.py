@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import Any
 
 from dvtcli.errors import UsageError
+from dvtcli.version import DISTRIBUTION
 
 
 def extra(package: str, name: str, purpose: str, instead: str = "") -> Any:
@@ -16,5 +17,5 @@ def extra(package: str, name: str, purpose: str, instead: str = "") -> Any:
         if missing.name is None or missing.name.partition(".")[0] != package.partition(".")[0]:
             raise
         top = package.partition(".")[0]
-        hint = f"pip install 'dvtcli[{name}]'{f'; {instead}' if instead else ''}"
+        hint = f"pip install '{DISTRIBUTION}[{name}]'{f'; {instead}' if instead else ''}"
         raise UsageError(f"{purpose} needs {top}", hint=hint) from missing

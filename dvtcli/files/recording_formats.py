@@ -1,14 +1,12 @@
-"""Which formats recordings of frames have: every one that a file in `recordings/` has in its `FORMATS`."""
+"""Which formats recordings of frames have: those of the modules in `recordings/`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 from dvtcli.errors import UsageError
-from dvtcli.files import recordings
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
 _REFUSED = {
@@ -20,10 +18,18 @@ _REFUSED = {
 @cache
 def formats() -> Mapping[str, RecordingFormat]:
     """Every format by its suffix, those that are only read last."""
-    names = (file.stem for file in Path(recordings.__path__[0]).glob("[!_]*.py"))
-    files = (import_module(f"{recordings.__name__}.{name}") for name in names)
-    found: list[RecordingFormat] = [one for file in files for one in getattr(file, "FORMATS", ())]
-    return {one.suffix: one for one in sorted(found, key=lambda one: (not one.is_written, one.suffix))}
+    from dvtcli.files.recordings.asc import AscFormat
+    from dvtcli.files.recordings.blf import BlfFormat
+    from dvtcli.files.recordings.candump import CandumpFormat
+    from dvtcli.files.recordings.mdf import MdfFormat
+    from dvtcli.files.recordings.trc import TrcFormat
+    from dvtcli.files.recordings.wireshark import PcapFormat, PcapngFormat
+
+    found: tuple[RecordingFormat, ...] = (
+        AscFormat(), BlfFormat(), CandumpFormat(), MdfFormat(), PcapFormat(), PcapngFormat(), TrcFormat(),
+    )  # fmt: skip
+    ordered = sorted(found, key=lambda format_: (not format_.is_written, format_.suffix))
+    return {format_.suffix: format_ for format_ in ordered}
 
 
 def written() -> Mapping[str, RecordingFormat]:

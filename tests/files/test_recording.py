@@ -71,7 +71,7 @@ def test_what_is_recorded_is_read_back(suffix: str, sent: list[Frame]) -> None:
 def test_mf4_names_what_it_needs(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="asammdf") as caught:
         Recorder(tmp_path / "run.mf4")
-    assert "dvtcli[mdf]" in str(caught.value.hint)
+    assert "canopen-dvtcli[mdf]" in str(caught.value.hint)
 
 
 @pytest.mark.parametrize("suffix", APPENDABLE)

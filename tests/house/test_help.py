@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from importlib import import_module
 
 import pytest
 
-from dvtcli.cli.catalogue import TASKS, by_task, command_names, task
-from dvtcli.cli.help.guide import _rows, overview, topic, topic_names
+from dvtcli.cli.catalogue import TASKS, by_task, command_module, command_names, summary
+from dvtcli.cli.help.guide import TOPICS, _rows, overview, topic
 from tests.commands.bench import Bench
+from tests.house.source import PACKAGE
 from tests.process import dvtcli
 
-every_topic = pytest.mark.parametrize("name", topic_names())
+every_topic = pytest.mark.parametrize("name", TOPICS)
 
 
 def test_help_without_a_name_fits_a_small_screen_and_names_every_command() -> None:
@@ -32,17 +34,15 @@ def test_a_task_of_many_commands_takes_more_lines() -> None:
 
 
 @pytest.mark.parametrize("name", command_names())
-def test_every_command_declares_its_task(name: str) -> None:
-    """A new command's file says `TASK = (TASK, PLACE)`, with one of the tasks in `dvtcli.cli.help.guide`."""
-    said, place = task(name)
-    assert said in TASKS, f"{name}.py: TASK is one of {TASKS}, and a place in it"
-    same = [other for other in command_names() if task(other) == (said, place) and other != name]
-    assert not same, f"{name}.py: {place} in {said} is the place of {same[0]} already"
+def test_every_command_is_where_the_table_says_and_begins_with_its_line(name: str) -> None:
+    module = import_module(command_module(name))
+    assert module.command.name == name
+    assert (module.__doc__ or "").splitlines()[0] == summary(name)
 
 
-def test_a_file_without_a_task_is_named() -> None:
-    with pytest.raises(LookupError, match="_live_params"):
-        task("_live_params")
+def test_every_file_of_a_command_is_in_the_table() -> None:
+    files = {path.stem for path in (PACKAGE / "cli" / "commands").glob("[!_]*.py")}
+    assert files == set(command_names())
 
 
 def test_every_command_is_shown_by_its_task() -> None:
@@ -52,7 +52,7 @@ def test_every_command_is_shown_by_its_task() -> None:
 
 
 def test_no_topic_hides_behind_a_command() -> None:
-    assert not set(topic_names()) & set(command_names())
+    assert not set(TOPICS) & set(command_names())
 
 
 @every_topic
@@ -71,7 +71,7 @@ def test_lines_that_a_topic_shows_run_one_after_another(name: str) -> None:
             assert ran.code == 0, f"{line}: {ran.stderr}"
 
 
-@pytest.mark.parametrize("name", [*command_names(), *topic_names()])
+@pytest.mark.parametrize("name", [*command_names(), *TOPICS])
 def test_help_shows_each(name: str) -> None:
     with Bench() as bench:
         assert bench.run(f"help {name}").code == 0

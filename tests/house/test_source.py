@@ -42,6 +42,7 @@ def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
 #: files that open others than `files/input_file.py` does -> what they open
 MAY_OPEN = {
     "files/settings_toml.py": "the user's own settings, to change them",
+    "files/family_folder.py": "the package's own data",
     "files/device_library/file_notes.py": "dvtcli's own notes",
     "files/device_library/match.py": "dvtcli's own library, whose files were read when they were added",
     "files/picture/page.py": "the package's own templates",
@@ -55,7 +56,6 @@ MAY_OPEN = {
     "operations/eds_library/add_files.py": "compares with dvtcli's own library",
     "operations/frames/kept_exchange.py": "dvtcli's own last exchange",
     "operations/objects/watch_objects.py": "writes values",
-    "operations/results/__init__.py": "the package's own source",
     "operations/session/whole_file.py": "writes a file",
     "operations/user/settings_search.py": "settings, which it refuses if they are no file",
 }

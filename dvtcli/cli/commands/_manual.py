@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import click
 
 from dvtcli.cli.catalogue import task_sections
-from dvtcli.cli.help.guide import topic, topic_names
+from dvtcli.cli.help.guide import TOPICS, topic
 
 
 def manual(program: click.Group, version: str) -> list[str]:
@@ -26,7 +26,7 @@ def manual(program: click.Group, version: str) -> list[str]:
         lines.append(f'.SH "{_escaped(task.upper())}"')
         for name, _ in rows:
             lines += _command(program, root, name)
-    for name in topic_names():
+    for name in TOPICS:
         title, *rest = topic(name).splitlines()
         lines += [f'.SH "{_escaped(title.upper())}"', ".nf", *_plain("\n".join(rest), paragraphs=False), ".fi"]
     return lines

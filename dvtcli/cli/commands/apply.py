@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from dvtcli.operations.results import NetworkApplied
 
-TASK = ("Networks", 30)
-
 
 def _stores(params: Mapping[str, Any]) -> Final | None:
     from dvtcli.operations.network.network_files import may_store

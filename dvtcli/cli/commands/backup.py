@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 
-TASK = ("Whole devices", 10)
-
 
 @click.command("backup", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.bit_rates import BitRateFound
     from dvtcli.operations.session.session import Session
 
-TASK = ("Find nodes", 14)
-
 
 @click.command("bitrate", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--for", "listen_s", type=DurationType(), metavar="TIME", help="Listen so long at each [1.5s].")

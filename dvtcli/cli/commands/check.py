@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import NetworksChecked
 
-TASK = ("Scripts and files", 40)
-
 
 @click.command(
     "check", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS

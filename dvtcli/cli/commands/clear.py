@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session import Session
 
-TASK = ("Change PDOs", 50)
-
 
 class PdoOrAll(CanopenType):
     """A PDO, or the word `all`."""

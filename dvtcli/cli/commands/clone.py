@@ -16,8 +16,6 @@ from dvtcli.cli.params import FILE
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkApplied
 
-TASK = ("Whole devices", 30)
-
 
 @click.command("clone", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("file", type=FILE)

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import WholeCompared
     from dvtcli.operations.session.session import Session
 
-TASK = ("Whole devices", 20)
-
 
 @click.command("compare", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)

@@ -13,8 +13,6 @@ from dvtcli.cli.ways import root
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
 
-TASK = ("Programs around", 20)
-
 _SHELLS = ("bash", "zsh", "fish", "powershell")
 #: A colon is a letter of an object (6C01:01), which bash would take for the end of a word.
 _BASH_WORDS = "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}"

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Facts
 
-TASK = ("See", 50)
-
 
 @click.command("decode", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)

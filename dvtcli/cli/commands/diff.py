@@ -17,8 +17,6 @@ from dvtcli.operations.user.options import CASE_FORMATS
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkPlanned
 
-TASK = ("Networks", 20)
-
 
 @click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)

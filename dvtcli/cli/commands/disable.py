@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session import Session
 
-TASK = ("Change PDOs", 40)
-
 
 @click.command("disable", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdos", type=PDO, nargs=-1, required=True, metavar="PDO...")

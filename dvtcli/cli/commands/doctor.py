@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Diagnosis
 
-TASK = ("Begin", 20)
-
 
 @click.command("doctor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.pass_obj

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts, ProgramLoaded
     from dvtcli.operations.session.session import Session
 
-TASK = ("Check and keep", 65)
-
 
 class _ExpectType(CanopenType):
     """A software identification: a number of 32 bits, or `crc32` for that of what is sent."""

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Facts, FileReport, FileReports, LibraryAdded, LibraryListing
 
-TASK = ("Find nodes", 60)
-
 _IDENTITY = ("vendor", "product", "revision")
 _ACTIONS = ("check", "show", "add", "list", "remove", "prefer", "convert")
 

@@ -8,8 +8,6 @@ from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 
-TASK = ("Begin", 40)
-
 
 @click.command("exit", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 def command() -> int:

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import FrameExplained
     from dvtcli.operations.session.session import Session
 
-TASK = ("Frames", 10)
-
 
 @click.command("explain", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("frame", type=TEXT, nargs=-1, required=True, metavar="FRAME")

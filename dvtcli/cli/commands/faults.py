@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Faults
 
-TASK = ("See", 35)
-
 
 def _final(params: Mapping[str, Any]) -> Final | None:
     return Final("faults --clear") if params["clear"] else None

@@ -13,8 +13,6 @@ from dvtcli.cli.params import TEXT
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-TASK = ("Programs around", 15)
-
 
 @click.command("gateway", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--listen", type=TEXT, metavar="HOST:PORT", help="Where to listen [127.0.0.1:60000]; port 0: a free one.")

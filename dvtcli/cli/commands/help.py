@@ -16,8 +16,6 @@ from dvtcli.cli.ways import root
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
 
-TASK = ("Begin", 30)
-
 
 class Subject(TextType):
     """The name of a command or of a topic."""
@@ -26,10 +24,10 @@ class Subject(TextType):
 
     def shell_complete(self, _ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Commands with what they do, then topics with what they are about."""
-        from dvtcli.cli.help.guide import topic, topic_names
+        from dvtcli.cli.help.guide import TOPICS, topic
 
         rows = [(name, summary(name)) for name in command_names()]
-        rows += [(name, topic(name).splitlines()[0]) for name in topic_names()]
+        rows += [(name, topic(name).splitlines()[0]) for name in TOPICS]
         return [CompletionItem(name, help=text) for name, text in rows if name.startswith(incomplete.lower())]
 
 
@@ -70,14 +68,14 @@ def _general(ctx: click.Context, *, everything: bool) -> str:
 
 def _subject(ctx: click.Context, name: str) -> str:
     """The help of a command, the text of a topic, or what an alias stands for; a command wins."""
-    from dvtcli.cli.help.guide import topic, topic_names
+    from dvtcli.cli.help.guide import TOPICS, topic
 
     found = root(ctx).get_command(ctx, name)
     if found is not None:
         return found.get_help(click.Context(found, info_name=name))
-    if name in topic_names():
+    if name in TOPICS:
         return topic(name)
     aliases = {word.lower(): text for word, text in ctx.obj.settings.aliases.items()}
     if name in aliases:
         return f"{name}  at the prompt, an alias of: {aliases[name]}"
-    raise click.UsageError(unknown_command(name, topic_names()), ctx)
+    raise click.UsageError(unknown_command(name, TOPICS), ctx)

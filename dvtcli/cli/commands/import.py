@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 
-TASK = ("Scripts and files", 55)
-
 
 @click.command("import", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import LearnForecast, LearntDevice
     from dvtcli.operations.session.session import Session
 
-TASK = ("Find nodes", 55)
-
 
 @click.command("learn", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.option(

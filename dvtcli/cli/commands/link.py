@@ -18,7 +18,6 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkApplied
 
-TASK = ("Networks", 40)
 _HEARTBEAT_MS = NumberType(1, 0xFFFF, "a heartbeat in ms")
 
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkLoad
     from dvtcli.operations.session.session import Session
 
-TASK = ("Networks", 60)
-
 
 @click.command("load", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE, required=False)

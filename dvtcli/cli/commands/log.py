@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 
-TASK = ("See", 70)
-
 
 @click.command("log", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)

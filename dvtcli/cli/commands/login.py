@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import LoggedIn
 
-TASK = ("Find nodes", 40)
-
 
 @click.command("login", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.argument("level", type=NumberType(0, 255, "an access level"), required=False)

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound
     from dvtcli.operations.session.session import Session
 
-TASK = ("Find nodes", 15)
-
 _ACTIONS = ("scan", "identify", "select", "node-id", "store", "assign", "bitrate")
 
 

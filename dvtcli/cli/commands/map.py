@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session import Session
 
-TASK = ("Change PDOs", 10)
-
 
 @click.command("map", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdo", type=PDO)

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.results.bus_events import BusEvent
 
-TASK = ("See", 40)
-
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mapping is read [those that are heard].")

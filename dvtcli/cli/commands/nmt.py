@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Commanded
     from dvtcli.operations.session.session import Session
 
-TASK = ("Find nodes", 30)
-
 _WORDS = {one.word: one for one in NmtCommand}
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NodeListing
     from dvtcli.operations.session.session import Session
 
-TASK = ("Find nodes", 20)
-
 
 @click.command(
     "node",

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import ObjectListing
     from dvtcli.operations.session.session import Session
 
-TASK = ("See", 20)
-
 
 @click.command("objects", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("text", type=TEXT, required=False)

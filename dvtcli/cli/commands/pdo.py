@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Changed, Facts, PdoListing
 
-TASK = ("See", 10)
-
 
 @click.command(
     "pdo",

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Plotted, PlottedSignal
     from dvtcli.watch.tracks import Track
 
-TASK = ("Scripts and files", 80)
-
 #: a graph's most columns, fewest and most lines
 _WIDTH, _LEAST, _MOST = 200, 8, 24
 

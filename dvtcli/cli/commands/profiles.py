@@ -14,8 +14,6 @@ from dvtcli.cli.params import TextType
 if TYPE_CHECKING:
     from dvtcli.operations.results import HabitListing, ProfileListing, ProfileShown
 
-TASK = ("Find nodes", 50)
-
 
 class Known(TextType):
     """The name of a profile; after `forget`, of a device of which something is remembered."""

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import Facts, RecordRead, ValueRead, ValuesRead, ValuesWatched
 
-TASK = ("See", 30)
-
 
 @click.command(
     "read",

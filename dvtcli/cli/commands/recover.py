@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, ChangedNodes, Facts
     from dvtcli.operations.session.session import Session
 
-TASK = ("Check and keep", 60)
-
 
 @click.command("recover", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
 @click.argument("file", type=FILE, required=False)

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Replayed
     from dvtcli.operations.session.session import Session
 
-TASK = ("Frames", 40)
-
 
 @click.command("replay", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.argument("file", type=FILE)

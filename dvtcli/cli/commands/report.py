@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 
-TASK = ("Networks", 70)
-
 
 @click.command("report", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("out", type=FILE)

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Facts
 
-TASK = ("Scripts and files", 30)
-
 _PARTS = ("vendor", "product", "revision", "serial")
 _IDENTITY, _POWER_OFF = "identity", "power-off"
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
 
-TASK = ("Check and keep", 40)
-
 
 @click.command("restore", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")

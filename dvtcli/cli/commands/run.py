@@ -16,8 +16,6 @@ from dvtcli.operations.user.options import CASE_FORMATS
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-TASK = ("Scripts and files", 10)
-
 
 class SecondsType(CanopenType):
     """A time in seconds, 0.1…86400."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 
-TASK = ("Scripts and files", 20)
-
 
 @click.command("save", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NodeListing
     from dvtcli.operations.session.session import Session
 
-TASK = ("Find nodes", 10)
-
 
 @click.command("scan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--wait", type=NumberType(10, 10_000, "a time in ms"), metavar="MS", help="Per node-ID [50].")

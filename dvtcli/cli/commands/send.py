@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import FramesSent
     from dvtcli.operations.session.session import Session
 
-TASK = ("Frames", 30)
-
 
 @click.command("send", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.argument("frame", type=TEXT, nargs=-1, required=True, metavar="FRAME…")

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session import Session
 
-TASK = ("Change PDOs", 20)
-
 
 @click.command("set", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdo", type=PDO)

@@ -17,8 +17,6 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-TASK = ("Programs around", 10)
-
 
 @click.command("sim", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("nodes", nargs=-1, required=True, metavar="NODE…")

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
 
-TASK = ("Check and keep", 30)
-
 
 @click.command(
     "store", cls=DvtCommand, short_help=__doc__, effect=Effect.KEEPS, each=lambda params: params["prove"] != "power"

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import SyncCheck, Synced
     from dvtcli.operations.session.session import Session
 
-TASK = ("Check and keep", 20)
-
 
 @click.command("sync", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNCs [20].")

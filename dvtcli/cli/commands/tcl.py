@@ -15,8 +15,6 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-TASK = ("Scripts and files", 15)
-
 
 @click.command("tcl", cls=DvtCommand, short_help=__doc__, effect=Effect.RUNS)
 @click.argument("words", type=TEXT, nargs=-1, metavar="[LINE]")

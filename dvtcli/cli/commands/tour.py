@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.commands._tour_steps import Step
     from dvtcli.cli.conversation import Conversation
 
-TASK = ("Begin", 10)
-
 #: the family of the node that the tour shows
 _SHOWN = "generic"
 _LEAVING = ("exit", "quit", "q")

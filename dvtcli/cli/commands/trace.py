@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Traced
     from dvtcli.operations.session.session import Session
 
-TASK = ("Frames", 20)
-
 
 @click.command("trace", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("which", type=click.Choice(["last"]), metavar="last")

@@ -16,8 +16,6 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, ChangedNodes
 
-TASK = ("Check and keep", 50)
-
 _NEWEST = "newest"
 
 

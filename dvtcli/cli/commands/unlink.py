@@ -16,8 +16,6 @@ from dvtcli.cli.pdo_params import PDO, NodePdo
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkApplied
 
-TASK = ("Networks", 50)
-
 
 @click.command("unlink", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("producer", type=PDO, metavar="NODE:TPDO")

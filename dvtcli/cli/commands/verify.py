@@ -18,8 +18,6 @@ from dvtcli.operations.user.options import CASE_FORMATS, is_file
 if TYPE_CHECKING:
     from dvtcli.operations.results import Compared, ComparedNodes
 
-TASK = ("Check and keep", 10)
-
 
 @click.command("verify", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("words", type=TEXT, nargs=-1, metavar="[PDO...] [FILE]")

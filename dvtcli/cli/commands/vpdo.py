@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, VpdoListing
     from dvtcli.operations.session.session import Session
 
-TASK = ("Change PDOs", 60)
-
 _GROUPS = ("motor", "digital-out", "analogue-out", "digital-in", "analogue-in")
 _NONE = "none"
 

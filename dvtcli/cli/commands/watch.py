@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import ValuesWatched
 
-TASK = ("See", 42)
 _PDO = re.compile(r"(?:\d+:)?[rt]pdo\d+", re.IGNORECASE | re.ASCII)
 
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, Stored
     from dvtcli.operations.session.session import Session
 
-TASK = ("Change PDOs", 70)
-
 
 def _final(params: Mapping[str, Any]) -> Final | None:
     """0x1010 and 0x1011 by their numbers; a name is looked up only where there is a node."""

@@ -81,6 +81,3 @@ class _AscLines(LeftLines):
         if _ID.fullmatch(kind) or not _WORD.fullmatch(kind):
             return True
         return _DATA_FRAME.search(text) is not None and not kind.upper().startswith("J1939")
-
-
-FORMATS = (AscFormat(),)

@@ -74,6 +74,3 @@ class BlfFormat(RecordingFormat):
         yield from blocks
         if size < blocks.file_size:
             raise NoFrameError(f"it was cut short: of {blocks.file_size} bytes it has {size}")
-
-
-FORMATS = (BlfFormat(),)

@@ -51,6 +51,3 @@ class _CandumpLines(CountedLines):
         if time[0] != "(" or time[-1] != ")":  # python-can cuts off one character at each end, whichever it is
             raise LostLineError(self.line, text)
         return _ERROR_FRAME.sub(r" 20000080#", text)
-
-
-FORMATS = (CandumpFormat(),)

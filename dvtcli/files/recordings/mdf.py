@@ -6,6 +6,7 @@ from importlib.util import find_spec
 
 from dvtcli.errors import UsageError
 from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.version import DISTRIBUTION
 
 
 class MdfFormat(RecordingFormat):
@@ -17,7 +18,4 @@ class MdfFormat(RecordingFormat):
     def require(self) -> None:
         """UsageError where asammdf is not installed."""
         if find_spec("asammdf") is None:
-            raise UsageError(".mf4 files need asammdf", hint="pip install 'dvtcli[mdf]'")
-
-
-FORMATS = (MdfFormat(),)
+            raise UsageError(".mf4 files need asammdf", hint=f"pip install '{DISTRIBUTION}[mdf]'")

@@ -41,6 +41,3 @@ class _TrcLines(LeftLines):
         """Whether it is neither comment nor an event of another kind."""
         words = text.split()
         return bool(words) and not words[0].startswith(";") and _EVENTS.isdisjoint(words[_KIND])
-
-
-FORMATS = (TrcFormat(),)

@@ -43,6 +43,3 @@ class PcapngFormat(PcapFormat):
         from dvtcli.files.recordings.captures import PcapngWriter
 
         return PcapngWriter(path)
-
-
-FORMATS = (PcapFormat(), PcapngFormat())

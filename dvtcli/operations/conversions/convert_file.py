@@ -1,4 +1,4 @@
-"""A file as one of another format, which its suffix says: every one that a file beside this has as its `FORMAT`.
+"""A file as one of another format, which its suffix says: those of `conversion_formats`.
 
 Needs no bus, and does not know what is in the files.
 """
@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
@@ -26,9 +24,12 @@ _OF_DBC = "--with, --split-bits and --all"
 @cache
 def conversion_formats() -> Mapping[str, ConversionFormat]:
     """Every format by its suffixes."""
-    names = sorted(file.stem for file in Path(__file__).parent.glob("to_*.py"))
-    found: list[ConversionFormat] = [import_module(f"{__package__}.{name}").FORMAT for name in names]
-    return {suffix: one for one in found for suffix in one.suffixes}
+    from dvtcli.operations.conversions.to_concise_dcf import ConciseDcfFormat
+    from dvtcli.operations.conversions.to_dbc import DbcFormat
+    from dvtcli.operations.conversions.to_device_file import DeviceFileFormat
+
+    formats: tuple[ConversionFormat, ...] = (ConciseDcfFormat(), DbcFormat(), DeviceFileFormat())
+    return {suffix: format_ for format_ in formats for suffix in format_.suffixes}
 
 
 def convert_file(

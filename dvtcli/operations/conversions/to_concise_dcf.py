@@ -23,6 +23,3 @@ class ConciseDcfFormat(ConversionFormat):
         from dvtcli.operations.network.concise_network import convert_network
 
         return convert_network(session, wanted.source, wanted.target, wanted.node)
-
-
-FORMAT = ConciseDcfFormat()

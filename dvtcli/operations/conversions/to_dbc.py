@@ -37,6 +37,3 @@ def _is_recording(file: str) -> bool:
     from dvtcli.files.recording_formats import formats
 
     return suffix in formats()
-
-
-FORMAT = DbcFormat()

@@ -22,6 +22,3 @@ class DeviceFileFormat(ConversionFormat):
         from dvtcli.operations.exchange.convert_device import convert_device_file
 
         return convert_device_file(session, wanted.source, wanted.target)
-
-
-FORMAT = DeviceFileFormat()

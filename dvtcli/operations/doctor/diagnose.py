@@ -46,8 +46,13 @@ def _packages() -> Check:
     """The packages that dvtcli names as its own, with their versions."""
     from importlib.metadata import PackageNotFoundError, requires, version
 
+    from dvtcli.version import DISTRIBUTION
+
     try:
-        wanted = [line for line in requires("dvtcli") or [] if "extra ==" not in line]
+        wanted = [line for line in requires(DISTRIBUTION) or [] if "extra ==" not in line]
+    except PackageNotFoundError:
+        return Check("packages", "ok", "not known: dvtcli runs from a folder or a file that pip did not install")
+    try:
         names = [re.split(r"[^\w.-]", line)[0] for line in wanted]
         shown = ", ".join(f"{name} {version(name)}" for name in names)
     except PackageNotFoundError as missing:

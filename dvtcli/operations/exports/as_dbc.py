@@ -24,6 +24,3 @@ class DbcExport(ExportFormat):
         from dvtcli.operations.exchange.export_dbc import export_dbc
 
         return export_dbc(session, file, wanted.dbc)
-
-
-FORMAT = DbcExport()

@@ -23,6 +23,3 @@ class DcfExport(ExportFormat):
         from dvtcli.operations.whole_device.export_dcf import export_dcf
 
         return export_dcf(session, file, wanted.node_id, twice=wanted.twice)
-
-
-FORMAT = DcfExport()

@@ -21,6 +21,3 @@ class NetworkFileExport(ExportFormat):
         from dvtcli.operations.exchange.export_network import export_node
 
         return export_node(session, file, wanted.node_id)
-
-
-FORMAT = NetworkFileExport()

@@ -24,6 +24,3 @@ class NodelistExport(ExportFormat):
         from dvtcli.operations.exchange.export_nodelist import export_nodelist
 
         return export_nodelist(session, file, twice=wanted.twice)
-
-
-FORMAT = NodelistExport()

@@ -1,4 +1,4 @@
-"""What nodes hold, to a file of the format that its suffix says: every one that a file beside this has as its `FORMAT`.
+"""What nodes hold, to a file of the format that its suffix says: those of `export_formats`.
 
 Writes nothing to a node.
 """
@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
@@ -24,9 +22,13 @@ if TYPE_CHECKING:
 @cache
 def export_formats() -> Mapping[str, ExportFormat]:
     """Every format by its suffixes."""
-    names = sorted(file.stem for file in Path(__file__).parent.glob("as_*.py"))
-    found: list[ExportFormat] = [import_module(f"{__package__}.{name}").FORMAT for name in names]
-    return {suffix: one for one in found for suffix in one.suffixes}
+    from dvtcli.operations.exports.as_dbc import DbcExport
+    from dvtcli.operations.exports.as_dcf import DcfExport
+    from dvtcli.operations.exports.as_network_file import NetworkFileExport
+    from dvtcli.operations.exports.as_nodelist import NodelistExport
+
+    formats: tuple[ExportFormat, ...] = (DbcExport(), DcfExport(), NetworkFileExport(), NodelistExport())
+    return {suffix: format_ for format_ in formats for suffix in format_.suffixes}
 
 
 def is_of_all_nodes(file: str) -> bool:

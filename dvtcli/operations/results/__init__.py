@@ -1,13 +1,11 @@
 """What commands answer: values that `view` turns into text, and that say their own JSON document.
 
-Field names of documents are stable (docs/reference/json.md). A name is looked for in the files of this room, and its
-file imported, when it is first used: a command needs two or three of them.
+Field names of documents are stable (docs/reference/json.md). A name's module is imported when the name is
+first used: a command needs two or three of them.
 """
 
 from __future__ import annotations
 
-import os
-import re
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -46,18 +44,79 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.watched_values import *  # noqa: F403
     from dvtcli.operations.results.whole_devices import *  # noqa: F403
 
-_ROOM = os.path.dirname(__file__)  # noqa: PTH120
-
+#: Every public name of this room, by the module that defines it.
+NAMES: dict[str, tuple[str, ...]] = {
+    "bit_rates": ("HeardAt", "BitRateFound"),
+    "bus_events": ("BusEvent",),
+    "changes": ("Changed", "ChangedNodes"),
+    "checked_files": (
+        "SEVERITIES",
+        "FileRule",
+        "FileFinding",
+        "Judged",
+        "FileReport",
+        "FileReports",
+        "Report",
+        "Reported",
+    ),
+    "checked_networks": ("NetworkFinding", "NetworkReport", "NetworksChecked"),
+    "comparisons": ("Compared", "ComparedNodes"),
+    "device_profiles": ("ProfileRow", "ProfileListing", "ProfileShown"),
+    "diagnosis": ("Verdict", "Check", "Diagnosis"),
+    "documents": (
+        "Document",
+        "CASES",
+        "Short",
+        "Answer",
+        "brief",
+        "R",
+        "Rows",
+        "Result",
+        "hex_bytes",
+        "json_value",
+        "finding_document",
+        "lacking_documents",
+        "physical_document",
+    ),
+    "dvt": ("DvtAnswer",),
+    "explained": ("part_document", "FrameExplained", "TracedFrame", "Traced"),
+    "failures": (
+        "not_proved",
+        "lacking_error",
+        "not_as_before",
+        "not_as_wanted",
+        "compared_text",
+        "not_obeyed",
+        "together",
+    ),
+    "files": ("Facts",),
+    "frames": ("FrameSeen", "PlottedSignal", "Plotted"),
+    "habit_listing": ("Wanted", "WantedState", "HabitRow", "HabitListing"),
+    "learnt": ("Difference", "LearntDevice", "LearnForecast"),
+    "library_files": ("AddedFile", "LibraryAdded", "LibraryRow", "LibraryListing"),
+    "loads": ("Measured", "FrameLoad", "NetworkLoad", "need_document"),
+    "logged_in": ("LoggedIn",),
+    "lss_nodes": ("LssNode", "LssFound", "LssGiven", "LssChanged", "LssBitRate"),
+    "networks": ("NetworkPlanned", "network_findings", "action", "differing", "NetworkApplied"),
+    "node_errors": ("FaultRow", "Faults", "FaultSeen"),
+    "nodes": ("NodeRow", "NodeListing", "Commanded", "Synced"),
+    "pdos": ("MappedName", "LastFrame", "PdoRow", "PdoListing"),
+    "programs": ("ProgramLoaded",),
+    "records": ("EntryUnread", "RecordRead"),
+    "sent": ("NO_END", "Outcome", "OfFrames", "FrameToSend", "FramesSent", "FramesToReplay", "Replayed"),
+    "stores": ("Stored",),
+    "sync_producers": ("SyncSource", "SyncCheck"),
+    "values": ("ValueRead", "ObjectRow", "ObjectListing"),
+    "vpdos": ("PinRow", "VpdoRow", "VpdoListing"),
+    "watched_values": ("MOST_POINTS", "ValuesRead", "ObjectCourse", "ValuesWatched"),
+    "whole_devices": ("ObjectDifference", "WholeCompared"),
+}
+_MODULES = {name: module for module, names in NAMES.items() for name in names}
 
 if not TYPE_CHECKING:  # for a type checker a name that is not there is a mistake
 
     def __getattr__(name: str) -> Any:
-        defines = re.compile(rf"^(?:class|def) {re.escape(name)}\b|^{re.escape(name)} = ".encode(), re.M)
-        for file in sorted(os.listdir(_ROOM)):  # noqa: PTH208 - these lines are run by every command
-            if file.endswith(".py") and not file.startswith("_"):
-                with open(os.path.join(_ROOM, file), "rb") as text:  # noqa: PTH118, PTH123
-                    is_here = defines.search(text.read())
-                if is_here:
-                    found = globals()[name] = getattr(import_module(f"{__name__}.{file.removesuffix('.py')}"), name)
-                    return found
-        raise AttributeError(f"dvtcli.operations.results has no {name}")
+        if name not in _MODULES:
+            raise AttributeError(f"dvtcli.operations.results has no {name}")
+        found = globals()[name] = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+        return found

@@ -262,7 +262,7 @@ def test_names_in_files_steer_no_terminal(tmp_path: Path) -> None:
 def test_an_extra_that_is_missing_is_named() -> None:
     with pytest.raises(UsageError, match="drawing a picture needs no_such_package") as caught:
         extra("no_such_package.figure", "plot", "drawing a picture")
-    assert caught.value.hint == "pip install 'dvtcli[plot]'"
+    assert caught.value.hint == "pip install 'canopen-dvtcli[plot]'"
 
 
 def test_without_cantools_only_a_dbc_file_misses_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -276,4 +276,4 @@ def test_without_cantools_only_a_dbc_file_misses_it(tmp_path: Path, monkeypatch:
     with pytest.raises(UsageError, match=r"^reading all\.dbc, a DBC file, needs cantools$") as caught:
         read_dbc(str(dbc))
     assert caught.value.hint is not None
-    assert caught.value.hint.startswith("pip install 'dvtcli[dbc]'; a network file (-d net.yaml)")
+    assert caught.value.hint.startswith("pip install 'canopen-dvtcli[dbc]'; a network file (-d net.yaml)")

@@ -29,11 +29,8 @@ BY_NAME = ("import_module", "__import__", "find_spec", "run_module", "resolve_na
 #: who imports what another's string names, with what for
 _MAY_NAME = {
     "__init__.py": "its own table of names",
-    "files/recording_formats.py": "the files in recordings/",
     "files/extras.py": "an extra that a caller names, below",
-    "operations/conversions/convert_file.py": "the files beside it",
-    "operations/exports/export_file.py": "the files beside it",
-    "operations/results/__init__.py": "the files beside it",
+    "operations/results/__init__.py": "its own table of names",
 }
 
 
