@@ -35,6 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--fresh-python", action="store_true", help="a new Python for each dvtcli, instead of a fork of one"
     )
     parser.addoption("--branches", metavar="FOLDER", help="count the ways through the code into a folder")
+    parser.addoption("--frozen", metavar="PROGRAM", help="a program that scripts/freeze.py made; none: skipped")
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=3, metavar="N", help="rounds of four dvtcli at once [3]")

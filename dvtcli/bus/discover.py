@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dvtcli.bus.kernel_links import kernel_links
+from dvtcli.interpreter import python_words
 
 #: How long drivers may take to look for their adapters, in seconds.
 PATIENCE_S = 8.0
@@ -44,7 +45,7 @@ def links() -> list[Found]:
 
 def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) -> list[Found]:
     """What the drivers of *interfaces* (default: all that look for adapters by themselves) find on this machine."""
-    command = [sys.executable, "-m", "dvtcli.bus.drivers", *interfaces]
+    command = [*python_words(), "-m", "dvtcli.bus.drivers", *interfaces]
     lines = (_output(command, patience_s) or "").splitlines()
     configurations = json.loads(lines[-1]) if lines else []
     return [Found(one["interface"], one["channel"], one["about"]) for one in configurations]

@@ -7,10 +7,11 @@ one that hangs, crashes or prints cannot hurt. Opens nothing. Does not know who 
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+
+from dvtcli.interpreter import python_words
 
 #: the group of their entry points
 GROUP = "dvtcli.bus"
@@ -64,7 +65,7 @@ def _package(one: EntryPoint) -> str:
 
 def _problem(one: EntryPoint) -> str | None:
     """Why *one* cannot be loaded; None where it can."""
-    command = [sys.executable, "-P", "-c", _LOAD, one.value]
+    command = [*python_words(), "-P", "-c", _LOAD, one.value]
     try:
         done = subprocess.run(  # noqa: S603 - our own words
             command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,

@@ -51,22 +51,53 @@ def _compiled(folder: Path) -> Path:
     return tree
 
 
-@pytest.mark.drawn(2)
-@pytest.mark.parametrize(("command", "typed", "printed"), COMMANDS, ids=[command for command, *_ in COMMANDS])
-@pytest.mark.parametrize("form", [_zipped, _compiled], ids=["zip", "compiled"])
-def test_a_command_runs(form: Callable[[Path], Path], command: str, typed: str, printed: str, tmp_path: Path) -> None:
-    (place := tmp_path / "elsewhere").mkdir()
-    where = form(tmp_path)
+def run(words: list[str], where: Path, command: str, typed: str) -> str:
+    """What the program *words* prints for *command* if *where* is what Python finds first."""
+    (place := where.parent / "elsewhere").mkdir()
     ran = subprocess.run(
-        [sys.executable, "-m", "dvtcli", *command.split()], cwd=place, input=typed, text=True, capture_output=True,
-        encoding="utf-8", env=environment() | {"PYTHONPATH": str(where), "COLUMNS": "120"}, check=False,
+        [*words, *command.split()], cwd=place, input=typed, text=True, capture_output=True, encoding="utf-8",
+        env=environment() | {"PYTHONPATH": str(where), "COLUMNS": "120"}, check=False,
     )  # fmt: skip
     assert ran.returncode == 0, ran.stderr
-    assert printed in ran.stdout, ran.stdout
-    asked = [sys.executable, "-c", "import dvtcli; print(dvtcli.__file__)"]
-    env = environment() | {"PYTHONPATH": str(where)}
-    used = subprocess.run(asked, cwd=place, env=env, text=True, capture_output=True, check=True).stdout
-    assert used.startswith(f"{where}{os.sep}"), used
+    return ran.stdout
+
+
+every_command = pytest.mark.parametrize(
+    ("command", "typed", "printed"), COMMANDS, ids=[command for command, *_ in COMMANDS]
+)
+
+
+@pytest.mark.drawn(2)
+@every_command
+@pytest.mark.parametrize("form", [_zipped, _compiled], ids=["zip", "compiled"])
+def test_a_command_runs(form: Callable[[Path], Path], command: str, typed: str, printed: str, tmp_path: Path) -> None:
+    where = form(tmp_path)
+    assert printed in run([sys.executable, "-m", "dvtcli"], where, command, typed)
+    used = [sys.executable, "-c", "import dvtcli; print(dvtcli.__file__)"]
+    found = subprocess.run(
+        used, cwd=tmp_path, env=environment() | {"PYTHONPATH": str(where)}, text=True, capture_output=True, check=True
+    )
+    assert found.stdout.startswith(f"{where}{os.sep}"), found.stdout
+
+
+@every_command
+def test_a_command_of_the_frozen_program_runs(
+    command: str, typed: str, printed: str, tmp_path: Path, pytestconfig: pytest.Config
+) -> None:
+    """`--frozen PROGRAM` names what `scripts/freeze.py` made."""
+    if (program := pytestconfig.getoption("--frozen")) is None:
+        pytest.skip("--frozen PROGRAM names none")
+    assert printed in run([program], tmp_path / "nothing", command, typed)
+
+
+def test_a_tcl_script_runs_in_the_frozen_program(tmp_path: Path, pytestconfig: pytest.Config) -> None:
+    """Its interpreter is a process of its own, of the same program."""
+    if (program := pytestconfig.getoption("--frozen")) is None:
+        pytest.skip("--frozen PROGRAM names none")
+    pytest.importorskip("tkinter", reason="Tcl is in python3-tk")
+    script = tmp_path / "a.tcl"
+    script.write_text("dvtcli pdo tpdo1\n", encoding="utf-8")
+    assert "TPDO1" in run([program], tmp_path / "nothing", f"--sim gen4 run {script}", "")
 
 
 def test_tables_of_data_files_name_what_is_there() -> None:

@@ -18,6 +18,7 @@ from typing import Any
 
 from dvtcli.cli.dvt.tcl_wire import NO_MEMORY, Frame, Gone, receive, send
 from dvtcli.errors import DvtcliError
+from dvtcli.interpreter import python_words
 
 #: What the process runs; `sys.path` comes as arguments, so that it finds what we found, and nothing of this folder.
 _BOOT = "import sys; sys.path[:] = sys.argv[1:]; from dvtcli.cli.dvt.tcl_child import main; main()"
@@ -37,7 +38,7 @@ class Late(Exception):
 
 def tcl_command() -> list[str]:
     """The words that start Tcl's process: this Python, isolated from environment and folder."""
-    return [sys.executable, "-I", "-S", "-c", _BOOT, *map(os.path.abspath, sys.path)]
+    return [*python_words(), "-I", "-S", "-c", _BOOT, *map(os.path.abspath, sys.path)]
 
 
 class TclProcess:
