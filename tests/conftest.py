@@ -42,6 +42,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fuzz", type=int, default=2000, metavar="N", help="hostile inputs in all [2000]")
     parser.addoption("--cells", type=int, default=1, metavar="N", help="faults for each sequence of the matrix [1]")
     parser.addoption("--every-size", action="store_true", help="golden screens in each size of terminal, not in one")
+    parser.addoption("--answers", type=int, default=6, metavar="N", help="answers behind which a node restarts [6]")
     parser.addoption("--hosts", type=int, default=4, metavar="N", help="hosts of a fleet, three of them faulty [4]")
     parser.addoption("--kills", type=int, default=2, metavar="N", help="kills in the middle of an atomic script [2]")
     parser.addoption("--networks", type=int, default=6, metavar="N", help="drawn networks with two faults each [6]")

@@ -18,6 +18,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.network.bench import device
+from tests.network.test_read_together import sampled
+from tests.sample import part
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 
@@ -163,29 +165,30 @@ def test_all_that_is_claimed_is_read_behind_the_last_download(tmp_path: Path, co
     assert not set(claimed(command)) - press.bus.behind_the_last_download()
 
 
+@pytest.mark.counted
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("command", COMMANDS)
-def test_what_a_write_alters_besides_is_no_success(tmp_path: Path, command: str) -> None:
-    """Whichever of the claims it is, and whichever download alters it."""
+def test_what_a_write_alters_besides_is_no_success(tmp_path: Path, command: str, pytestconfig: pytest.Config) -> None:
+    """Whichever of the claims it is, and whichever download alters it: of the two as many as `--answers` says."""
     press = machine(tmp_path, command)
     assert press.run(COMMANDS[command][1]).code == 0
-    downloads = press.bus.downloads
-    for place in claimed(command):
-        for at in range(1, downloads + 1):
-            press = machine(tmp_path, command)
-            before = press.held()
-            press.bus.at, press.bus.then = at, lambda press=press, place=place: press.alter(place)  # type: ignore[misc]
-            ran = press.run(COMMANDS[command][1])
-            if ran.code == 0:
-                assert press.value(place) == before[place], (place, at, ran)
-            elif not press.has_stored():
-                assert ran.code == 1, (place, at, ran)
-                expected = before if place[0] == 5 else {**before, place: press.value(place)}
-                assert press.held() == expected, (place, at, ran)
-            else:
-                assert ran.code == 7, (place, at, ran)
-                assert "stored" in ran.stderr, (place, at, ran)
-            press.close()
-            clean(tmp_path)
+    cells = [(place, at) for place in claimed(command) for at in range(1, press.bus.downloads + 1)]
+    for place, at in part(cells, pytestconfig.getoption("--answers"), pytestconfig, command):
+        press = machine(tmp_path, command)
+        before = press.held()
+        press.bus.at, press.bus.then = at, lambda press=press, place=place: press.alter(place)  # type: ignore[misc]
+        ran = press.run(COMMANDS[command][1])
+        if ran.code == 0:
+            assert press.value(place) == before[place], (place, at, ran)
+        elif not press.has_stored():
+            assert ran.code == 1, (place, at, ran)
+            expected = before if place[0] == 5 else {**before, place: press.value(place)}
+            assert press.held() == expected, (place, at, ran)
+        else:
+            assert ran.code == 7, (place, at, ran)
+            assert "stored" in ran.stderr, (place, at, ran)
+        press.close()
+        clean(tmp_path)
 
 
 @pytest.mark.parametrize("place", [(5, 0x1801, 2), (5, 0x1801, 5), (5, 0x1800, 3)])
@@ -214,14 +217,18 @@ def clean(folder: Path) -> None:
         path.unlink() if path.is_file() else path.rmdir()
 
 
+@pytest.mark.counted
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("node_id", NODES)
 @pytest.mark.parametrize("command", ["network file", "network file that stores", "saved plan"])
-def test_a_node_that_restarts_after_any_answer(tmp_path: Path, command: str, node_id: int) -> None:
+def test_a_node_that_restarts_after_any_answer(
+    tmp_path: Path, command: str, node_id: int, pytestconfig: pytest.Config
+) -> None:
     """With 0 all that the file says is there when it ends."""
     press = machine(tmp_path, command)
     assert press.run(COMMANDS[command][1]).code == 0
     answers = press.bus.answers
-    for at in range(1, answers + 1, 7):
+    for at in sampled(range(1, answers + 1), pytestconfig, (command, node_id)):
         press = machine(tmp_path, command)
         reset = Frame(0x000, bytes([NmtCommand.RESET_NODE, node_id]))
         press.bus.at_answer = at

@@ -16,7 +16,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.network.bench import device
-from tests.network.test_read_together import Reset, own_home
+from tests.network.test_read_together import Reset, own_home, sampled
 
 __all__ = ["own_home"]
 NODE = 6
@@ -110,15 +110,14 @@ def to_first_download(line: str, answers: int) -> range:
     return range(answers + 1 - 3 * ("network" in line or ".yaml" in line))
 
 
-def sampled(found: range) -> list[int]:
-    """The first and last of *found*, and some between."""
-    return sorted({*found[:3], *found[3::11], *found[-3:]})
-
-
+@pytest.mark.counted
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("command", WRITING)
-def test_at_the_prompt_the_first_line_that_writes_is_refused_once(command: str, files: Path) -> None:
+def test_at_the_prompt_the_first_line_that_writes_is_refused_once(
+    command: str, files: Path, pytestconfig: pytest.Config
+) -> None:
     line = WRITING[command].replace("{}", str(files))
-    for after in sampled(positions(line)):
+    for after in sampled(positions(line), pytestconfig, command):
         with Machine() as machine:
             assert machine.bench.run(FIRST).code == 0
             machine.bus.downloads.clear()
@@ -138,8 +137,10 @@ def test_at_the_prompt_the_first_line_that_writes_is_refused_once(command: str, 
             assert "restarted since" not in (again := machine.bench.run(line)).stdout, again
 
 
+@pytest.mark.counted
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("command", WRITING)
-def test_in_a_script_it_is_refused_to_its_end(command: str, files: Path) -> None:
+def test_in_a_script_it_is_refused_to_its_end(command: str, files: Path, pytestconfig: pytest.Config) -> None:
     line = WRITING[command].replace("{}", str(files))
     with Machine() as machine:
         machine.bench.script(FIRST)
@@ -147,7 +148,7 @@ def test_in_a_script_it_is_refused_to_its_end(command: str, files: Path) -> None
     with Machine() as machine:
         machine.bench.script(FIRST, line)
         first = next(one for one in machine.bus.downloads if one >= ended) - ended
-    for after in sampled(to_first_download(command, first))[1:]:
+    for after in sampled(to_first_download(command, first)[1:], pytestconfig, command):
         with Machine() as machine:
             machine.bus.after = [ended + after]
             ran = machine.bench.script(FIRST, line, line, f"set {NODE}:tpdo1 --timer 90", keep_going=True)

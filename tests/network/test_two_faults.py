@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.errors import DvtcliError, LeftChanged
 from tests.network.bench import CHAIN, Chain
-from tests.network.drawn_cells import JOBS, Outcome, outcome, own_folder
+from tests.network.drawn_cells import JOBS, Outcome, draw, outcome, own_folder
 from tests.network.test_network_faults import FAULTS, ideal
 from tests.sample import turn
 
@@ -105,14 +105,19 @@ ONE_FAULT = ("", "reset-after-read@{}=0.05", "reset-at-read@{}=0.05", "alters@{}
 @pytest.mark.drawn(8)
 @pytest.mark.parametrize("fault", ONE_FAULT)
 @pytest.mark.parametrize("job", JOBS)
-def test_each_claim_stands_on_an_upload_behind_the_last_download_and_boot_up(job: str, fault: str) -> None:
-    """Every command that says equal, stored, proved, taken back or verified."""
-    for number in range(3):
+def test_each_claim_stands_on_an_upload_behind_the_last_download_and_boot_up(
+    job: str, fault: str, pytestconfig: pytest.Config
+) -> None:
+    """Every command that says equal, stored, proved, taken back or verified, in the first of three cells that can be.
+
+    In that order of the three that is drawn; in each cell also without the fault.
+    """
+    numbers = random.Random(f"{turn(pytestconfig)} {job} {fault}").sample(range(3), 3)
+    for number in numbers:
         seed = f"law of {job} {number}"
+        words = [f"{min(draw(seed, job).nodes)}:{fault.format(2 * number + 1)}"] if fault else []
         with own_folder() as folder:
-            found = outcome(seed, folder, [], job=job)
-            shutil.rmtree(folder)
-            if fault and found.possible:
-                node_id = min(found.drawn.nodes)
-                found = outcome(seed, folder, [f"{node_id}:{fault.format(2 * number + 1)}"], job=job)
+            found = outcome(seed, folder, words, job=job)
         assert not judged(found), (found.drawn, found.words, found.wrong)
+        if found.possible:
+            break
