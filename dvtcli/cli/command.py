@@ -16,8 +16,10 @@ from dvtcli.cli.global_options import NEGATIVE_MARK, global_options, one_pair_ea
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.each_node import Between
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Result
+    from dvtcli.operations.session.session import Session
 
 
 #: effects that leave every node as it was; what runs other lines is judged by those
@@ -31,7 +33,8 @@ class DvtCommand(click.Command):
     *effect* is what it does to nodes; where that depends on a line's parameters, *final* says of them what no undo
     reverts, and *stores* what the line may store beside its changes. With *needs_settings* it does not run where a
     settings file is wrong. *formats* are those of its answers that not every command has (`sarif`). Where *each* says
-    so of a line's parameters, it is done for each of the nodes that `-n 1,3,5` or `-n all` names.
+    so of a line's parameters, it is done for each of the nodes that `-n 1,3,5` or `-n all` names: *ahead* looks at all
+    of these first and raises if one cannot be done, *between* makes an error of some done, those left and the fault.
     """
 
     def __init__(
@@ -43,11 +46,14 @@ class DvtCommand(click.Command):
         needs_settings: bool = True,
         formats: Sequence[str] = (),
         each: Callable[[Mapping[str, Any]], bool] = lambda _params: False,
+        ahead: Callable[[Session, Sequence[int], Mapping[str, Any]], None] | None = None,
+        between: Between | None = None,
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, **kwargs)
         self.effect, self.needs_settings, self._final = effect, needs_settings, final
         self.stores, self.formats, self._each = stores, formats, each
+        self._ahead, self._between = ahead, between
         self.params.extend(global_options(hidden=True))
 
     def final(self, params: Mapping[str, Any]) -> Final | None:
@@ -90,8 +96,11 @@ class DvtCommand(click.Command):
             if self._each(ctx.params) and _of_several(session, ctx):
                 from dvtcli.cli.each_node import on_each_node
 
-                go_on = self.effect in _LOOKING
-                return on_each_node(session, lambda: _deliver(session, run(ctx)), go_on=go_on)
+                go_on, look = self.effect in _LOOKING, self._ahead
+                ahead = None if look is None else (lambda node_ids: look(session, node_ids, ctx.params))
+                return on_each_node(
+                    session, lambda: _deliver(session, run(ctx)), go_on=go_on, ahead=ahead, between=self._between
+                )
             return _deliver(session, run(ctx))
 
     def _require_format(self, name: str) -> None:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.boundary import SIGNALLED, guarded
 from dvtcli.cli.view.lines import Cell
-from dvtcli.errors import LeftChanged, NoAnswer
+from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.object_params import ObjectWord
     from dvtcli.operations.session.session import Session
+
+#: what is told of the nodes that are done, of those that are not, the first of which failed, and of its fault
+Between = Callable[[Sequence[int], Sequence[int], DvtcliError], DvtcliError]
 
 
 def several_ids(session: Session) -> tuple[int, ...]:
@@ -49,18 +53,38 @@ def objects_meant(session: Session, words: Sequence[ObjectWord]) -> list[tuple[s
     return [(word.text, one) for word in words for one in ((word.node_id,) if word.node_id is not None else nodes)]
 
 
-def on_each_node(session: Conversation, run: Callable[[], Any], *, go_on: bool) -> int:
+def on_each_node(
+    session: Conversation,
+    run: Callable[[], Any],
+    *,
+    go_on: bool,
+    ahead: Callable[[Sequence[int]], None] | None = None,
+    between: Between | None = None,
+) -> int:
     """Do *run* with each node that -n names selected; the exit code of the first that failed, or 7.
 
-    With *go_on* a node that fails keeps no other from its turn.
+    With *go_on* a node that fails keeps no other from its turn. *ahead* looks at all of them before the first; what
+    fails once some are done is said as *between* says it.
     """
     codes: list[int] = []
+    node_ids = several_ids(session)
+    if ahead is not None and (code := guarded(session, partial(ahead, node_ids))):
+        return code
+
+    def run_between(number: int) -> Any:
+        try:
+            return run()
+        except DvtcliError as fault:
+            if between is None or not number:
+                raise
+            raise between(node_ids[:number], node_ids[number:], fault) from fault
+
     try:
-        for node_id in several_ids(session):
+        for number, node_id in enumerate(node_ids):
             session.selected = node_id
             if not session.output.json:
                 session.output.said([[Cell(f"node {node_id}", "bold")]], error=False)
-            code = guarded(session, run)
+            code = guarded(session, partial(run_between, number))
             codes += [code] if code else []
             if code in SIGNALLED or (code and not go_on):
                 break

@@ -6,19 +6,19 @@ what a file or an option is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.applier import Applier
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import DeviceRefused
+from dvtcli.errors import DeviceRefused, DvtcliError
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.change.way_back import TakeBack
     from dvtcli.device.observe import Found
-    from dvtcli.domain.plan import Plan
+    from dvtcli.domain.plan import PdoChange, Plan
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
 
@@ -147,6 +147,8 @@ class Node(Applier):
 
         found = self.claim(whatever_happened=asked.rolls_back)
         back = way_back(self, asked)
+        boot_ups = self.bus.boot_ups(self.node_id)
+        others = () if asked.is_part or not len(back.plan) else self._beside(back.plan)
         try:
             applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
         except DeviceRefused:
@@ -155,8 +157,43 @@ class Node(Applier):
             plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
             applied = self.apply(plan, back.unknown, kept=False, found=found)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
+        if others and self.bus.boot_ups(self.node_id) == boot_ups:  # else that is told: it took what was in RAM only
+            self._put_others_back(applied.plan, others)
+            if self.bus.boot_ups(self.node_id) != boot_ups:
+                from dvtcli.device.change.carry_out import look_again
+
+                look_again(self, applied.plan, found)
         self.unkept += not asked.own
         return applied, len(back.undone)
+
+    def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
+        """The PDOs of which *plan* writes nothing, read whole, each as a change to what it is."""
+        from dvtcli.device.change.other_pdos import as_they_are, present_beside
+
+        present = present_beside(self, plan)
+        return as_they_are({pdo: config for pdo, config in self.known_pdos().items() if pdo in present})
+
+    def _put_others_back(self, plan: Plan, others: Sequence[PdoChange]) -> None:
+        """Put back what the device altered of *others* with *plan*, a way back that was carried out.
+
+        LeftChanged names the PDOs that are not as they were.
+        """
+        from dvtcli.device.change.other_pdos import altered_of, others_left
+        from dvtcli.domain.plan import PdoChange, Plan, plan_pdo
+
+        boot_ups = self.bus.boot_ups(self.node_id)
+        altered = self.observed(lambda: altered_of(self.sdo, others))
+        if not altered or self.bus.boot_ups(self.node_id) != boot_ups:
+            return
+        try:
+            back = (plan_pdo(change.pdo, self.pdo(change.pdo), change.before) for change in altered)
+            self.apply(Plan(self.node_id, tuple(back)), kept=False)
+            own = [change for change in plan.changes if isinstance(change, PdoChange)]
+            still = self.observed(lambda: altered_of(self.sdo, (*own, *others)))
+        except DvtcliError as failed:
+            raise others_left(plan, altered, failed) from failed
+        if still:
+            raise others_left(plan, still)
 
     def _apply_back(self, plan: Plan, unknown: tuple[Finding, ...], found: Found, *, is_patient: bool) -> Applied:
         """Apply *plan*, the way back; with *is_patient* a refusal that may pass is waited for, as a roll-back does."""

@@ -673,9 +673,9 @@ class Judge:
             self.wanted = {place: self._before(place) or data for place, data in self.wanted.items()}
 
     def _before(self, place: Place) -> bytes | None:
-        """What *place* held when we wrote it first, as it was read: a restart may have come before."""
-        restarted = self.record.restarted(place[0])
-        return (self.record.replaced(place) if restarted else None) or self.world.before.get(place)
+        """What *place* held when we wrote it first, as it was read: others may have changed it before that."""
+        otherwise = self.record.restarted(place[0]) or self.record.others_wrote(place)
+        return (self.record.replaced(place) if otherwise else None) or self.world.before.get(place)
 
     @staticmethod
     def _changed(ideal: Ran) -> Values:
@@ -723,10 +723,15 @@ class Judge:
                 found.append(
                     f"exit code 0, but {_at(place)} is {_hex(self.ran.after.get(place))}, expected {_hex(data)}"
                 )
-            elif self.job.law and not self.record.looked(place, None):
+            elif self.job.law and self._is_claimed(place[0]) and not self.record.looked(place, None):
                 found.append(f"law: nothing read {_at(place)} behind {self.record.last_change(place[0])}")
         found += self._stores()
         return found
+
+    def _is_claimed(self, node_id: int) -> bool:
+        """Whether the answer speaks of the node: what is taken back is taken back on the nodes that it names."""
+        last = self.documents[-1] if self.documents else {}
+        return not self.job.takes_back or node_id in {last.get("node"), *(one["node"] for one in last.get("nodes", ()))}
 
     def _stores(self) -> list[str]:
         """Nodes that were said to store, and hold other values after a power cycle."""

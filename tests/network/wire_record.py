@@ -88,6 +88,11 @@ class WireRecord:
             one.kind == "download" and one.ours and (one.node_id, *one.place) == (node_id, *rest) for one in self.events
         )
 
+    def others_wrote(self, place: tuple[int, int, int]) -> bool:
+        """Whether another master wrote the object at *place* (node-ID, index, sub-index)."""
+        written = [one for one in self.events if one.kind == "download" and not one.ours]
+        return any((one.node_id, *one.place) == place for one in written)
+
     def restarted(self, node_id: int) -> bool:
         """Whether a boot-up of *node_id* was heard."""
         return any(one.kind == "boot-up" and one.node_id == node_id for one in self.events)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,15 +11,36 @@ from dvtcli.cli.commands._store_group import ProofWay, StoreGroup, way_and_group
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 from dvtcli.errors import UsageError
-from dvtcli.operations.stores.store_restore import POWER_CYCLE_S, store_settings
+from dvtcli.operations.stores.store_restore import POWER_CYCLE_S, look_before_stores, store_settings
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dvtcli.errors import DvtcliError, LeftChanged
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
 
 
+def _look_ahead(session: Session, node_ids: Sequence[int], params: Mapping[str, Any]) -> None:
+    """Before the first of *node_ids* stores."""
+    way, group = way_and_group(params["prove"], params["group"])
+    look_before_stores(session, node_ids, group, prove=way)
+
+
+def _stopped(done: Sequence[int], left: Sequence[int], fault: DvtcliError) -> LeftChanged:
+    from dvtcli.operations.stores.unfinished_stores import stopped_between
+
+    return stopped_between(done, left, fault)
+
+
 @click.command(
-    "store", cls=DvtCommand, short_help=__doc__, effect=Effect.KEEPS, each=lambda params: params["prove"] != "power"
+    "store",
+    cls=DvtCommand,
+    short_help=__doc__,
+    effect=Effect.KEEPS,
+    each=lambda params: params["prove"] != "power",
+    ahead=_look_ahead,
+    between=_stopped,
 )
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option(

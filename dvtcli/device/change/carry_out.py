@@ -6,6 +6,7 @@ Decides nothing about what is legal, and shows nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from dvtcli.device.change.after_change import (
     settle_after,
 )
 from dvtcli.device.change.failed_change import TRY_AGAIN
-from dvtcli.device.change.other_pdos import OtherPdos, cob_ids_beside, is_of_pdo, wholes_beside
+from dvtcli.device.change.other_pdos import OtherPdos, cob_ids_beside, is_of_pdo, present_beside, wholes_beside
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.transaction import Transaction
@@ -83,7 +84,7 @@ def _carry_out(
         untold = any(config.lacking for config in node.last_read.values())
         enter(node, found)
         node.refuse_restarted(found)
-        boot_ups = run(node, plan, OtherPdos(cob_ids, beside), found)
+        boot_ups = run(node, plan, OtherPdos(cob_ids, beside, partial(present_beside, node, plan)), found)
     except LeftChanged as left:
         left_open(node, left)
         raise

@@ -5,30 +5,37 @@ A device may alter the COB-ID of one PDO because another's was written. Reads; t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.put_back import altered_cob_ids
-from dvtcli.device.read_pdos import read_pdo
+from dvtcli.device.change.put_back import altered_cob_ids, first_difference
+from dvtcli.device.read_pdos import WHATEVER, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import PdoChange, Plan, writes_cob_id
+from dvtcli.domain.plan import PdoChange, Plan, ValueChange, writes_cob_id
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.observe import Found
-    from dvtcli.domain.ports import SdoTransport
+    from dvtcli.domain.ports import SdoReader, SdoTransport
 
 
 @dataclass(slots=True)
 class OtherPdos:
-    """The PDOs beside a plan: the *cob_ids* as they were before it, and *wholes*, those that were read whole."""
+    """The PDOs beside a plan: the *cob_ids* as they were before it, and *wholes*, those that were read whole.
+
+    *present* names all of them, for a way back: it may read the node.
+    """
 
     cob_ids: Mapping[Pdo, CobId] = field(default_factory=dict)
     wholes: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
+    present: Callable[[], Sequence[Pdo]] = tuple
+    #: what a way back leaves alone, as it was before the plan or, if nobody read that, when the way back began
+    _before: dict[Pdo, PdoConfig] = field(default_factory=dict)
     #: those that were altered, of which nothing but the COB-ID could be put back
     _in_part: list[Pdo] = field(default_factory=list)
 
@@ -39,20 +46,41 @@ class OtherPdos:
             for pdo, held in altered_cob_ids(sdo, self.cob_ids).items()
         }
 
+    def begin_way_back(self, sdo: SdoReader, *, restarted: bool) -> None:
+        """Read the PDOs that a way back leaves alone, before its first write.
+
+        What was read before the plan counts for more, unless the node *restarted* since then.
+        """
+        held = {}
+        self._in_part.clear()
+        for pdo in self.present():
+            with suppress(SdoAborted):  # the EDS lists it, and the node lacks it
+                held[pdo] = read_pdo(sdo, pdo, WHATEVER)
+        self._before = {change.pdo: change.before for change in as_they_are(held)}
+        if not restarted:
+            self._before = {pdo: self._as_before(pdo, config) for pdo, config in self._before.items()} | {**self.wholes}
+
+    def altered_whole(self, sdo: SdoReader) -> dict[Pdo, str]:
+        """The PDOs that are not as they were when the way back began, each with what differs, in words."""
+        altered = altered_of(sdo, (PdoChange(pdo, before, before, ()) for pdo, before in self._before.items()))
+        return {change.pdo: difference for change, difference in altered.items()}
+
     def changes(self, sdo: SdoTransport, pdos: Iterable[Pdo]) -> tuple[PdoChange, ...]:
         """What puts *pdos* back to what they held before the plan.
 
-        Of one that was not read whole that is the COB-ID, and the rest as it is now.
+        If a PDO was not read whole before it that is the COB-ID, and the rest as the way back found it.
         """
-        return tuple(PdoChange(pdo, before, before, ()) for pdo, before in self._before(sdo, pdos))
+        before = {pdo: self._before.get(pdo) or self._as_before(pdo, read_pdo(sdo, pdo)) for pdo in pdos}
+        return tuple(PdoChange(pdo, config, config, ()) for pdo, config in before.items())
 
-    def _before(self, sdo: SdoTransport, pdos: Iterable[Pdo]) -> Iterator[tuple[Pdo, PdoConfig]]:
-        for pdo in pdos:
-            held = self.wholes.get(pdo)
-            if held is None:
-                self._in_part.append(pdo)
-                held = read_pdo(sdo, pdo)
-            yield pdo, replace(held, communication=replace(held.communication, cob_id=self.cob_ids[pdo]))
+    def _as_before(self, pdo: Pdo, held: PdoConfig) -> PdoConfig:
+        """What *pdo* held before the plan, of which *held* was read after it began."""
+        if pdo in self.wholes:
+            return self.wholes[pdo]
+        cob_id = self.cob_ids.get(pdo, held.communication.cob_id)
+        if cob_id != held.communication.cob_id:
+            self._in_part.append(pdo)
+        return replace(held, communication=replace(held.communication, cob_id=cob_id))
 
     def put_back_in_part(self, plan: Plan) -> str | None:
         """The device's state after the way back from *plan*; None where all were put back whole."""
@@ -93,8 +121,45 @@ def wholes_beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoCo
     if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
     own = set(_own(plan))
-    movable = {pdo: config for pdo, config in node.last_read.items() if config.has_cob_id and not config.untold}
-    return {pdo: config for pdo, config in movable.items() if pdo not in own}
+    return {pdo: config for pdo, config in movable(node.last_read).items() if pdo not in own}
+
+
+def movable(pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
+    """The *pdos* of which enough was read that they can be put back."""
+    return {pdo: config for pdo, config in pdos.items() if config.has_cob_id and not config.untold}
+
+
+def as_they_are(pdos: Mapping[Pdo, PdoConfig]) -> tuple[PdoChange, ...]:
+    """The *pdos* that were read whole, each as a change to what it is."""
+    return tuple(
+        PdoChange(pdo, config, config, ()) for pdo, config in pdos.items() if config.has_cob_id and not config.lacking
+    )
+
+
+def altered_of(sdo: SdoReader, changes: Iterable[PdoChange]) -> dict[PdoChange, str]:
+    """Those of *changes* whose PDO does not hold what they end with, each with what differs, in words."""
+    found = {change: first_difference(sdo, change) for change in changes}
+    return {change: difference for change, difference in found.items() if difference}
+
+
+def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliError | None = None) -> LeftChanged:
+    """The way back *plan* was carried out, and other PDOs that the device *altered* with it could not be put back."""
+    own, labels = several(change.label for change in plan.changes), several(change.label for change in altered)
+    left = LeftChanged(
+        f"node {plan.node_id} altered {labels} when {own} was put back, and {labels} could not be put back",
+        node=plan.node_id,
+        why="; ".join(altered.values()) if failed is None else f"{'; '.join(altered.values())}; then: {failed}",
+        hint="these PDOs depend on each other in this device: its manual says how; look at them with `pdo`",
+        state="left_changed",
+    )
+    left.state_text = f"{own} is as it was before that change, read back equal; {labels} is not; nothing was stored"
+    return left
+
+
+def present_beside(node: Changeable, plan: Plan) -> list[Pdo]:
+    """The PDOs of which *plan* writes nothing."""
+    own = {*_own(plan), *(Pdo.at(change.step.index) for change in plan.changes if isinstance(change, ValueChange))}
+    return [pdo for pdo in node.present() if pdo not in own]
 
 
 def is_of_pdo(plan: Plan) -> bool:

@@ -6,7 +6,7 @@ The only place that writes a plan to a device. Does not decide what is legal and
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
@@ -76,6 +76,8 @@ class Transaction:
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
     _boot_ups: int = 0
+    #: boot-ups seen when the way back began; None: the other PDOs could not be read then
+    _boot_ups_back: int | None = None
 
     def run(self) -> None:
         """Write every step, read everything back; on any fault put the old configuration back and say so.
@@ -201,6 +203,12 @@ class Transaction:
         """Other PDOs whose COB-ID the device changed along with ours, in words; none where it restarted meanwhile."""
         return {} if not self._others_matter() or self._restarted() else self.others.altered(self.sdo)
 
+    def _altered_back(self) -> dict[Pdo, str]:
+        """Behind the way back: other PDOs that are not as they were, in words; none if it restarted meanwhile."""
+        if self.witness.boot_ups() != self._boot_ups_back:
+            return self._altered()
+        return {**self.others.altered_whole(self.sdo), **self._altered()}
+
     def _restarted(self) -> bool:
         return self.witness.boot_ups() != self._boot_ups
 
@@ -270,6 +278,8 @@ class Transaction:
         is left then. Returns those that were put back to what the device takes instead of what they were.
         """
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
+        with suppress(DvtcliError):  # a node that does not answer now is waited for with the first write
+            observed(self.witness, self._begin_way_back)
         upsets = self.witness.upsets()
         otherwise, differing = self._restored(self.plan.changes)
         sure = sure and self.witness.upsets() == upsets
@@ -284,12 +294,19 @@ class Transaction:
             raise DeviceRefused("the device alters other PDOs again", why="; ".join(still))
         return otherwise
 
+    def _begin_way_back(self) -> None:
+        self._boot_ups_back = self.witness.boot_ups()
+        self.others.begin_way_back(self.sdo, restarted=self._restarted())
+
     def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
         """Put *changes* back, again where the node restarts while the others are looked at; which of those differ."""
         for _ in range(MOST_LOOKS):
             otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
             upsets = self.witness.upsets()
-            differing = self._altered()
+            try:
+                differing = self._altered_back()
+            except SdoAborted:  # refused for a moment: it was read before
+                continue
             if self.witness.upsets() == upsets:
                 return otherwise, differing
         raise DeviceRefused("the node restarted, or lost an answer, each time that its other PDOs were looked at")

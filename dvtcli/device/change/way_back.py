@@ -29,7 +29,7 @@ class TakeBack:
     """What is to be put back: what the newest of *plans* (oldest first) replaced, or *everything* of them.
 
     *own* says that they are of this session's history, *rolls_back* that nothing was stored since. With *force* it is
-    put back whatever the device holds by now.
+    put back whatever the device holds by now. *is_part* says that others follow, whose end looks at the other PDOs.
     """
 
     plans: Sequence[Plan]
@@ -38,6 +38,7 @@ class TakeBack:
     force: bool = False
     own: bool = False
     rolls_back: bool = False
+    is_part: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
+from dvtcli.device.change.other_pdos import as_they_are, present_beside, wholes_beside
 from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
@@ -54,6 +55,9 @@ def carry_out_together(
     for node_id, plan in plans.items():
         if len(plan):
             course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
+            own = present_beside(nodes[node_id], course.guarded(node_id))
+            read = wholes_beside(nodes[node_id], plan, found[node_id])
+            course.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
     run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
     boot_ups = {node_id: boot_ups[node_id] for node_id in plans}
     try:

@@ -53,7 +53,7 @@ def put_back(node: Node, plan: Plan) -> None:
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            node.put_back(TakeBack([plan], force=True, own=True, rolls_back=True))
+            node.put_back(TakeBack([plan], force=True, own=True, rolls_back=True, is_part=True))
         except _PASSING:
             if node.bus.now_s() >= deadline_s:
                 raise

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combined
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
+from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
@@ -43,6 +44,8 @@ class Course:
     plans: dict[int, Plan] = field(default_factory=dict)
     #: what each node is to hold besides, and held before, each as a change to what it is
     held: dict[int, Sequence[Change]] = field(default_factory=dict)
+    #: the other PDOs, which nobody wrote, as they were when it began to be taken back, or were read before
+    beside: dict[int, Sequence[Change]] = field(default_factory=dict)
     #: whether it is a whole by itself, and no line of a script that is one
     _alone: bool = field(init=False)
     _before: dict[int, NodeBefore] = field(init=False)
@@ -70,7 +73,8 @@ class Course:
 
     def guarded(self, node_id: int) -> Plan:
         """What is put back on a node if this ends in a fault: its plan, and what it held that the plan may alter."""
-        return Plan(node_id, (*self.plans[node_id].changes, *self.held.get(node_id, ())))
+        held = (*self.held.get(node_id, ()), *self.beside.get(node_id, ()))
+        return Plan(node_id, (*self.plans[node_id].changes, *held))
 
     def __enter__(self) -> Course:
         return self
@@ -106,6 +110,9 @@ class Course:
                 fault, (one for one in faults[1:] if not isinstance(one, Interrupted | LeftChanged))
             )
         with self.session.cancellation.way_back(), self.session.agreed():
+            for node_id in dict.fromkeys(part.node_id for part in self.done if part.node_id not in failures):
+                with suppress(DvtcliError):  # a node that does not answer now is waited for with its first write
+                    self._read_beside(node_id)
             for part in reversed(self.done):
                 if part.node_id not in failures:
                     self._try(part.node_id, failures, fault, lambda node, part=part: put_back(node, part))  # type: ignore[misc]
@@ -118,6 +125,14 @@ class Course:
                 raise left from fault
         elif isinstance(fault, DvtcliError) and fault.state != "left_changed" and self.done:
             self._say_all_back(fault)
+
+    def _read_beside(self, node_id: int) -> None:
+        """Before the first write of the way back: read the PDOs of which nobody wrote anything."""
+        node, guarded = self.nodes[node_id], self.guarded(node_id)
+        node.read_anew()
+        present = present_beside(node, guarded)
+        others = {pdo: config for pdo, config in node.known_pdos().items() if pdo in present}
+        self.beside[node_id] = (*self.beside.get(node_id, ()), *as_they_are(others))
 
     def _say_all_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())

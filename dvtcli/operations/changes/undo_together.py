@@ -8,21 +8,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied
 from dvtcli.device.change.carry_out import enter
 from dvtcli.device.change.course import combined
+from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.change.taken_back import foreseen
 from dvtcli.device.change.way_back import TakeBack, WayBack, way_back
-from dvtcli.domain.plan import STAMP, Change, PdoChange, ValueChange, plan_pdo
+from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.changes.change_together import carry_out_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, refuse_lost
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.plan import Plan
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session import Session
@@ -51,8 +52,8 @@ def may_go_together(undoings: Sequence[Undoing]) -> bool:
 def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Changed, ...]:
     """Put back every change of *undoings*, or none; any error of a node with state `rolled_back`.
 
-    SafetyRefusal where a device holds something else than what was left; LeftChanged where one could not be brought
-    back to what it held before this.
+    What a device alters of the other PDOs with that is a fault, too. SafetyRefusal where a device holds something else
+    than what was left; LeftChanged where one could not be brought back to what it held before this.
     """
     started = time.monotonic()
     nodes = {one.node.node_id: one.node for one in undoings}
@@ -69,6 +70,11 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         plans = {node_id: back.plan for node_id, back in backs.items()}
         findings = {node_id: back.unknown for node_id, back in backs.items()}
         held = {node_id: _as_before(back) for node_id, back in backs.items()}
+        written = [node_id for node_id, back in backs.items() if len(back.plan)]
+        for fault in session.bus.side_by_side([partial(_read_pdos, nodes[node_id]) for node_id in written]):
+            raise fault
+        for node_id in written:
+            held[node_id] += _beside(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
 
         def verify_others() -> None:
             for node_id, back in backs.items():
@@ -92,6 +98,16 @@ def _as_before(back: WayBack) -> tuple[Change, ...]:
     written = {change.label for change in back.plan.changes if change.steps}
     changes = combined(back.plan.node_id, back.undone).changes if back.undone else ()
     return tuple(_to_the_same(one) for one in changes if one.label not in written and _is_put_back(one))
+
+
+def _read_pdos(node: Node) -> None:
+    node.known_pdos()
+
+
+def _beside(node: Node, plan: Plan) -> tuple[Change, ...]:
+    """The PDOs of *node* of which *plan* says nothing: a device may alter them with what goes back."""
+    present = present_beside(node, plan)
+    return as_they_are({pdo: config for pdo, config in node.last_read.items() if pdo in present})
 
 
 def _is_put_back(change: Change) -> bool:

@@ -7,14 +7,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
-from dvtcli.device.change.proven import prepare_proof, prove_store, refuse_deaf_to_reset
+from dvtcli.device.change.proven import prepare_proof, prove_store, refuse_deaf_to_reset, refuse_unprovable
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.change.proving import Restart
 from dvtcli.device.held import Held
 from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
 from dvtcli.device.store_parameters import RESTORE, STORE, chosen, sign
-from dvtcli.device.storing import is_stored, prepare_store
+from dvtcli.device.storing import is_stored, may_store, prepare_store
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
@@ -23,6 +23,8 @@ from dvtcli.operations.consent.reset_consent import consent_to_reset
 from dvtcli.operations.results import Stored
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dvtcli.device.node import Node
     from dvtcli.device.store_parameters import Signed
     from dvtcli.device.wish import Says
@@ -73,6 +75,22 @@ def store_settings(
         node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
         because=because, prove_asked=prove is not None, all_known=node.keeper is None and done.sub_index in GROUPS,
     )  # fmt: skip
+
+
+def look_before_stores(
+    session: Session, node_ids: Sequence[int], sub_index: int | None, *, prove: str | None = None
+) -> None:
+    """Before the first of several nodes stores: raise if one of them must not, cannot, or could not prove it.
+
+    The PDOs of all of them are read, since a store of one cannot be taken back once another one is refused.
+    """
+    for node_id in node_ids:
+        node = session.node(node_id)
+        may_store(node, force=session.options.force)
+        if prove and not session.dry_run:
+            refuse_unprovable(node, sub_index, certain=prove == POWER)
+        else:
+            chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
 
 
 def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:

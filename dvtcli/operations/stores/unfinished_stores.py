@@ -56,6 +56,24 @@ def not_all_stored(course: Stores) -> LeftChanged:
     return left
 
 
+def stopped_between(done: Sequence[int], left: Sequence[int], fault: DvtcliError) -> LeftChanged:
+    """What is told if the nodes *done* have stored and the first of those *left* did not, for its *fault*."""
+    unsure = tuple(left[:1]) if _is_unsure(fault) else ()
+    first = f"{fault.hint}; then " if fault.hint else ""
+    error = LeftChanged(
+        f"node {', '.join(map(str, done))} stored, and then: {fault}",
+        node=left[0],
+        place=fault.place,
+        why=fault.why,
+        hint=f"{first}`-n {','.join(map(str, left))} store` stores the rest",
+        state="left_changed",
+    )
+    error.stores = WhoStored(tuple(done), tuple(node_id for node_id in left if node_id not in unsure), unsure)
+    error.details = [*fault.details, *error.stores.rows()]
+    error.state_text = "what was stored stays stored"
+    return error
+
+
 def lost_besides(course: Stores, lost: BaseException) -> LeftChanged:
     """What is told if all hold what was written, and have stored it, and something else is not as planned any more."""
     left = LeftChanged(

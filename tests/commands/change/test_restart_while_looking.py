@@ -78,8 +78,8 @@ def test_a_node_that_restarts_while_an_undo_looks_at_it_is_operational_at_its_en
     most = 1000
     answers = most - left(most)[0].at
     ends = set()
-    step = 5 if line == "undo" else 33
-    for at in range(answers - 1, max(0, answers - 100), -step):  # behind the last answer nobody can see it
+    step = 11 if line == "undo" else 33
+    for at in range(answers - 1, max(0, answers - 250), -step):  # behind the last answer nobody can see it
         node, ran = left(at)
         if ran.code:
             assert "unchanged: nothing was written" in ran.stderr or "what was not stored is lost" in ran.stderr
