@@ -146,8 +146,10 @@ class Node(Applier):
         from dvtcli.device.change.way_back import plan_back, way_back
 
         found = self.claim(whatever_happened=asked.rolls_back)
-        back = way_back(self, asked)
+        if not asked.is_part:
+            self.known_pdos()  # also those beside the plan: a device may alter them with it
         boot_ups = self.bus.boot_ups(self.node_id)
+        back = way_back(self, asked)
         others = () if asked.is_part or not len(back.plan) else self._beside(back.plan)
         try:
             applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
@@ -167,11 +169,11 @@ class Node(Applier):
         return applied, len(back.undone)
 
     def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
-        """The PDOs of which *plan* writes nothing, read whole, each as a change to what it is."""
+        """The PDOs of which *plan* writes nothing, as they were read last, each as a change to what it is."""
         from dvtcli.device.change.other_pdos import as_they_are, present_beside
 
         present = present_beside(self, plan)
-        return as_they_are({pdo: config for pdo, config in self.known_pdos().items() if pdo in present})
+        return as_they_are({pdo: config for pdo, config in self.last_read.items() if pdo in present})
 
     def _put_others_back(self, plan: Plan, others: Sequence[PdoChange]) -> None:
         """Put back what the device altered of *others* with *plan*, a way back that was carried out.
