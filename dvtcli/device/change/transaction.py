@@ -34,7 +34,15 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.errors import (
+    BusUnavailable,
+    DeviceRefused,
+    DvtcliError,
+    Interrupted,
+    NoAnswer,
+    SdoAborted,
+    SdoProtocolError,
+)
 
 #: how many bytes make a download long: half a second of segments at 125 kbit/s
 _LONG_BYTES = 1000
@@ -278,7 +286,7 @@ class Transaction:
         is left then. Returns those that were put back to what the device takes instead of what they were.
         """
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
-        with suppress(DvtcliError):  # a node that does not answer now is waited for with the first write
+        with suppress(NoAnswer, SdoProtocolError, BusUnavailable):  # it is waited for with the first write
             observed(self.witness, self._begin_way_back)
         upsets = self.witness.upsets()
         otherwise, differing = self._restored(self.plan.changes)

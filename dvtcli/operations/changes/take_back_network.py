@@ -16,7 +16,15 @@ from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
-from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, Interrupted, LeftChanged
+from dvtcli.errors import (
+    BusUnavailable,
+    DeviceRefused,
+    DvtcliError,
+    Interrupted,
+    LeftChanged,
+    NoAnswer,
+    SdoProtocolError,
+)
 from dvtcli.operations.changes.node_before import NodeBefore, difference_from_before, is_otherwise, put_back
 from dvtcli.operations.changes.told_of_nodes import all_back, other_nodes
 
@@ -111,7 +119,7 @@ class Course:
             )
         with self.session.cancellation.way_back(), self.session.agreed():
             for node_id in dict.fromkeys(part.node_id for part in self.done if part.node_id not in failures):
-                with suppress(DvtcliError):  # a node that does not answer now is waited for with its first write
+                with suppress(NoAnswer, SdoProtocolError, BusUnavailable):  # it is waited for with its first write
                     self._read_beside(node_id)
             for part in reversed(self.done):
                 if part.node_id not in failures:
