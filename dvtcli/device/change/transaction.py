@@ -286,7 +286,7 @@ class Transaction:
         is left then. Returns those that were put back to what the device takes instead of what they were.
         """
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
-        with suppress(NoAnswer, SdoProtocolError, BusUnavailable):  # it is waited for with the first write
+        with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
             observed(self.witness, self._begin_way_back)
         upsets = self.witness.upsets()
         otherwise, differing = self._restored(self.plan.changes)

@@ -23,6 +23,7 @@ from dvtcli.errors import (
     Interrupted,
     LeftChanged,
     NoAnswer,
+    SdoAborted,
     SdoProtocolError,
 )
 from dvtcli.operations.changes.node_before import NodeBefore, difference_from_before, is_otherwise, put_back
@@ -119,7 +120,7 @@ class Course:
             )
         with self.session.cancellation.way_back(), self.session.agreed():
             for node_id in dict.fromkeys(part.node_id for part in self.done if part.node_id not in failures):
-                with suppress(NoAnswer, SdoProtocolError, BusUnavailable):  # it is waited for with its first write
+                with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
                     self._read_beside(node_id)
             for part in reversed(self.done):
                 if part.node_id not in failures:
