@@ -157,6 +157,42 @@ def test_finish_looks_at_a_node_that_only_stores(chain: Chain, home: Path, other
     killed(chain, home, file(home), look)
 
 
+def test_finish_looks_at_a_node_that_was_equal_and_does_not_store(chain: Chain, home: Path) -> None:
+    """It has no journal of its own: those of the others say what it is to hold."""
+    chain.apply(file(home, "before", a=False, b=False))
+    silent(5)(chain)
+
+    def look(after: Chain) -> None:
+        after.devices[9].download(*TYPE, b"\x07")
+        with after.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 9"):
+            recover(session, finish=True)
+        assert stored_type(after, 5) is None
+        assert len(after.journals()) == 1
+
+    killed(chain, home, file(home, b=False), look)
+
+
+def test_an_equal_node_that_restarts_during_the_last_reads_behind_the_stores(chain: Chain, home: Path) -> None:
+    """It is read before the nodes that stored: a boot-up that is heard then is looked at."""
+    chain.apply(file(home, "before", a=False, b=False))
+    silent(5)(chain)
+    send, stored = chain.bus.send_sdo, list[bool]()
+
+    def send_sdo(can_id: int, data: bytes) -> None:
+        send(can_id, data)
+        if can_id == 0x605 and data[0] >> 5 == 1 and bytes(data[1:3]) == b"\x10\x10":
+            stored.append(True)
+        elif can_id == 0x605 and stored == [True]:
+            stored.append(False)
+            heard(9)(chain)
+
+    vars(chain.bus)["send_sdo"] = send_sdo
+    with pytest.raises(LeftChanged) as left:
+        chain.apply(file(home, b=False))
+    assert (left.value.node, left.value.stores) == (9, WhoStored(stored=(5,)))
+    assert stored_type(chain, 5) == b"\x01"
+
+
 @pytest.mark.parametrize("restart", [heard, silent])
 def test_apply_looks_at_all_nodes_after_the_stores(chain: Chain, home: Path, restart: Callable[[int], Act]) -> None:
     while_storing(chain, 9, restart(5))

@@ -132,6 +132,7 @@ class Journals:
             "final": part.final,
             "asked": list(part.asked),
             "stores": [_store_document(one) for one in part.stores],
+            "equal": [_store_document(one) for one in part.equal],
             "tests": [change_document(change) for change in part.tests],
             "changes": [change_document(change) for change in plan.changes],
         }
@@ -203,7 +204,8 @@ def _part(document: dict[str, Any]) -> Part:
     if not isinstance(tests, list) or len(tests) > MOST_CHANGES:
         raise ValueError("what tests its stores is malformed")
     stores = tuple(_stores(document.get("stores", [])))
-    return Part(whole, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)))
+    equal = tuple(_stores(document.get("equal", [])))
+    return Part(whole, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)), equal)
 
 
 def _stores(document: Any) -> Iterator[Storing]:

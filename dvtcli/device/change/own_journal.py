@@ -159,10 +159,13 @@ class OwnJournal:
         self._course, self._on_disk = Course(journal.nmt_state, journal.part, [journal.plan]), None
         self._announced, self._goes_on = None, False
 
-    def final(self, line: str, stores: tuple[Storing, ...] = ()) -> None:
-        """Before *line* of the whole, which no undo reverts, and *stores* those of it; empty: not done after all."""
+    def final(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
+        """Before *line* of the whole, which no undo reverts, and *stores* those of it; empty: not done after all.
+
+        *equal* are the nodes that were as wanted already, and neither are changed nor store.
+        """
         if self._course.made:
-            self._course.part = replace(self._course.part, final=line, stores=stores)
+            self._course.part = replace(self._course.part, final=line, stores=stores, equal=equal)
             if line:
                 with self._files("kept"):
                     self._write()

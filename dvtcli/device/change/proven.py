@@ -17,8 +17,10 @@ from dvtcli.device.resets import return_to
 from dvtcli.device.store_parameters import STORE, Signed, chosen
 from dvtcli.device.wish import Says, unlike_values, value_in_hex
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.proof import Proof
-from dvtcli.errors import DeviceRefused, Interrupted
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -38,7 +40,8 @@ def prepare_proof(node: Node, before: Held, sub_index: int | None, restart: Rest
     """Find out before the store what the proof would find out too late: what it compares, and what it changes to test.
 
     *sub_index* is that of `sign`. Tries the change and puts it back; None where a power cycle needs none. DeviceRefused
-    where the store could not be proved: nothing is stored.
+    where the store could not be proved, or the node altered something else with that change, which is put back;
+    LeftChanged where it could not be: nothing is stored.
     """
     signed = refuse_unprovable(node, sub_index, certain=restart.certain)
     if unread := unread_of(before, signed, before.pdos):
@@ -52,7 +55,43 @@ def prepare_proof(node: Node, before: Held, sub_index: int | None, restart: Rest
         raise stopped
     if place is None and not restart.certain:
         raise _unprovable(node, _NO_PLACE, _POWER)
+    if place is not None:
+        _refuse_altered(node, before, place)
     return place
+
+
+def _refuse_altered(node: Node, before: Held, place: AnyPlace) -> None:
+    """The change at *place* was tried and put back: DeviceRefused if the node holds something else than *before*."""
+    held = node.pdos()
+    altered = _unlike(node, before, held)
+    if not altered:
+        return
+    text = f"node {node.node_id} altered {several(altered)} when {place.name} was changed to test the reset"
+    hint = "these depend on each other in this device: its manual says how; `store` alone stores without a proof"
+    changes = tuple(
+        plan_pdo(pdo, held[pdo], config)
+        for pdo, config in before.pdos.items()
+        if pdo in held and held[pdo] != config and config.has_cob_id and not config.lacking
+    )
+    try:
+        if changes:
+            node.apply(Plan(node.node_id, changes), kept=False)
+        left = _unlike(node, before, node.pdos())
+    except DvtcliError as failed:
+        left = [failed.text]
+    if left:
+        raise LeftChanged(
+            f"{text}: nothing was stored", node=node.node_id, why=several(left), hint=hint, state="left_changed"
+        )
+    refused = DeviceRefused(f"{text}: nothing was stored", node=node.node_id, hint=hint, state="rolled_back")
+    refused.state_text = "what it altered is put back, read back equal; nothing was stored"
+    raise refused
+
+
+def _unlike(node: Node, before: Held, pdos: Pdos) -> list[str]:
+    """What *node*, whose *pdos* were read just now, holds otherwise than *before*, in words."""
+    values = (f"{place}: {text}" for place, text in unlike_values(node, before.values))
+    return [*_differences(before.pdos, pdos), *values]
 
 
 def refuse_unprovable(node: Node, sub_index: int | None, *, certain: bool) -> Signed:

@@ -36,7 +36,8 @@ class Part:
     *entries* are the ids under which `undo` remembers the changes; *final* is the line of the script that was begun
     and that no undo reverts. *asked* are the PDOs that `learn` asks, none where it is a change: the others of its plan
     are only compared. *stores* end a whole whose nodes were all verified; *tests* are what a proof of one changed for a
-    moment: they are put back before anything else is stored.
+    moment: they are put back before anything else is stored. *equal* are the nodes that were as wanted already, and
+    neither are changed nor store: each with what it is to hold.
     """
 
     whole: str | None = None
@@ -46,6 +47,7 @@ class Part:
     asked: tuple[str, ...] = ()
     stores: tuple[Storing, ...] = ()
     tests: tuple[Change, ...] = ()
+    equal: tuple[Storing, ...] = ()
 
 
 @dataclass(slots=True)

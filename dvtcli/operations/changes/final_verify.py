@@ -66,7 +66,8 @@ class Verified:
     """What is claimed of *nodes*: that they hold *changes*, on the devices of these *identities*.
 
     *boot_ups* are those that were heard by then, of the nodes that are not to store. *verify_others* reads what is
-    claimed besides, as of nodes to which nothing is written, and raises if that is not so.
+    claimed besides, as of nodes to which nothing is written, and raises if that is not so; *refuse_restarted* reads it
+    again of those of them that restarted since then.
     """
 
     session: Session
@@ -75,6 +76,7 @@ class Verified:
     identities: Mapping[int, Identity]
     boot_ups: Mapping[int, int] = field(default_factory=dict)
     verify_others: Callable[[], None] = lambda: None
+    refuse_restarted: Callable[[], None] = lambda: None
 
     def require(self, node_id: int) -> None:
         """Right before it stores: SafetyRefusal where that is another device, DeviceRefused where it lost something."""

@@ -78,7 +78,7 @@ def apply_network(
             course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with course:
             _keep(session, nodes, course.plans)
-            stored = store_network(session, course, planned, _verified(session, course, claims, found), prove)
+            stored = store_network(session, course, plan.nodes, _verified(session, course, claims, found), prove)
             complete(course)
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
@@ -119,7 +119,10 @@ def _verified(session: Session, course: Course, claims: Claims, found: Mapping[i
     held = {one.node_id: one.holds for one in planned if not len(one.plan)}
     boot_ups = {one.node_id: found[one.node_id].boot_ups for one in planned if not one.stores}
     identities = {one.node_id: one.identity for one in planned}
-    return Verified(session, course.nodes, {**held, **course.claims()}, identities, boot_ups, claims.verify_others)
+    return Verified(
+        session, course.nodes, {**held, **course.claims()}, identities, boot_ups,
+        claims.verify_others, claims.refuse_restarted,
+    )  # fmt: skip
 
 
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:

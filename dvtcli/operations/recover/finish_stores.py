@@ -54,7 +54,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
             "not all nodes had been verified: there is nothing to finish", hint="recover puts them back as they were"
         )
     part = furthest(journals)
-    nodes = {one.node_id: session.node(one.node_id) for one in part.stores}
+    nodes = {one.node_id: session.node(one.node_id) for one in (*part.stores, *part.equal)}
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
@@ -88,11 +88,11 @@ def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: 
 
     A node that only stores has none of its own, or one that only tests a proof.
     """
-    changes = {one.node_id: one.holds for one in part.stores}
+    changes = {one.node_id: one.holds for one in (*part.stores, *part.equal)}
     changes |= {
         journal.plan.node_id: (*changes.get(journal.plan.node_id, ()), *_wanted(journal)) for journal in journals
     }
-    identities = {one.node_id: one.identity for one in part.stores if one.identity is not None}
+    identities = {one.node_id: one.identity for one in (*part.stores, *part.equal) if one.identity is not None}
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
     boot_ups = {one: nodes[one].bus.boot_ups(one) for one in silent}
@@ -128,7 +128,7 @@ def _store(
     tests: Mapping[int, Sequence[Change]],
 ) -> None:
     """Put *tests* back on the nodes that hold them, then store as *part* says; the journals go with that."""
-    nodes, course = verified.nodes, Stores({one.node_id: one for one in part.stores})
+    nodes, course = verified.nodes, Stores({one.node_id: one for one in part.stores}, part.equal)
     keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.guard(), session.agreed():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DvtcliError, JournalKept, LeftChanged, SafetyRefusal
+from dvtcli.operations.plans.claims import steady
 from dvtcli.operations.stores.possible_stores import store_group
 from dvtcli.operations.stores.store_restore import end_stamp, store_settings
 from dvtcli.operations.stores.unfinished_stores import (
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 def store_network(
     session: Session, course: Course, planned: Sequence[NodePlan], verified: Verified, prove: str | None
 ) -> tuple[Stored, ...]:
-    """Store what *planned* say, one node after the other; LeftChanged names who has stored and who has not.
+    """Store what *planned*, all nodes, say, one after the other; LeftChanged names who has stored and who has not.
 
     Each node is looked at right before its store, and all of them, as they were *verified*, once more after the last.
     A journal says from here on that stores have begun; it stays where a node lost what was set.
@@ -48,7 +49,12 @@ def store_network(
     ]
     if not stores:
         return ()
-    on_way = Stores({one.node_id: one for one in stores})
+    equal = tuple(
+        Storing(one.node_id, "", identity=one.identity, holds=tuple(steady(session.node(one.node_id), one.holds)))
+        for one in planned
+        if not (one.stores or len(one.plan)) and one.is_read
+    )
+    on_way = Stores({one.node_id: one for one in stores}, equal)
     try:
         return store_each(session, course.name, on_way, verified, course.journals(), prove)
     except BaseException as fault:
@@ -108,6 +114,7 @@ def store_each(
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
     if faults and not course.failed:
         raise faults[0]
+    others = [] if course.lost or course.failed else one_by_one([verified.verify_others])
     course.lost = course.lost or verified.faults()
     if course.lost:
         left = lost_settings(course, course.lost)
@@ -116,7 +123,8 @@ def store_each(
         raise left from course.lost[0]
     if course.failed:
         raise not_all_stored(course) from next(iter(course.failed.values()))
-    if others := one_by_one([verified.verify_others]):
+    others = others or one_by_one([verified.refuse_restarted])  # what was read of them first may be lost by now
+    if others:
         raise lost_besides(course, others[0]) from others[0]
     return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)
 
@@ -132,7 +140,7 @@ def _store_one(
 ) -> None:
     states = tuple(course.states.values())
     for journal in _to_note(journals, one.node_id):
-        journal.final(_final(name, states, one), states)
+        journal.final(_final(name, states, one), states, course.equal)
     node = verified.nodes[one.node_id]
     node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
     try:
@@ -152,9 +160,10 @@ def _store_one(
 def _note_all_done(name: str, course: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
     """Let *journals* say that nobody is to store any more; what keeps one from it is said beside what is *left*."""
     states = tuple(course.states.values())
+    line = f"{name}: store on node {', '.join(str(one.node_id) for one in states)}"
     for journal in (journal for journal in journals if journal.is_begun):
         try:
-            journal.final(f"{name}: store on node {', '.join(str(one.node_id) for one in states)}", states)
+            journal.final(line, states, course.equal)
         except DvtcliError as failed:
             left.details.append(("also", failed.text))
 

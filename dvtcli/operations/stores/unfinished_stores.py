@@ -23,9 +23,13 @@ _AGAIN = "`apply` again sets what is missing, and stores it"
 
 @dataclass(slots=True)
 class Stores:
-    """The stores of one whole on their way, by node-ID; *lost*: faults of a node that held something else."""
+    """The stores of one whole on their way, by node-ID; *lost*: faults of a node that held something else.
+
+    *equal* are the nodes that were as wanted already, and neither are changed nor store.
+    """
 
     states: dict[int, Storing]
+    equal: tuple[Storing, ...] = ()
     answers: dict[int, Stored] = field(default_factory=dict)
     failed: dict[int, BaseException] = field(default_factory=dict)
     lost: list[BaseException] = field(default_factory=list)

@@ -566,3 +566,18 @@ def test_what_was_not_stored_now_is_not_called_proved(faults: tuple[str, ...], t
         assert (again.code, "nothing was written" in again.stdout) == (0, True)
         assert "node 5 stored nothing now, so nothing is proved of what it keeps: `store --prove` does" in again.stderr
         assert bench.run("store --prove").code == (1 if faults else 0)
+
+
+@pytest.mark.parametrize("altered", ["1801:5:0x0063", "1401:2:0x05"])
+def test_what_the_device_alters_with_the_canary_is_found_before_the_store_and_put_back(altered: str) -> None:
+    """With the change that tries the reset, and with its way back."""
+    for at in (1, 2):
+        with sim(f"alters@{at}={altered}") as bench:
+            before = bench.run("pdo --all --json").document["pdos"]
+            ran = bench.run("store --prove")
+            assert ran.code == 1, ran
+            assert "when" in ran.stderr
+            assert "to test the reset: nothing was stored" in ran.stderr
+            assert bench.run("pdo --all --json").document["pdos"] == before
+            assert bench.run("nmt reset-node").code == 0
+            assert bench.run("pdo --all --json").document["pdos"] == before
