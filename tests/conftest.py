@@ -8,6 +8,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     parser.addoption("--branches", metavar="FOLDER", help="count the ways through the code into a folder")
     parser.addoption("--frozen", metavar="PROGRAM", help="a program that scripts/freeze.py made; none: skipped")
+    parser.addoption("--no-skips", action="store_true", help="run tests whose packages are missing, too: they fail")
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=3, metavar="N", help="rounds of four dvtcli at once [3]")
@@ -90,12 +92,31 @@ def pytest_collection_finish() -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
     """Mark what is a lot, before `-m` looks at marks; then leave out what the lot did not draw, and order the rest."""
     sample.mark_many(items)
+    if not config.getoption("--no-skips"):
+        _skip_lacking(items)
     yield
     left_out = sample.left_out(items, config, config.getoption("cases"))
     if left_out:
         items[:] = [item for item in items if item not in left_out]
         config.hook.pytest_deselected(items=list(left_out))
     _order(items)
+
+
+def _is_installed(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except ModuleNotFoundError:  # what it is part of
+        return False
+
+
+def _skip_lacking(items: list[pytest.Item]) -> None:
+    """Skip those of *items* that need a package which is not installed."""
+    for item in items:
+        for marker in item.iter_markers("needs"):
+            (package,) = marker.args
+            if not _is_installed(package):
+                reason = f"{package} is not installed: pip install -e '.[test,more-tests,style]'"
+                item.add_marker(pytest.mark.skip(reason=reason))
 
 
 def _order(items: list[pytest.Item]) -> None:

@@ -69,6 +69,7 @@ def test_the_import_costs_nothing() -> None:
     assert sorted(said.split()) == ["False", "dvtcli", "dvtcli.version"]
 
 
+@pytest.mark.needs("mypy")
 @pytest.mark.drawn(0)
 def test_programs_are_checked_with_the_types(tmp_path: Path) -> None:
     program = tmp_path / "program.py"

@@ -46,6 +46,8 @@ other: {node_id: 9, tpdo: {1: {enabled: true}}}
 """
 pytestmark = [
     pytest.mark.long,
+    pytest.mark.needs("selenium"),
+    pytest.mark.needs("axe_core_python"),
     pytest.mark.skipif(BROWSER is None or DRIVER is None, reason="no chromium with chromedriver here"),
 ]
 

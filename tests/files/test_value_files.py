@@ -37,6 +37,11 @@ MEANINGS = Meanings(
 OBJECTS = range(0x2000, 0x2000 + len(SCALES) + 1)  # the last one means nothing in particular
 
 
+def of_parquet(file: str) -> tuple[pytest.MarkDecorator, ...]:
+    """What a test of *file* needs if that is a Parquet file."""
+    return (pytest.mark.needs("pyarrow"),) if file.endswith(".parquet") else ()
+
+
 def layouts_of(node_id: int, indices: list[int]) -> Decoder:
     parameter = PdoCommunicationParameter(CobId(0x180 + node_id), 255, None, None, None)
     config = PdoConfig(parameter, tuple(PdoMappingEntry(index, 0, 16) for index in indices))
@@ -46,7 +51,7 @@ def layouts_of(node_id: int, indices: list[int]) -> Decoder:
 mappings = st.lists(st.sampled_from(OBJECTS), min_size=1, max_size=4)
 
 
-@pytest.mark.parametrize("form", sorted(FORMS))
+@pytest.mark.parametrize("form", [pytest.param(form, marks=of_parquet(form)) for form in sorted(FORMS)])
 @settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mapping=mappings, datas=st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=5))
 def test_what_is_written_is_read(tmp_path: Path, form: str, mapping: list[int], datas: list[bytes]) -> None:
@@ -96,7 +101,9 @@ def damaged() -> Iterator[tuple[str, bytes, str]]:
     yield "a.parquet", b"PAR1 and no end", "no whole Parquet file"
 
 
-@pytest.mark.parametrize(("name", "data", "says"), list(damaged()))
+@pytest.mark.parametrize(
+    ("name", "data", "says"), [pytest.param(*case, marks=of_parquet(case[0])) for case in damaged()]
+)
 def test_what_is_damaged_is_said(tmp_path: Path, name: str, data: bytes, says: str) -> None:
     (tmp_path / name).write_bytes(data)
     with pytest.raises(InputFileError, match=says):

@@ -14,7 +14,7 @@ from tests.process import PATIENCE_S, environment
 from tests.sample import heavy
 from tests.serve.served import Served, served
 
-pytestmark = pytest.mark.skipif(not (BINARIES / "ansible-playbook").exists(), reason="ansible-core is not here")
+pytestmark = pytest.mark.needs("ansible.release")  # a folder of this project is called ansible, too
 #: each of them starts Ansible, which takes two seconds of a processor to begin
 by_lot = pytest.mark.drawn(1, "ansible")
 

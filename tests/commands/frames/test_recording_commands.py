@@ -195,6 +195,7 @@ def test_plot_draws_on_the_terminal(tmp_path: Path) -> None:
     assert heights[0] > heights[1], done.stdout
 
 
+@pytest.mark.needs("matplotlib")
 @pytest.mark.drawn(1)
 @pytest.mark.parametrize(("suffix", "begin"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None:
@@ -233,7 +234,9 @@ def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None
         (["decode", "run.log", "--csv", "--eds", GEN4, "--filter", "nothing"], 2, "no signal has 'nothing'"),
         (["decode", "run.log", "--eds", GEN4, "-o", "x.xlsx"], 2, ".parquet"),
         (["plot", "nowhere.csv", "speed"], 2, "nowhere.csv: No such file"),
-        (["plot", "nowhere.parquet", "speed"], 2, "nowhere.parquet: no such file"),
+        pytest.param(
+            ["plot", "nowhere.parquet", "speed"], 2, "nowhere.parquet: no such file", marks=pytest.mark.needs("pyarrow")
+        ),
         (["log", "x.log", "--filter", "zz", "--sim", "gen4"], 2, "ID:MASK"),
     ],
 )
