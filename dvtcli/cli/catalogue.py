@@ -105,11 +105,6 @@ def command_names() -> list[str]:
     return list(_NAMES)
 
 
-def command_module(name: str) -> str:
-    """The module that has the command *name* as its `command`."""
-    return f"dvtcli.cli.commands.{name}"
-
-
 def summary(name: str) -> str:
     """A command's one-line help; KeyError if there is no such command."""
     return _SUMMARIES[name]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.catalogue import command_module, command_names, meant, task_sections, unknown_command
+from dvtcli.cli.catalogue import command_names, meant, task_sections, unknown_command
 from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
 from dvtcli.cli.ways import Root, ways
 
@@ -40,7 +40,7 @@ class Registry(Root):
         """The command *cmd_name*, imported now, or None."""
         if cmd_name not in command_names():
             return _dvt_word(cmd_name)
-        command = import_module(command_module(cmd_name)).command
+        command = import_module(f"dvtcli.cli.commands.{cmd_name}").command
         assert isinstance(command, click.Command)  # noqa: S101 - the house's convention, also tested
         return command
 

@@ -22,6 +22,7 @@ from pathlib import Path
 #: line. The one table of the order.
 ROOMS: dict[str, str] = {
     "version": "which dvtcli this is",
+    "interpreter": "the Python that runs code of ours in another process",
     "domain": "what a PDO is, what is legal, what must be written",
     "errors": "the one tree of failures",
     "device": "one device over the seams: reading, changing, putting back",

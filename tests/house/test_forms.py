@@ -17,7 +17,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import pytest
 
 from dvtcli.cli.help.guide import TOPICS
-from dvtcli.files.family_folder import FAMILIES
+from dvtcli.files.family_folder import family_files
 from tests.house.source import PACKAGE
 from tests.process import environment
 
@@ -101,7 +101,8 @@ def test_a_tcl_script_runs_in_the_frozen_program(tmp_path: Path, pytestconfig: p
 
 
 def test_tables_of_data_files_name_what_is_there() -> None:
-    families = {folder.name: {file.name for file in folder.iterdir()} for folder in (PACKAGE / "families").iterdir()}
-    assert {name: set(files) for name, files in FAMILIES.items()} == families
-    assert list(FAMILIES) == sorted(FAMILIES)
+    folders = [path for path in (PACKAGE / "families").iterdir() if path.is_dir()]
+    families = {folder.name: sorted(file.name for file in folder.iterdir()) for folder in folders}
+    assert {name: list(files) for name, files in family_files().items()} == families
+    assert list(family_files()) == sorted(family_files())
     assert {path.stem for path in (PACKAGE / "cli" / "help" / "topics").iterdir()} == set(TOPICS)

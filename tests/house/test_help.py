@@ -8,7 +8,7 @@ from importlib import import_module
 
 import pytest
 
-from dvtcli.cli.catalogue import TASKS, by_task, command_module, command_names, summary
+from dvtcli.cli.catalogue import TASKS, by_task, command_names, summary
 from dvtcli.cli.help.guide import TOPICS, _rows, overview, topic
 from tests.commands.bench import Bench
 from tests.house.source import PACKAGE
@@ -35,7 +35,7 @@ def test_a_task_of_many_commands_takes_more_lines() -> None:
 
 @pytest.mark.parametrize("name", command_names())
 def test_every_command_is_where_the_table_says_and_begins_with_its_line(name: str) -> None:
-    module = import_module(command_module(name))
+    module = import_module(f"dvtcli.cli.commands.{name}")
     assert module.command.name == name
     assert (module.__doc__ or "").splitlines()[0] == summary(name)
 
