@@ -106,7 +106,8 @@ def test_an_option_from_a_variable_counts_in_a_worker(tmp_path: Path) -> None:
     assert len(found["domain/cob_id.py"]) > 5
     assert len(list(left(found, "domain/cob_id.py"))) < len(ways()["domain/cob_id.py"]) / 2
     words = [line.split()[0] for line in rooms(found)]
-    assert words[:2] == ["room", "domain"]
+    assert words[0] == "room"
+    assert "domain" in words
     assert words[-1] == "all"
 
 
