@@ -86,10 +86,30 @@ class FileLog:
 
 
 def nearest(key: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The one of *known* that *key* may be a slip of, or the beginning of."""
-    names = list(known)
-    begun = [name for name in names if len(key) >= 3 and name.startswith(key)]
-    return next(iter([*get_close_matches(key, names, n=1, cutoff=cutoff), *begun]), None)
+    """The one of *known* that *key* may be a slip of, or the beginning of; letter case and - for _ count as slips."""
+    names, typed = {spelled(name): name for name in reversed(list(known))}, spelled(key)
+    words = list(reversed(names))
+    edited = [word for word in words if typed == word or _one_edit_apart(typed, word)]
+    begun = [word for word in words if len(typed) >= 3 and word.startswith(typed)]
+    found = [*sorted(edited, key=typed.__ne__), *get_close_matches(typed, words, n=1, cutoff=cutoff), *begun]
+    return names[found[0]] if found else None
+
+
+def spelled(key: str) -> str:
+    """*key* as keys of a network file are spelt: small letters, and _ between words."""
+    return key.strip().casefold().replace("-", "_").replace(" ", "_")
+
+
+def _one_edit_apart(typed: str, name: str) -> bool:
+    """Whether one character more, less or other, or two swapped ones, are all that parts the two words."""
+    if min(len(typed), len(name)) < 3 or abs(len(typed) - len(name)) > 1:
+        return False
+    same = next((at for at, (a, b) in enumerate(zip(typed, name, strict=False)) if a != b), min(len(typed), len(name)))
+    left, right = typed[same:], name[same:]
+    return (
+        left[1:] == right[1:] or left[1:] == right or left == right[1:]
+        or (left[:2] == right[:2][::-1] and left[2:] == right[2:])
+    )  # fmt: skip
 
 
 def _place(note: FileNote) -> Mark:

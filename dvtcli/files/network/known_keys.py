@@ -7,13 +7,25 @@ from typing import Any
 
 from dvtcli.domain.network.wanted_state import Mark
 from dvtcli.files.network import leaves
-from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.network_keys import OF, Kind, NetworkKey, Where
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
 
 #: where keys of other tools may stand
-_OPEN = {Where.OPTIONS, Where.MASTER, Where.NODE}
+_OPEN = {Where.FILE, Where.OPTIONS, Where.MASTER, Where.NODE}
 _SLIP = 0.82
+_IN_A_FILE = "the file: it stands at the top level"
+_IN_A_NODE = "a node: it stands below the node's name"
+_IN_A_PDO = "a PDO: it stands below a number of tpdo or rpdo"
+#: by the mapping that a key stands in by mistake: the mappings that it may be meant for, and what they belong to
+_BELONGS: dict[Where, dict[Where, str]] = {
+    Where.FILE: {Where.NODE: _IN_A_NODE, Where.TPDO: _IN_A_PDO, Where.RPDO: _IN_A_PDO, Where.MASTER: "master"},
+    Where.OPTIONS: {Where.FILE: _IN_A_FILE},
+    Where.MASTER: {Where.FILE: _IN_A_FILE},
+    Where.NODE: {Where.TPDO: _IN_A_PDO, Where.RPDO: _IN_A_PDO, Where.FILE: _IN_A_FILE},
+    Where.TPDO: {Where.NODE: _IN_A_NODE},
+    Where.RPDO: {Where.NODE: _IN_A_NODE},
+}
 
 
 def _as_it_is(tree: Tree, _key: NetworkKey, _log: FileLog) -> Tree:
@@ -81,18 +93,29 @@ def read_keys(branch: Branch, where: Where, title: str, log: FileLog) -> dict[st
 
 def unknown_key(leaf: Leaf, where: Where, title: str, log: FileLog) -> None:
     """A key that the table does not have: another tool's is noted, a slip or one where no others may be complained."""
-    name, known = leaf.text, OF[where]
-    if where not in _OPEN or (where is Where.NODE and is_slip(name, where, log)):
-        log.unknown(leaf.mark, name, title, known)
+    name = leaf.text
+    if belongs := belongs_to(name, where):
+        log.complain(leaf.mark, f"{name[:40]!r} in {title} belongs to {belongs}")
     elif where is Where.MASTER and name == "baud_rate":
         log.note(leaf.mark, "baud_rate of master is left alone: dcfgen calls it baudrate, and takes 1000 without it")
+    elif where not in _OPEN or is_slip(name, where, log):
+        log.unknown(leaf.mark, name, title, OF[where])
     else:
         log.note(leaf.mark, f"{name[:40]} is left alone: a key of another tool")
 
 
+def belongs_to(name: str, where: Where) -> str:
+    """What the key *name*, which *where* does not have, belongs to; empty if no other mapping has it either."""
+    found = spelled(name)
+    for other, what in _BELONGS.get(where, {}).items():
+        if found in OF[other] and not OF[other][found].noted and found not in OF[where]:
+            return what
+    return ""
+
+
 def is_slip(name: str, where: Where, log: FileLog) -> bool:
-    """Whether *name*, which no table has, is meant for a key of *where*: close to it, or its beginning."""
-    return log.nearest(name, OF[where], _SLIP) is not None
+    """Whether *name*, which no table has, is meant for a key of *where* that is carried out: close or its beginning."""
+    return log.nearest(name, (key.name for key in OF[where].values() if not key.noted), _SLIP) is not None
 
 
 def number_key(leaf: Leaf, low: int, high: int, what: str, log: FileLog) -> int | None:

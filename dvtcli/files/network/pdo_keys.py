@@ -11,9 +11,9 @@ from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.network.wanted_state import FileWord, PdoWish
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo
 from dvtcli.files.network import leaves
-from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.known_keys import key_mark, number_key, read_keys
-from dvtcli.files.network.network_keys import Where
+from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
 
 #: the keys of a PDO, the last of several that mean one sub-index; 0: the mapping
@@ -27,6 +27,11 @@ def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) ->
     """The PDOs of *branch* by their numbers."""
     lines: dict[int, int] = {}
     for leaf, value in branch.items.values():
+        if spelled(leaf.text) in OF[Where.TPDO if direction is Direction.TPDO else Where.RPDO]:
+            log.complain(
+                leaf.mark, f"{leaf.text!r} in {direction} of {title} belongs to a PDO: it stands below its number"
+            )
+            continue
         number = number_key(leaf, 1, MAX_PDO_NUMBER, "PDO number", log)
         if number is None:
             continue

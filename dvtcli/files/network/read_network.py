@@ -14,7 +14,7 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import read_input
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.files.network.known_keys import is_slip, read_keys
+from dvtcli.files.network.known_keys import belongs_to, is_slip, read_keys, unknown_key
 from dvtcli.files.network.link_keys import read_links
 from dvtcli.files.network.network_keys import INSTEAD, OF, Where
 from dvtcli.files.network.node_keys import Surroundings, read_node
@@ -105,14 +105,25 @@ def _nodes(root: Branch, found: dict[str, Branch], log: FileLog) -> Named:
 
 
 def _top_level(leaf: Leaf, value: Tree, nodes: Named, log: FileLog, *, only_nodes: bool) -> None:
-    """A key at the top level that is none of ours: a node, a slip, or another tool's."""
+    """A key at the top level that is none of ours: a node, a slip, one that belongs elsewhere, or another tool's."""
     has_id = isinstance(value, Branch) and "node_id" in value.items
-    if not has_id and is_slip(leaf.text, Where.FILE, log):
-        log.unknown(leaf.mark, leaf.text, "this file", OF[Where.FILE])
-    elif has_id or (only_nodes and isinstance(value, Branch)):
+    if has_id and _is_master(leaf.text, log):
+        log.complain(leaf.mark, f"unknown key {leaf.text[:40]!r} in this file, did you mean 'master'? "
+                     "A node of this name stands below `nodes`")  # fmt: skip
+    elif has_id or (
+        only_nodes
+        and isinstance(value, Branch)
+        and not is_slip(leaf.text, Where.FILE, log)
+        and not belongs_to(leaf.text, Where.FILE)
+    ):
         _take(leaf, value, nodes, log)
     else:
-        log.note(leaf.mark, f"{leaf.text[:40]} is left alone: a key of another tool")
+        unknown_key(leaf, Where.FILE, "this file", log)
+
+
+def _is_master(name: str, log: FileLog) -> bool:
+    """Whether *name* of what has a node-ID is a slip of `master`; `master2` is a name."""
+    return not name[-1:].isdigit() and log.nearest(name, ("master",), 1.0) is not None
 
 
 def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:

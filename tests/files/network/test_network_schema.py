@@ -95,13 +95,13 @@ def file_with(key: NetworkKey, value: str) -> str:
     }.get(key.where, f"{key.where}: {{{said}}}\n{one}")
 
 
-#: what is wrong, and only the reader sees it: names of nodes, no node at all, a malformed object, a misspelt key, a
-#: stamp that is not stored
+#: what is wrong, and only the reader sees it: names of nodes, no node at all, a malformed object, a misspelt key or
+#: a key at the level of another, a stamp that is not stored
 READER_ONLY = {
     (Where.NODE, "heartbeat_consumer"): ("{600: 5}", "{index: 1}", "{vendor: 1}", "{vender: 1}"),
     (Where.FILE, "nodes"): ("~", "{}"),
     (Where.NODE, "stamp"): ("true",),
-    (Where.FILE, "defaults"): ("{vendor: 1}",),
+    (Where.FILE, "defaults"): ("{vendor: 1}", "{enabled: true}"),
     (Where.SDO, "object"): ("0x10000", "0x1FFFFFFF", "0x20000000", "0x80000181", "0x100000000"),
 }
 

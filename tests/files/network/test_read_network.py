@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.wanted_state import FileWord, HeartbeatWatch, Mark, NetworkWish, NodeWish, PdoWish
 from dvtcli.errors import InputFileError
-from dvtcli.files.network.network_keys import KEYS, Where
+from dvtcli.files.network.network_keys import KEYS, NetworkKey, Where
 from dvtcli.files.network.read_network import read_network, read_network_file
 from tests.files.network.key_fixtures import FIXTURES, TPDO1, in_node, only, read
 from tests.process import ROOT
@@ -48,6 +48,68 @@ def test_a_key_is_read(key: tuple[Where, str]) -> None:
 def test_keys_of_other_tools_are_noted(name: str, value: str) -> None:
     (note,) = read(in_node(f"{name}: {value}")).notes
     assert (note.mark, name in note.text) == (Mark(4, 5, len(name)), True)
+
+
+def _slips(key: str) -> list[str]:
+    """*key* with one slip of each kind: of case, of a hyphen, a swap, and a character less, more and other."""
+    swapped = [key[:at] + key[at + 1] + key[at] + key[at + 2 :] for at in range(len(key) - 1)]
+    dropped = [key[:at] + key[at + 1 :] for at in range(len(key)) if len(key) > 3]
+    typed = [key[:at] + "0" + key[at + 1 :] for at in range(1, len(key))]
+    doubled = [key[:at] + key[at] + key[at:] for at in range(len(key))]
+    cased = [key.upper(), key.capitalize(), key.replace("_", "-"), key.title().replace("_", "")]
+    return [slip for slip in dict.fromkeys([*cased, *swapped, *dropped, *typed, *doubled]) if slip != key]
+
+
+@pytest.mark.parametrize(
+    ("where", "key"),
+    [
+        (key.where, key.name)
+        for key in KEYS
+        if key.where in (Where.FILE, Where.OPTIONS, Where.MASTER, Where.NODE) and not key.noted
+    ],
+)
+def test_a_slip_of_a_key_is_an_error_wherever_keys_of_other_tools_may_stand(where: Where, key: str) -> None:
+    own = {name.name for name in KEYS if name.where is where}
+    for slip in _slips(key):
+        if slip in own or slip == "baud_rate":
+            continue
+        text = {
+            Where.FILE: f"{slip}: 1\nnodes: {{a: {{node_id: 3, guard_time: x}}}}\n",
+            Where.NODE: f"nodes: {{a: {{node_id: 3, {slip}: 1, guard_time: x}}}}\n",
+        }.get(where, f"{where}: {{{slip}: 1}}\nnodes: {{a: {{node_id: 3, guard_time: x}}}}\n")
+        said = [found for _, _, found in wrong(text)]
+        assert any(found.startswith(f"unknown key {slip!r} in") and "did you mean" in found for found in said), said
+        assert any("whole number" in found for found in said)
+
+
+@pytest.mark.parametrize("key", [key for key in KEYS if key.where in (Where.TPDO, Where.RPDO) and not key.noted])
+def test_a_key_of_a_pdo_at_another_level_is_an_error_that_says_where_it_belongs(key: NetworkKey) -> None:
+    for name in (key.name, key.name.title()):
+        for text in (f"{name}: 1", f"{key.where}: {{1: , {name}: 1}}"):
+            assert any(f"{name!r} in" in found and "belongs to a PDO" in found for *_, found in wrong(in_node(text)))
+        assert "belongs to a PDO" in wrong(f"{name}: 1\nnodes: {{a: {{node_id: 3}}}}\n")[0][2]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("heartbeat_producer: 5\nnodes: {a: {node_id: 3}}\n", "'heartbeat_producer' in this file belongs to a node"),
+        ("store: true\na: {node_id: 3}\n", "'store' in this file belongs to a node"),
+        ("Tpdo: {1: {}}\na: {node_id: 3}\n", "'Tpdo' in this file belongs to a node"),
+        ("baudrate: 500\nnodes: {a: {node_id: 3}}\n", "'baudrate' in this file belongs to master"),
+        ("nodes: {a: {node_id: 3, links: []}}\n", "'links' in node a belongs to the file"),
+        ("nodes: {a: {node_id: 3, tpdo: {1: {sdo: []}}}}\n", "'sdo' in TPDO1 of node a belongs to a node"),
+        ("mastr: {node_id: 9}\nnodes: {a: {node_id: 3}}\n", "unknown key 'mastr' in this file, did you mean 'master'?"),
+        ("Master: {node_id: 9}\na: {node_id: 3}\n", "unknown key 'Master' in this file, did you mean 'master'?"),
+    ],
+)
+def test_a_key_at_the_level_of_another_is_an_error(text: str, says: str) -> None:
+    assert says in wrong(text)[0][2]
+
+
+@pytest.mark.parametrize("name", ["node1", "link", "default", "master2", "master_b", "option", "drive"])
+def test_a_node_at_the_top_level_may_have_nearly_any_name(name: str) -> None:
+    assert {node.name for node in read(f"{name}: {{node_id: 3}}\na: {{node_id: 4}}\n").nodes} == {name, "a"}
 
 
 def test_all_that_is_wrong_is_said_at_once_with_its_place() -> None:
