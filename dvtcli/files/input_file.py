@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 import sys
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from dvtcli.errors import InputFileError
 
@@ -34,6 +35,21 @@ def read_input(path: Path | str, most_bytes: int, kind: str) -> bytes:
 def read_input_head(path: Path | str, count: int) -> bytes:
     """Read the first *count* bytes of *path*, or all there are; raises as `read_input`, whatever its size."""
     return _head(path, count)[:count]
+
+
+def json_line(line: str | bytes, place: str, text: str) -> Any:
+    """The JSON document in *line*, which stands at *place* (`FILE:LINE`).
+
+    InputFileError that says *text*, with the column in that line, if it is none.
+    """
+    try:
+        return json.loads(line)
+    except json.JSONDecodeError as wrong:
+        raise InputFileError(text, place=f"{place}:{wrong.colno}", why=f"no JSON: {wrong.msg}") from wrong
+    except UnicodeDecodeError as wrong:
+        raise InputFileError(text, place=f"{place}:{wrong.start + 1}", why="no JSON: not UTF-8") from wrong
+    except (ValueError, RecursionError) as wrong:
+        raise InputFileError(text, place=place, why=f"no JSON: {wrong}") from wrong
 
 
 def open_input(path: Path | str) -> BinaryIO:

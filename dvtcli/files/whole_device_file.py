@@ -17,13 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.input_file import read_input
+from dvtcli.files.input_file import json_line, read_input
 
 SUFFIX = ".jsonl"
 SCHEMA = "dvtcli.whole-device/1"
 #: some thousand objects, of which a few are long
 _MOST_BYTES = 64 << 20
 _OBJECT = re.compile(r"([0-9A-Fa-f]{4}):([0-9A-Fa-f]{2})")
+_TEXT = "{} does not say what a device held"
 _IDENTITY = ("vendor", "product", "revision", "serial")
 
 
@@ -84,10 +85,7 @@ def _documents(path: Path, data: bytes) -> Iterator[tuple[int, dict[str, Any]]]:
     for number, line in enumerate(data.splitlines(), 1):
         if not line.strip():
             continue
-        try:
-            document = json.loads(line)
-        except (ValueError, RecursionError) as wrong:
-            raise _wrong(path, number, f"no JSON: {wrong}") from wrong
+        document = json_line(line, f"{path}:{number}", _TEXT.format(path))
         if not isinstance(document, dict):
             raise _wrong(path, number, "a line is an object of JSON")
         yield number, document
@@ -117,4 +115,4 @@ def _object(path: Path, number: int, line: Mapping[str, Any]) -> tuple[tuple[int
 
 
 def _wrong(path: Path, line: int, why: str) -> InputFileError:
-    return InputFileError(f"{path} does not say what a device held", place=f"{path}:{line}", why=why)
+    return InputFileError(_TEXT.format(path), place=f"{path}:{line}", why=why)

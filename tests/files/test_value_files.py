@@ -110,6 +110,13 @@ def test_what_is_damaged_is_said(tmp_path: Path, name: str, data: bytes, says: s
         list(read_values(tmp_path / name).rows)
 
 
+def test_what_is_no_json_is_said_with_its_line_and_column(tmp_path: Path) -> None:
+    (tmp_path / "a.jsonl").write_bytes(b'\n{"schema": "dvtcli.other/1"}\n{"schema": x}\n')
+    with pytest.raises(InputFileError) as wrong:
+        list(read_values(tmp_path / "a.jsonl").rows)
+    assert (wrong.value.place, wrong.value.why) == (f"{tmp_path / 'a.jsonl'}:3:12", "no JSON: Expecting value")
+
+
 def test_a_signal_is_found_by_its_object_and_its_name(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time_s,3:606C:00 [rpm],3:5100:01 [V]\n0.0,5,48.0\n", encoding="utf-8")

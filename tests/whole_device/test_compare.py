@@ -40,6 +40,19 @@ def test_a_device_is_as_its_backup_says_until_a_setting_changes(family: str, for
         assert bench.run(f"compare {file} {file}").code == 0
 
 
+def test_a_backup_that_was_cut_short_is_said_with_the_line_and_column_of_the_file(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "a.jsonl", tmp_path / "cut.jsonl"
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"backup {whole}").code == 0
+        lines = whole.read_bytes().splitlines(keepends=True)
+        for left, place in ((b'{"object": "10', f"{cut}:21:12"), (b"", f"{cut}:20")):
+            cut.write_bytes(b"".join(lines[:20]) + left)
+            for command in (f"plan {cut}", f"compare {cut}", f"compare {whole} {cut}"):
+                ran = bench.run(command)
+                assert (ran.code, "line 1" in ran.stderr, f"  file    {place}\n" in ran.stderr) == (4, False, True)
+                assert bench.run(f"{command} --json").documents[-1]["file"] == place
+
+
 def test_each_setting_that_differs_is_named(tmp_path: Path) -> None:
     with Bench(("generic@5",)) as bench:
         assert bench.run(f"backup {tmp_path / 'a.dcf'}").code == 0

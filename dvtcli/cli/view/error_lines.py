@@ -28,6 +28,8 @@ _BY_THIS_LINE: dict[State, str] = {
     "unchanged": "unchanged by this line",
     "rolled_back": "rolled back: what this line changed is as it was, read back equal",
 }
+#: what stands behind a file's name in the place of an error: its line, and its column
+_LINE = re.compile(r":[0-9]+(?::[0-9]+)?$")
 #: of a file, on a screen; documents have more
 _MOST_COMPLAINTS = 20
 _STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
@@ -85,7 +87,7 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
         return
     rows = [*error.details]
     file = _file(error)
-    if error.exit_code == 4 and file and file != at and file.rpartition(":")[0] not in error.text:
+    if error.exit_code == 4 and file and file != at and _LINE.search(file) and file not in error.text:
         rows.append(("file", file))
     if error.abort is not None:
         rows.append(("abort", f"0x{error.abort:08X}  {abort_text(error.abort)}"))

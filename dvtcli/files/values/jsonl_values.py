@@ -11,6 +11,7 @@ from typing import IO, Any
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError
+from dvtcli.files.input_file import json_line
 from dvtcli.files.values.opened_text import opened_text
 from dvtcli.files.values.value_rows import ValuesRead
 from dvtcli.watch.decoder import Signal
@@ -88,11 +89,11 @@ def _documents(path: Path) -> Iterator[dict[str, Any]]:
     for number, line in enumerate(opened_text(path), 1):
         if not line.strip():
             continue
+        document = json_line(line, f"{path}:{number}", f"no {_SCHEMA} document")
         try:
-            document = json.loads(line)
             if document["schema"] == _SCHEMA:
                 datetime.fromisoformat(document["time"])
                 _ = document["signals"].items()
                 yield document
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as wrong:
+        except (ValueError, TypeError, KeyError, AttributeError) as wrong:
             raise InputFileError(f"no {_SCHEMA} document", place=f"{path}:{number}") from wrong
