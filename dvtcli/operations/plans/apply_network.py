@@ -9,6 +9,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.whole import Storing
 from dvtcli.device.seen_state import present_state
 from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
@@ -27,7 +28,7 @@ from dvtcli.operations.stores.store_network import store_network
 from dvtcli.operations.sync.unknown_sync import short_frames
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
@@ -78,7 +79,8 @@ def apply_network(
             course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with course:
             _keep(session, nodes, course.plans)
-            stored = store_network(session, course, plan.nodes, _verified(session, course, claims, found), prove)
+            verified = _verified(session, course, claims, found)
+            stored = store_network(session, course, planned, verified, prove, _equal(nodes, plan.nodes))
             complete(course)
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
@@ -123,6 +125,15 @@ def _verified(session: Session, course: Course, claims: Claims, found: Mapping[i
         session, course.nodes, {**held, **course.claims()}, identities, boot_ups,
         claims.verify_others, claims.refuse_restarted,
     )  # fmt: skip
+
+
+def _equal(nodes: Mapping[int, Node], planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
+    """The nodes that are as *planned* already, and neither are changed nor store, each with what it is to hold."""
+    return tuple(
+        Storing(one.node_id, "", identity=one.identity, holds=tuple(steady(nodes[one.node_id], one.holds)))
+        for one in planned
+        if not (one.stores or len(one.plan)) and one.is_read
+    )
 
 
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:

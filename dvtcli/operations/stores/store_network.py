@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DvtcliError, JournalKept, LeftChanged, SafetyRefusal
-from dvtcli.operations.plans.claims import steady
 from dvtcli.operations.stores.possible_stores import store_group
 from dvtcli.operations.stores.store_restore import end_stamp, store_settings
 from dvtcli.operations.stores.unfinished_stores import (
@@ -35,9 +34,16 @@ if TYPE_CHECKING:
 
 
 def store_network(
-    session: Session, course: Course, planned: Sequence[NodePlan], verified: Verified, prove: str | None
+    session: Session,
+    course: Course,
+    planned: Sequence[NodePlan],
+    verified: Verified,
+    prove: str | None,
+    equal: tuple[Storing, ...] = (),
 ) -> tuple[Stored, ...]:
-    """Store what *planned*, all nodes, say, one after the other; LeftChanged names who has stored and who has not.
+    """Store what *planned* say, one node after the other; LeftChanged names who has stored and who has not.
+
+    *equal* are the nodes that were as wanted already, and neither are changed nor store: the journals name them.
 
     Each node is looked at right before its store, and all of them, as they were *verified*, once more after the last.
     A journal says from here on that stores have begun; it stays where a node lost what was set.
@@ -49,11 +55,6 @@ def store_network(
     ]
     if not stores:
         return ()
-    equal = tuple(
-        Storing(one.node_id, "", identity=one.identity, holds=tuple(steady(session.node(one.node_id), one.holds)))
-        for one in planned
-        if not (one.stores or len(one.plan)) and one.is_read
-    )
     on_way = Stores({one.node_id: one for one in stores}, equal)
     try:
         return store_each(session, course.name, on_way, verified, course.journals(), prove)
