@@ -187,7 +187,7 @@ CASES = [
 ]  # fmt: skip
 
 #: of those that do not take seconds each, how many are taken unless the run is long: `--fuzz 50000`
-A_PART, LONG = 16, 50_000
+A_PART, LONG = 10, 50_000
 SLOW = {
     *("eds check: 100,000 sections", "script: 10 MB on one line", "script: 10 MB of continuations"),
     *("eds check: 450,000 bad lines", "eds check: 100,000 times the same section", "script: 10,000 lines"),

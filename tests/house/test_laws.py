@@ -88,12 +88,13 @@ def test_each_that_sends_has_its_askers() -> None:
     assert {(file, name) for file, names in HARMLESS.items() for name in names} <= took
 
 
-@pytest.mark.parametrize("command", MAY_READ_AND_SEND)
-def test_a_command_that_reads_and_sends_needs_its_permission(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(MAY_READ_AND_SEND, command)
-    said = list(LAWS["effects"](HOUSE))
-    assert said
-    assert all(line.startswith(f"cli/commands/{command}.py") for line in said)
+def test_a_command_that_reads_and_sends_needs_its_permission(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of them its own: a look at the whole for each would take a second of each command."""
+    commands = set(MAY_READ_AND_SEND)
+    for command in commands:
+        monkeypatch.delitem(MAY_READ_AND_SEND, command)
+    said = {line.partition(" ")[0] for line in LAWS["effects"](HOUSE)}
+    assert said == {f"cli/commands/{command}.py" for command in commands}
 
 
 @cache

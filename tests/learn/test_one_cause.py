@@ -110,7 +110,11 @@ accesses = st.sets(st.sampled_from([Access.RO, Access.RW, Access.RWR, Access.CON
 taking = st.sets(st.sampled_from([Access.RW, Access.RWW, Access.WO]), min_size=1)
 
 
-@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None,
+    max_examples=max(10, settings().max_examples // 4),
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(objects, accesses, taking, st.sampled_from([1, 8]), st.sampled_from([8, 16, 32, 64]))
 def test_nothing_is_learnt_that_is_not_so(
     tmp_path: Path, chosen: list[tuple[Access, int]], sends: set[Access], takes: set[Access], step: int, most: int

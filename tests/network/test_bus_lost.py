@@ -16,7 +16,7 @@ from tests.network.test_network_killed import FILE, held, is_download, is_save, 
 from tests.process import documents
 from tests.serve.killing import Killable, killable
 
-pytestmark = pytest.mark.drawn(6, "lost networks")
+pytestmark = pytest.mark.drawn(4, "lost networks")
 
 #: how many requests an `apply` of the file with stores sends, about, of which the last 60 or so look at what is stored
 REQUESTS = 300

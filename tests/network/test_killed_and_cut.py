@@ -134,7 +134,7 @@ def whole(nodes: Killable, work: Work) -> bool:
     return True
 
 
-@pytest.mark.drawn(10, "ends of commands")
+@pytest.mark.drawn(5, "ends of commands")
 def test_wherever_it_is_killed(nodes: Killable, name: str, end_at: int) -> None:
     work = WORKS[name]
     work.ahead(nodes)
@@ -153,7 +153,7 @@ def test_wherever_it_is_killed(nodes: Killable, name: str, end_at: int) -> None:
         assert now == held(nodes)
 
 
-@pytest.mark.drawn(10, "ends of commands")
+@pytest.mark.drawn(5, "ends of commands")
 def test_wherever_it_loses_the_bus(nodes: Killable, name: str, end_at: int) -> None:
     work = WORKS[name]
     work.ahead(nodes)

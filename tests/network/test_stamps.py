@@ -351,6 +351,7 @@ def test_a_refusal_leaves_every_stamp_as_it_was(chain: Chain, tmp_path: Path, st
 
 
 @pytest.mark.counted
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("clears", [True, False])
 @pytest.mark.parametrize("text", [FILE, LINKED])
 def test_nobody_is_told_wrong_by_a_stamp_whenever_apply_was_killed(

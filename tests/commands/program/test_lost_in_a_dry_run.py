@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
-from tests.commands.bench import Bench
+from tests.commands.bench import Bench, Ran
 from tests.commands.program.test_lost_behind_acts import CutBus
-
-#: every so many frames the bus is lost, and so each line is tried at most about a hundred times
-STEP = 3
+from tests.sample import part
 
 
-def lost_everywhere(line: str, *, dry_run: bool) -> Iterator[tuple[int, dict[str, Any]]]:
-    """The exit code of *line* and its error, on a bus that is lost behind the first frame, a later one, …"""
-    for left in range(1, 2000, STEP):
-        bus = CutBus([simulated_device(one) for one in simulated_nodes(["generic@1", "generic@3"])], simulated=False)
-        with Bench((), {"yes": True, "dry_run": dry_run}, bus) as bench:
-            bus.left = left
-            ran = bench.run(f"{line} --json")
-            if not bus.cut:
-                assert ran.code == 0, ran
-                return
-            yield ran.code, next(one for one in ran.documents if one["schema"] == "dvtcli.error/1")
+def lost(line: str, left: int, *, dry_run: bool) -> tuple[CutBus, Ran]:
+    """What *line* ends with on a bus that is lost behind that many frames of ours, never with 0; and that bus."""
+    bus = CutBus([simulated_device(one) for one in simulated_nodes(["generic@1", "generic@3"])], simulated=False)
+    with Bench((), {"yes": True, "dry_run": dry_run}, bus) as bench:
+        bus.left = left
+        return bus, bench.run(f"{line} --json")
+
+
+def told(ran: Ran) -> tuple[int, str, str]:
+    """Its exit code, and which error and state it names."""
+    error: dict[str, Any] = next(one for one in ran.documents if one["schema"] == "dvtcli.error/1")
+    return ran.code, error["error"], error["state"]
 
 
 @pytest.fixture
@@ -36,15 +34,23 @@ def script(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.counted
 @pytest.mark.parametrize(
     "line", ["map 1:tpdo1 1001", "disable 3:tpdo1 3:rpdo1", "link 1:tpdo1 3:rpdo1", "run {script} --atomic"]
 )
-def test_it_is_the_bus_that_is_wrong_and_nothing_is_changed(line: str, script: Path) -> None:
-    lost = list(lost_everywhere(line.format(script=script), dry_run=True))
-    assert len(lost) > 20
-    assert {(code, error["error"], error["state"]) for code, error in lost} == {(5, "bus", "unchanged")}
+def test_it_is_the_bus_that_is_wrong_and_nothing_is_changed(
+    line: str, script: Path, pytestconfig: pytest.Config
+) -> None:
+    """Behind the first frame and the last but one, and behind twice as many others by lot as `--answers` says."""
+    words = line.format(script=script)
+    bus, ran = lost(words, 0, dry_run=True)
+    assert ran.code == 0, ran
+    frames = range(1, -bus.left)
+    assert len(frames) > 60
+    chosen = part(frames, 2 * pytestconfig.getoption("--answers"), pytestconfig, line)
+    for left in (frames[0], *chosen, frames[-1]):
+        assert told(lost(words, left, dry_run=True)[1]) == (5, "bus", "unchanged"), left
 
 
 def test_an_atomic_script_that_had_changed_nothing_takes_nothing_back(script: Path) -> None:
-    first = next(lost_everywhere(f"run {script} --atomic", dry_run=False))
-    assert (first[0], first[1]["state"]) == (5, "unchanged")
+    assert told(lost(f"run {script} --atomic", 1, dry_run=False)[1]) == (5, "bus", "unchanged")
