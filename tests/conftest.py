@@ -90,10 +90,11 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
-    """Mark what is a lot, before `-m` looks at marks; then leave out what the lot did not draw, and order the rest."""
+    """Mark what is a lot and what is quick, before `-m` looks; then leave out what the lot did not draw, and order."""
     sample.mark_many(items)
     if not config.getoption("--no-skips"):
         _skip_lacking(items)
+    sample.mark_quick(items)
     yield
     left_out = sample.left_out(items, config, config.getoption("cases"))
     if left_out:
@@ -144,7 +145,7 @@ def pytest_configure(config: pytest.Config) -> None:
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
     if config.option.cases is None:  # a worker is told what this process decides
         named = getattr(config.option, "file_or_dir", None) or config.option.keyword  # `--help` has no files
-        config.option.cases = "all" if named else "lot"
+        config.option.cases = "all" if named or config.option.markexpr == "quick" else "lot"
     set_environment(clean_environment() | _for_workers(config))
     # A shell starts what it does not wait for without SIGINT, nohup without SIGHUP: dvtcli would start so, too.
     for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):

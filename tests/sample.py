@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 from collections import defaultdict
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TypeVar
 
 import pytest
@@ -17,6 +18,8 @@ One = TypeVar("One")
 
 #: so many cases of a test a whole run takes, where the test says nothing else
 CASES = 4
+#: marks of what takes long, or waits, or needs what few machines have
+NOT_QUICK = ("counted", "hypothesis", "kernel", "long", "needs", "together", "xfail")
 #: What takes a second of processor time or more by itself: a whole run takes some of all of them.
 heavy = pytest.mark.drawn(8, "heavy")
 
@@ -46,6 +49,16 @@ def mark_many(items: Sequence[pytest.Item]) -> None:
         if len(cases) > CASES and not getattr(getattr(cases[0], "obj", None), "is_hypothesis_test", False):
             for item in cases:
                 item.add_marker(pytest.mark.drawn(CASES))
+
+
+def mark_quick(items: Sequence[pytest.Item]) -> None:
+    """Mark the first test of each file `quick`, unless what it is takes long; what else is quick says so itself."""
+    first: dict[Path, pytest.Item] = {}
+    for item in sorted(items, key=lambda item: (item.location[1] or 0, item.nodeid)):  # they come in a random order
+        if not any(item.get_closest_marker(name) for name in NOT_QUICK):
+            first.setdefault(item.path, item)
+    for item in first.values():
+        item.add_marker(pytest.mark.quick)
 
 
 def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -> set[pytest.Item]:

@@ -9,7 +9,7 @@ from tests.house.laws import LAWS
 from tests.house.laws.source_tree import SourceTree
 from tests.house.source import PACKAGE
 
-pytestmark = pytest.mark.together
+pytestmark = [pytest.mark.together, pytest.mark.quick]
 
 HOUSE = SourceTree.of_the_package()
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from tests.sample import CASES, left_out, mark_many
+from tests.sample import CASES, left_out, mark_many, mark_quick
 
 
 @pytest.fixture
@@ -65,6 +65,12 @@ def test_of_many_cases_a_lot_is_taken_that_nobody_asked_for(
     }
     marked = [item for item in items if item.get_closest_marker("drawn") and item.name.startswith("test_one_of_many[")]
     assert len(marked) == CASES + 4  # `-m drawn --cases rest` finds them
+
+
+def test_the_first_of_a_file_that_is_not_long_is_quick(items: list[pytest.Item]) -> None:
+    """In whatever order they come; a law of Hypothesis is none, nor what is counted."""
+    mark_quick(items[::-1])
+    assert [item.name for item in items if item.get_closest_marker("quick")] == ["test_one_of_twelve[0]"]
 
 
 @pytest.mark.drawn(1, "alike")

@@ -90,8 +90,21 @@ def test_nothing_is_said_of_examples_that_are_gone() -> None:
     assert len(kind("why_not")) <= 3
 
 
+def quick_first(lines: list[str]) -> list[Any]:
+    """*lines*, of which the first of each command is quick."""
+    first = {line.split()[0]: line for line in reversed(lines)}
+    return [pytest.param(line, marks=[pytest.mark.quick] * (line in first.values())) for line in lines]
+
+
+ENDING = [line for line in EXAMPLES if line not in kind("until") + kind("why_not")]
+
+
+def test_each_command_has_an_example_that_is_run() -> None:
+    assert {line.split()[0] for line in [*ENDING, *kind("until")]} >= set(command_names()) - {"exit"}
+
+
 @pytest.mark.drawn(25)
-@pytest.mark.parametrize("line", [line for line in EXAMPLES if line not in kind("until") + kind("why_not")])
+@pytest.mark.parametrize("line", quick_first(ENDING))
 def test_an_example_does_what_it_says(line: str, folder: Path) -> None:
     needs = NEEDS.get(line, {})
     with chdir(folder), Bench(tuple(needs.get("sim", ["gen4"])), {"yes": True}) as bench:
@@ -102,7 +115,7 @@ def test_an_example_does_what_it_says(line: str, folder: Path) -> None:
 
 
 @pytest.mark.drawn(6)
-@pytest.mark.parametrize("line", kind("until"))
+@pytest.mark.parametrize("line", quick_first(kind("until")))
 def test_an_example_without_an_end_works_until_control_c(line: str, folder: Path) -> None:
     needs = NEEDS[line]
     words = [] if line.startswith("sim ") else [word for sim in needs.get("sim", ["gen4"]) for word in ("--sim", sim)]
