@@ -41,6 +41,8 @@ class KnownPdos(Reached):
     came_up: CameUp = field(default_factory=CameUp)
     #: the other nodes that this session knows
     neighbours: Callable[[], Iterable[KnownPdos]] = tuple
+    #: the COB-IDs of all its TPDOs as they were last read for another node, and its boot-ups by then
+    sent: tuple[int, Mapping[Pdo, CobId]] | None = field(default=None, init=False)
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _shown: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _present: list[Pdo] | None = field(default=None, init=False)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_cob_id, sdo_channels
+from dvtcli.device.read_pdos import read_cob_id, sdo_channels, service_ids_beside
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.finding import Producer
@@ -35,6 +36,40 @@ def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
     return found
 
 
+def services_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
+    """CAN-IDs of SYNC, EMCY, TIME and further SDO channels of *nodes*, as of `channels_taken`."""
+    found: dict[tuple[int, bool], str] = {}
+    for node in nodes:
+        if node.dictionary is not None or node.last_seen:
+            with suppress(NoAnswer, SdoProtocolError):
+                found |= service_ids_beside(node.memory, node.node_id, node.dictionary)
+    return found
+
+
+def producers_of(nodes: Iterable[KnownPdos], cob_id: CobId) -> tuple[Producer, ...]:
+    """The enabled TPDOs of *nodes* that send the CAN-ID of *cob_id*, as they say now.
+
+    A node is asked if it was known to send it, or if not all of its TPDOs are known since it came up.
+    """
+    asked = [node for node in nodes if any(map(partial(_same_id, cob_id), _ever_known(node))) or not _is_known(node)]
+    return tuple(one for one in producers(asked) if _same_id(cob_id, one.cob_id))
+
+
+def _is_known(node: KnownPdos) -> bool:
+    return node.sent is not None and node.sent[0] == node.bus.boot_ups(node.node_id)
+
+
+def _ever_known(node: KnownPdos) -> Iterator[CobId]:
+    """The COB-IDs that the TPDOs of *node* had when they were read, and those that this session gave them."""
+    yield from () if node.sent is None else node.sent[1].values()
+    for known in (node.last_seen, node.wanted):
+        yield from (config.communication.cob_id for pdo, config in known.items() if pdo.is_tpdo)
+
+
+def _same_id(one: CobId, other: CobId) -> bool:
+    return (one.can_id, one.extended) == (other.can_id, other.extended)
+
+
 def _producers(node: KnownPdos) -> Iterator[Producer]:
     for pdo, cob_id in _cob_ids(node).items():
         if cob_id.valid:
@@ -44,8 +79,10 @@ def _producers(node: KnownPdos) -> Iterator[Producer]:
 def _cob_ids(node: KnownPdos) -> dict[Pdo, CobId]:
     """The COB-IDs of the TPDOs of *node*, read now: another dvtcli may have moved one since they were read last."""
     known = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
+    boot_ups = node.bus.boot_ups(node.node_id)
     try:
         held = {pdo: _cob_id(node, pdo, known) for pdo in node.present() if pdo.is_tpdo}
+        node.sent = boot_ups, {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
     except (NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off or STOPPED hinders no change of another one
         held = {pdo: cob_id for pdo, cob_id in known.items() if pdo.is_tpdo}
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}

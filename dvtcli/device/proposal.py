@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lazy_pdos import LazyMapping
-from dvtcli.device.neighbours import channels_taken, producers
+from dvtcli.device.neighbours import producers, producers_of, services_taken
 from dvtcli.device.read_pdos import learnt_objects, service_ids
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -34,13 +34,16 @@ def proposal(
 ) -> Proposal:
     """What the rules look at before *pdo* of *node* may become *want*; *together* are PDOs changed in the same plan.
 
-    *elsewhere* is what the other nodes will send, None for what they send now; *channels* are the further SDO channels
-    of all known nodes, None for those of its neighbours as they are now.
+    *elsewhere* is what the other nodes will send, None for what they send now (for a COB-ID that stays: with it);
+    *channels* are the further SDO channels of all known nodes, None for all services of its neighbours as they are now.
     """
     learn = node.dictionary is None and now.mapping != want.mapping
     lengths, absent = learnt_objects(want.mapping, node.memory.upload) if learn else ({}, {})
     others, cob_ids = _others(node, pdo, together or {})
-    taken = channels or (lambda: channels_taken(node.neighbours()))
+    taken = channels or (lambda: services_taken(node.neighbours()))
+    cob_id = want.communication.cob_id
+    stays = now.communication.cob_id == cob_id
+    beside = elsewhere or (lambda: producers_of(node.neighbours(), cob_id) if stays else producers(node.neighbours()))
     return Proposal(
         node.node_id,
         pdo,
@@ -51,7 +54,7 @@ def proposal(
         node.dictionary,
         lengths,
         cache(lambda: {**taken(), **service_ids(node.memory, node.node_id, node.dictionary)}),
-        elsewhere or cache(lambda: producers(node.neighbours())),
+        cache(beside),
         cob_ids,
         absent,
     )

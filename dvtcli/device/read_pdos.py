@@ -17,7 +17,7 @@ from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.ports import SdoReader
-from dvtcli.domain.services import SDO_CLIENTS, SDO_SERVERS, taken_by_services
+from dvtcli.domain.services import SDO_CLIENTS, SDO_SERVERS, taken_by_services, taken_on_another
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
@@ -112,12 +112,26 @@ def sdo_channels(sdo: SdoReader, dictionary: ObjectDictionary | None) -> dict[tu
 
 
 def service_ids(sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None) -> dict[tuple[int, bool], str]:
-    """What services of a node take: CAN-ID, whether it has 29 bits, and what it is, by 0x1005, 0x1014 and SDO channels.
+    """What services of a node take: CAN-ID, whether it has 29 bits, and what it is.
 
-    If the node lacks one of the two, the standard's default counts; an EMCY that is off takes nothing.
+    By 0x1005, 0x1012, 0x1014 and SDO channels. If the node lacks SYNC or EMCY, the standard's default counts; an EMCY
+    that is off takes nothing, nor does a time stamp that the node does not send.
     """
     sync, emcy = read_optional(sdo, 0x1005, 0, 4), read_optional(sdo, 0x1014, 0, 4)
-    return taken_by_services(node_id, sync, emcy, sdo_channels(sdo, dictionary))
+    time = read_optional(sdo, 0x1012, 0, 4) if dictionary is None or 0x1012 in dictionary else None
+    return taken_by_services(node_id, sync, emcy, sdo_channels(sdo, dictionary), time)
+
+
+def service_ids_beside(
+    sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None
+) -> dict[tuple[int, bool], str]:
+    """The same of a node beside the node that is looked at: what it does not tell takes nothing."""
+    held: dict[int, int | None] = dict.fromkeys((0x1005, 0x1012, 0x1014))
+    for index in held:
+        if dictionary is None or index in dictionary:
+            with suppress(SdoAborted, SdoProtocolError):
+                held[index] = read_optional(sdo, index, 0, 4)
+    return taken_on_another(node_id, held[0x1005], held[0x1014], sdo_channels(sdo, dictionary), held[0x1012])
 
 
 def read_cob_id(sdo: SdoReader, pdo: Pdo) -> CobId:

@@ -6,8 +6,10 @@ Reads lengths of objects. Does not judge the outcome by the rules, and writes no
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import TYPE_CHECKING
 
+from dvtcli.device.neighbours import producers
 from dvtcli.device.proposal import proposal
 from dvtcli.domain.request import PdoRequest, entry_number, resolved
 from dvtcli.domain.rules.mapped_object import missing_object
@@ -38,7 +40,8 @@ def resolve(
     *elsewhere* is what the other nodes will send, None for what they send now. RuleError for an object
     that the EDS lacks, UsageError for anything else that cannot be resolved.
     """
-    held = proposal(node, pdo, now, now, elsewhere=elsewhere)
+    beside = elsewhere or cache(lambda: producers(node.neighbours()))
+    held = proposal(node, pdo, now, now, elsewhere=beside)
     if isinstance(want, PdoRequest):
         _refuse_missing(held, want, [place for place in want.untyped_lengths if lengths[place] is None])
     try:

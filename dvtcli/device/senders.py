@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.neighbours import channels_taken, producers
+from dvtcli.device.neighbours import channels_taken, producers, services_taken
 from dvtcli.domain.network.consumers import by_id
 from dvtcli.domain.rules.finding import Producer
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -55,9 +55,12 @@ class Senders:
         return self._heard
 
     def channels(self) -> Mapping[tuple[int, bool], str]:
-        """The CAN-IDs of further SDO channels of all nodes, each with what it is; as `sent`."""
+        """The CAN-IDs of further SDO channels of all nodes, each with what it is; as `sent`.
+
+        And all services of nodes that are not in the plan: those of its nodes may be what the plan changes.
+        """
         if self._channels is None:
-            self._channels = channels_taken((*self.nodes.values(), *self._strangers()))
+            self._channels = {**services_taken(self._strangers()), **channels_taken(self.nodes.values())}
         return self._channels
 
     def _rpdos(self) -> Iterator[Producer]:

@@ -14,8 +14,9 @@ from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, ObjectAddress, Severity
-from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings
+from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings, cob_id_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, note
 from dvtcli.domain.rules.mappable import usable_dummies
 
@@ -177,9 +178,15 @@ def _rtr(request: PdoRequest, proposal: Proposal) -> bool:
 
 
 def _legal(proposal: Proposal, cob_id: CobId) -> bool:
-    """Whether the PDO may be enabled with *cob_id*; one that stays enabled with it may keep it."""
-    want = _with_cob_id(proposal.want, cob_id)
-    return not any(f.severity is Severity.ERROR for f in can_id_findings(replace(proposal, want=want)))
+    """Whether the PDO may be enabled with *cob_id*; one that is enabled with it keeps it, whoever else has it."""
+    wanted = replace(proposal, want=_with_cob_id(proposal.want, cob_id))
+    if cob_id != proposal.now.communication.cob_id:
+        findings = can_id_findings(wanted)
+    elif disables(proposal.now, wanted.want):
+        findings = cob_id_findings(wanted)
+    else:
+        return True
+    return not any(one.severity is Severity.ERROR for one in findings)
 
 
 def _entries(

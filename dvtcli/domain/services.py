@@ -1,4 +1,4 @@
-"""Which CAN-IDs the services of a node take besides its PDOs: SYNC, EMCY, further SDO channels. Reads no node."""
+"""Which CAN-IDs the services of a node take besides its PDOs: SYNC, EMCY, TIME, SDO channels. Reads no node."""
 
 from __future__ import annotations
 
@@ -8,23 +8,48 @@ from collections.abc import Mapping
 SDO_SERVERS, SDO_CLIENTS = range(0x1201, 0x1280), range(0x1280, 0x1300)
 #: Where the COB-IDs of further SDO servers and clients are.
 SDO_CHANNEL_INDICES = range(SDO_SERVERS.start, SDO_CLIENTS.stop)
-_FRAME, _OFF = 1 << 29, 1 << 31
+_FRAME, _PRODUCES, _OFF = 1 << 29, 1 << 30, 1 << 31
 
 
 def taken_by_services(
-    node_id: int, sync: int | None, emcy: int | None, channels: Mapping[tuple[int, int], int]
+    node_id: int,
+    sync: int | None,
+    emcy: int | None,
+    channels: Mapping[tuple[int, int], int],
+    time: int | None = None,
 ) -> dict[tuple[int, bool], str]:
-    """CAN-IDs, and whether they have 29 bits, each with what it is; *sync*, *emcy* and *channels* are raw COB-IDs.
+    """CAN-IDs, and whether they have 29 bits, each with what it is; all but *node_id* are raw COB-IDs.
 
-    *sync* is None if the node has no 0x1005, *emcy* if it has no 0x1014: the standard's defaults count.
+    *sync* is None if the node has no 0x1005, *emcy* if it has no 0x1014: the standard's defaults count. *time* (0x1012)
+    takes a CAN-ID if the node sends the time stamp.
     """
-    found = taken_by_channels(node_id, channels)
+    found = taken_by_channels(node_id, channels) | _taken_by_time(time)
     if emcy is None:
         found[0x080 + node_id, False] = "this node's EMCY by default"
     elif not emcy & _OFF:
         found[_identifier(emcy)] = "this node's EMCY"
     found[0x080 if sync is None else _identifier(sync)[0], sync is not None and _identifier(sync)[1]] = "SYNC"
     return found
+
+
+def taken_on_another(
+    node_id: int,
+    sync: int | None,
+    emcy: int | None,
+    channels: Mapping[tuple[int, int], int],
+    time: int | None = None,
+) -> dict[tuple[int, bool], str]:
+    """The same of a node beside the node that is looked at; what it does not tell takes nothing."""
+    found = taken_by_channels(node_id, channels) | _taken_by_time(time)
+    if emcy is not None and not emcy & _OFF:
+        found[_identifier(emcy)] = f"EMCY of node {node_id}"
+    if sync is not None:
+        found[_identifier(sync)] = "SYNC"
+    return found
+
+
+def _taken_by_time(time: int | None) -> dict[tuple[int, bool], str]:
+    return {} if time is None or not time & _PRODUCES else {_identifier(time): "TIME"}
 
 
 def taken_by_channels(node_id: int, channels: Mapping[tuple[int, int], int]) -> dict[tuple[int, bool], str]:

@@ -48,10 +48,11 @@ def test_a_can_id_that_emcy_has_left_may_be_kept() -> None:
 
 def test_services_are_asked_for_once_and_where_a_rule_looks_at_them() -> None:
     node, channel = drive()
-    node.configure({TPDO1: PdoRequest(event_timer=77)})
+    node.configure({TPDO1: PdoRequest(enabled=False, event_timer=77)})
     assert not {SYNC, EMCY} & set(channel.reads)
-    node.configure({TPDO1: PdoRequest(cob_id=0x690, enabled=True)})
-    assert [channel.reads.count(place) for place in (SYNC, EMCY)] == [1, 1]
+    for times, asked in enumerate((PdoRequest(cob_id=0x690, enabled=True), PdoRequest(event_timer=78)), 1):
+        node.configure({TPDO1: asked})
+        assert [channel.reads.count(place) for place in (SYNC, EMCY)] == [times, times]
 
 
 @pytest.mark.parametrize("eds", [True, False])

@@ -87,12 +87,25 @@ def unlisted(bench: Counted) -> list[str]:
     return [] if "--eds" in bench.words else ["1010:01"]
 
 
-def test_an_event_timer_reads_its_own_pdo_and_who_the_device_is(bench: Counted) -> None:
+def who_has_can_ids(bench: Counted) -> set[str]:
+    """The COB-IDs of its PDOs and services; without an EDS also what tells that it has no more of them."""
+    cob_ids = {f"{base + number:04X}:01" for base in (0x1400, 0x1800) for number in range(4)}
+    gaps = {"1012:00", "1201:01", "1280:01", "1404:01", "1604:00", "1804:01", "1A04:00"}
+    return {"1005:00", "1014:00", *cob_ids, *(() if "--eds" in bench.words else gaps)}
+
+
+def test_an_event_timer_reads_its_own_pdo_who_the_device_is_and_who_has_its_can_id(bench: Counted) -> None:
     before, after = backed_up(bench).reads(CHANGES["event timer"])
-    own = ["1800:01", "1800:02", "1800:03", "1800:05", "1800:06", "1A00:00", "1A00:01"]
-    assert sorted(before) == ["1018:01", "1018:02", "1018:03", "1018:04", "1020:01", *own], "who it is, and its stamp"
-    assert sorted(after) == [*unlisted(bench), *own]
-    assert len(before + after) <= 20
+    own = {"1800:01", "1800:02", "1800:03", "1800:05", "1800:06", "1A00:00", "1A00:01"}
+    identity = {"1018:01", "1018:02", "1018:03", "1018:04", "1020:01"}
+    assert set(before) == identity | own | who_has_can_ids(bench), "who it is, its stamp, and who may clash"
+    assert sorted(after) == [*unlisted(bench), *sorted(own)]
+
+
+def test_an_event_timer_of_a_pdo_that_is_off_reads_nothing_of_others(bench: Counted) -> None:
+    assert backed_up(bench).run("disable", "tpdo1", "--yes")[0] == 0
+    before, _ = bench.reads(CHANGES["event timer"])
+    assert not {"1005:00", "1014:00", "1801:01", "1400:01"} & set(before)
 
 
 @pytest.mark.drawn(4)

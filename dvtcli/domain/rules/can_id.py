@@ -21,9 +21,11 @@ RULES = (
     Rule("extended-id", ERROR, "29 bits where the device takes 11", "the family", (Abort.VALUE_RANGE,)),
     Rule("rtr-bit", ERROR, "bit 30 is against what the family wants", "the family", (Abort.VALUE_RANGE,)),
     Rule("can-id-in-use", (Severity.ERROR, Severity.WARNING),
-         "the CAN-ID is SYNC, the node's EMCY, or an SDO of some node (error); another node's EMCY by default, or TIME "
-         "(warning)", "CiA 301, 7.3.5; the node's 0x1005 and 0x1014, 0x1201…0x12FF of all nodes"),
-    Rule("can-id-clash", ERROR, "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session",
+         "the CAN-ID is SYNC, EMCY, the time stamp that is sent, or an SDO of a known node (error); another node's "
+         "EMCY by default, or TIME (warning)",
+         "CiA 301, 7.3.5; 0x1005, 0x1012, 0x1014 and 0x1201…0x12FF of known nodes"),
+    Rule("can-id-clash", ERROR,
+         "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session, also if it stays as it is",
          "ours"),
     Rule("one-producer", ERROR, "a TPDO is to get a CAN-ID that is on the bus, sent by a node that is not known",
          "CiA 301, 7.3.5: the pre-defined connection set"),
@@ -33,16 +35,19 @@ RULES = (
          "CiA 301, 7.3.5"),
 )  # fmt: skip
 
+_RESERVED = "reserved"
 #: First and last 11-bit CAN-ID of a range that CiA 301 restricts, with what it is for.
 RESTRICTED = (
     (0x000, 0x000, "NMT"),
-    (0x001, 0x07F, "reserved"),
-    (0x101, 0x180, "reserved"),
+    (0x001, 0x07F, _RESERVED),
+    (0x101, 0x180, _RESERVED),
     (0x581, 0x5FF, "SDO answers"),
     (0x601, 0x67F, "SDO requests"),
-    (0x6E0, 0x6FF, "reserved"),
+    (0x6E0, 0x6FF, _RESERVED),
     (0x701, 0x77F, "heartbeats"),
-    (0x780, 0x7FF, "reserved"),
+    (0x780, 0x7E3, _RESERVED),
+    (0x7E4, 0x7E5, "LSS"),
+    (0x7E6, 0x7FF, _RESERVED),
 )
 #: Where `auto` looks for a free CAN-ID once the pre-defined connection set has none: no node's defaults lie there.
 FREE_POOL = range(0x680, 0x6E0)
@@ -68,23 +73,35 @@ def emcy_findings(node_id: int, place: str, raw: int) -> Iterator[Finding]:
 
 
 def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge the wanted COB-ID where it changes, and where the PDO becomes valid, also anew with the one it has."""
+    """Judge the wanted COB-ID; of one that an enabled PDO keeps, tell the errors about who else has its CAN-ID."""
     now, want = proposal.now.communication.cob_id, proposal.want.communication.cob_id
-    if now == want and not disables(proposal.now, proposal.want):
-        return
+    yield from cob_id_findings(proposal)
+    place, stays = proposal.communication_place(1), now == want
+    for clashes in (_service_clashes, _pdo_clashes, _producer_clashes) if want.valid else ():
+        yield from (one for one in clashes(proposal, place) if not stays or one.severity is Severity.ERROR)
+
+
+def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Judge the wanted COB-ID, whoever else has its CAN-ID.
+
+    Of one that stays while the PDO is not switched off it is an error if its CAN-ID is that of another service: what
+    is reserved, and flags that the family does not want, the device has taken already.
+    """
+    now, want = proposal.now.communication.cob_id, proposal.want.communication.cob_id
     place = proposal.communication_place(1)
-    yield from _flag_findings(proposal, place)
-    if not want.fits_frame:
-        yield error(
-            "can-id-length",
-            place,
-            f"CAN-ID 0x{want.can_id:X} does not fit 11 bits",
-            Abort.VALUE_RANGE,
-            "--extended asks for a 29-bit CAN-ID",
-        )
-    if not want.valid:
-        return
-    if not want.extended and (use := restricted_use(want.can_id)):
+    is_untouched = now == want and not disables(proposal.now, proposal.want)
+    if not is_untouched:
+        yield from _flag_findings(proposal, place)
+        if not want.fits_frame:
+            yield error(
+                "can-id-length",
+                place,
+                f"CAN-ID 0x{want.can_id:X} does not fit 11 bits",
+                Abort.VALUE_RANGE,
+                "--extended asks for a 29-bit CAN-ID",
+            )
+    use = restricted_use(want.can_id) if want.valid and not want.extended else None
+    if use is not None and not (is_untouched and use == _RESERVED):
         yield error(
             "can-id-restricted",
             place,
@@ -92,11 +109,6 @@ def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
             Abort.VALUE_RANGE,
             "take one within 0x181..0x57F or 0x680..0x6DF, or --cob-id auto",
         )
-    if now == want:  # whoever uses the same one has done so before
-        return
-    yield from _service_clashes(proposal, place)
-    yield from _pdo_clashes(proposal, place)
-    yield from _producer_clashes(proposal, place)
 
 
 def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
@@ -134,10 +146,12 @@ def _services(proposal: Proposal) -> Mapping[tuple[int, bool], str]:
 
 def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     want = proposal.want.communication.cob_id
-    others = proposal.other_cob_ids
+    others, stays = proposal.other_cob_ids, proposal.now.communication.cob_id == want
     for other, held in others.items():
         if (held.can_id, held.extended) != (want.can_id, want.extended) or other == proposal.pdo:
             continue
+        if stays and not (proposal.pdo.is_tpdo or other.is_tpdo):
+            continue  # two RPDOs that receive one CAN-ID: nothing collides on the wire
         if held.valid:
             yield error(
                 "can-id-clash",

@@ -163,8 +163,9 @@ def _communication(
     if now.enabled and write.sub_index in _FROZEN:
         yield error("frozen-while-valid", write.place, f"the {_FROZEN[write.sub_index]} cannot change while the PDO is "
                     "enabled", Abort.VALUE_RANGE, f"{_set(write)} does it in order")  # fmt: skip
-    wanted_parameter = with_raw(parameter, write.sub_index, write.value)
-    yield from communication_findings(proposal_for(replace(now, communication=wanted_parameter)))
+    proposal = proposal_for(replace(now, communication=with_raw(parameter, write.sub_index, write.value)))
+    yield from communication_findings(proposal)
+    yield from can_id_findings(proposal)
 
 
 def _set(write: ParameterWrite) -> str:
