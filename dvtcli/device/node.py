@@ -76,6 +76,7 @@ class Node(Applier):
         from dvtcli.device.access_level import refuse_passcode
         from dvtcli.device.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
+        from dvtcli.device.heard_producers import heard_ids, heard_producer_findings
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
         from dvtcli.device.storing import prepare_store
         from dvtcli.domain.plan import PdoChange, Plan, Step
@@ -86,9 +87,15 @@ class Node(Applier):
         found = self.claim()
         if self.saves((index, sub_index)):
             prepare_store(self, force=force)
-        findings = raw_write_findings(self, index, sub_index, data)
-        refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
-        change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
+        what = f"0x{index:04X}:{sub_index:02X} not written"
+        with heard_ids(self.bus) as heard:
+            findings = raw_write_findings(self, index, sub_index, data)
+            refuse(findings, what, self.node_id, force=force)
+            change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
+            if isinstance(change, PdoChange):
+                changes = {change.pdo: (change.before, change.after)}
+                findings = (*findings, *heard_producer_findings(self, changes, heard))
+                refuse(findings, what, self.node_id, force=force)
         applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, found=found)
         if isinstance(change, PdoChange):
             self._say(change.pdo, said_at(change.pdo, index, sub_index))

@@ -9,13 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.heard_producers import heard_ids
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.judge_network import checked
-from dvtcli.operations.plans.plan_network import plan_network
+from dvtcli.operations.plans.plan_network import checked_network, plan_network
 from dvtcli.operations.results.networks import NetworkPlanned
 from dvtcli.operations.session.save_script import make_file
 from dvtcli.operations.stores.possible_stores import refuse_impossible_stores
@@ -171,9 +172,11 @@ def _plan_of(
     for one in saved.nodes:
         if not len(one.plan) and one.plan.changes:
             raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
-    known = [_known(nodes[one.node_id], one) for one in saved.nodes]
-    refuse_impossible_stores(nodes, {one.node_id: one.store for one in known})
-    return replace(saved, nodes=tuple(checked(nodes, known, force=session.options.force)))
+    with heard_ids(session.bus) as heard:
+        known = [_known(nodes[one.node_id], one) for one in saved.nodes]
+        refuse_impossible_stores(nodes, {one.node_id: one.store for one in known})
+        plan = replace(saved, nodes=tuple(checked(nodes, known, force=session.options.force)))
+        return checked_network(session, plan, heard, of_device=any(one.needs_power_off for one in plan.nodes))
 
 
 def _known(node: Node, planned: NodePlan) -> NodePlan:

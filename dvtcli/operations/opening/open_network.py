@@ -196,8 +196,8 @@ class Network:
         self.files.go_on_from(before.files)
 
     def _others(self, node_id: int) -> list[Node]:
-        """The nodes that were met besides *node_id*; of twins, those of the nodes that were met."""
-        for other in set(self.met()) - self.nodes.keys():
+        """The nodes that were met or are simulated besides *node_id*; of twins, those of the nodes that were met."""
+        for other in {*self.met(), *self.simulated_ids} - self.nodes.keys():
             with suppress(NoAnswer, SdoProtocolError):  # it was met, and is gone
                 self.node(other)
         return [node for other, node in sorted(self.nodes.items()) if other != node_id]

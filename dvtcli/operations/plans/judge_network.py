@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache, partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from dvtcli.device.proposal import proposal
@@ -130,22 +131,26 @@ def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Findi
             yield from tie_findings(node, step.index, step.sub_index, step.after)
 
 
-def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: FileLog) -> NetworkPlan:
+def judged_network(
+    session: Session, plan: NetworkPlan, wish: NetworkWish, log: FileLog, *, of_device: bool = False
+) -> NetworkPlan:
     """Add what the rules of networks say of the state that *plan* leaves: errors, and warnings of what *wish* names.
 
     Reads what its nodes hold; a node that was not to be read is left out. If these are not all nodes of a file, only
     errors count: what a warning misses, another node may have. An error by a rule of what one device takes is a warning
-    if the device holds the PDO so already, and the plan does not change it.
+    if the device holds the PDO so already, and the plan does not change it; so is every error if *log* is of a file
+    about a device. Other nodes that the session knows count with the CAN-IDs that they take.
     """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, mark_of
     from dvtcli.domain.network.check.network_rules import (
         NETWORK_RULES,
+        OF_COB_IDS,
         OF_ONE_DEVICE,
         SAME_RULES,
         SUPERSEDED,
         network_findings,
     )
-    from dvtcli.operations.plans.network_states import network_after, states_of, with_link_marks
+    from dvtcli.operations.plans.network_states import network_after, states_beside, states_of, with_link_marks
 
     read = [one.node_id for one in plan.nodes if one.is_read]
     if not read or plan.lacking:
@@ -158,9 +163,14 @@ def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: 
     said = {(one.node_id, finding.pdo, finding.rule) for one in plan.nodes for finding in one.findings}
     texts = {(one.node_id, finding.text) for one in plan.nodes for finding in one.findings}
     superseded: set[tuple[int, Pdo | None, str]] = set()
-    changed = {(one.node_id, pdo) for one in plan.nodes for pdo in _changed_pdos(one)}
+    changed = {(one.node_id, what) for one in plan.nodes for what in _changed(one)}
     network = CheckedNetwork(state, bit_rate or state.bit_rate)
-    for rule, spot, text in network_findings(network, {rule.name for rule in NETWORK_RULES}):
+    findings = network_findings(network, {rule.name for rule in NETWORK_RULES})
+    if beside := states_beside(session, read):
+        network = replace(network, state=replace(state, nodes=(*beside, *state.nodes)))
+        more = (one for one in network_findings(network, OF_COB_IDS) if one[1].node_id in read)
+        findings = chain(findings, more)
+    for rule, spot, text in findings:
         node_id = spot.node_id or read[0]
         node = state.node(node_id)
         is_named = spot.pdo is None or node is None or spot.pdo in node.marks
@@ -168,7 +178,8 @@ def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: 
         if same and any((node_id, spot.pdo, name) in said for name in (rule.name, *same)):
             continue
         superseded |= {(node_id, spot.pdo, name) for name in SUPERSEDED.get(rule.name, ())}
-        is_kept = rule.name in OF_ONE_DEVICE and (node_id, spot.pdo) not in changed
+        is_changed = (node_id, spot.index if spot.pdo is None else spot.pdo) in changed
+        is_kept = (of_device or rule.name in OF_ONE_DEVICE) and not is_changed
         severity = WARNING if is_kept and rule.severity is ERROR else rule.severity
         counts = severity is ERROR or (severity is WARNING and is_named and is_whole)
         if counts and (node_id, text) not in texts:
@@ -185,10 +196,13 @@ def judged_network(session: Session, plan: NetworkPlan, wish: NetworkWish, log: 
     return replace(plan, nodes=tuple(nodes))
 
 
-def _changed_pdos(planned: NodePlan) -> set[Pdo | None]:
-    """The PDOs that *planned* changes, be it by a number of its parameters alone."""
+def _changed(planned: NodePlan) -> set[Pdo | int]:
+    """The PDOs that *planned* changes, be it by a number of its parameters alone, and the indices of other objects."""
     changes = planned.plan.changes
-    return {change.pdo if isinstance(change, PdoChange) else Pdo.at(change.step.index) for change in changes}
+    return {
+        change.pdo if isinstance(change, PdoChange) else Pdo.at(change.step.index) or change.step.index
+        for change in changes
+    }
 
 
 def _place(spot: NetSpot, file: str) -> str:

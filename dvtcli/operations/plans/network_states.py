@@ -5,7 +5,8 @@ Reads nodes, and writes nothing. Judges nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -35,14 +36,15 @@ from dvtcli.domain.network.network_state import (
     NodeState,
     Place,
 )
+from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, ValueChange
-from dvtcli.errors import SdoAborted, SdoProtocolError
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.network.wanted_state import LinkWish, NetworkWish, NodeWish
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.session.session import Session
 
@@ -94,6 +96,23 @@ def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
     for fault in session.bus.side_by_side([partial(read, node) for node in nodes]):
         raise fault
     return NetworkState(tuple(sorted(found, key=lambda one: one.node_id)))
+
+
+def states_beside(session: Session, read: Collection[int]) -> list[NodeState]:
+    """What other nodes that the session has met, or simulates, take of CAN-IDs; those in *read* are left out.
+
+    Of their PDOs that is the COB-ID. A node that does not answer takes none.
+    """
+    network, found = session.network, []
+    for node_id in sorted({*network.nodes, *network.simulated_ids} - {*read}):
+        with suppress(NoAnswer, SdoAborted, SdoProtocolError):
+            node = network.node(node_id)
+            cob_ids = node.known_cob_ids().items()
+            pdos = {pdo: PdoConfig(PdoCommunicationParameter(cob_id), ()) for pdo, cob_id in cob_ids}
+            services = ((index, 0, 4) for index in (SYNC_COB_ID, SYNC_PERIOD, TIME_COB_ID, EMCY_COB_ID))
+            numbers = {**dict(_numbers(node.memory, services, {})), **sdo_channels(node.memory, node.dictionary)}
+            found.append(NodeState(node_id, "", pdos, numbers, node.dictionary, node.profile, node.title))
+    return found
 
 
 def timing_numbers(sdo: SdoReader) -> dict[Place, int]:

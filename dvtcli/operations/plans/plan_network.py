@@ -20,6 +20,7 @@ from dvtcli.device.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import instead_findings
 from dvtcli.domain.rules.finding import warning
@@ -44,7 +45,7 @@ from dvtcli.operations.wanted.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish
+    from dvtcli.domain.network.wanted_state import PdoWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules import Finding
@@ -120,6 +121,19 @@ def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds) -> None:
             refused.append(RuleError(f"node {one.node_id}: {found[0].text}", found, node=one.node_id))
     if refused:
         raise together(refused)
+
+
+def checked_network(session: Session, plan: NetworkPlan, heard: HeardIds, *, of_device: bool) -> NetworkPlan:
+    """*plan* of a file that names no network, a saved plan or one *of_device*, with what the rules of networks say.
+
+    RuleError if they find an error, or a TPDO gets a CAN-ID that somebody unknown was *heard* to send, unless forced.
+    """
+    wish = NetworkWish(tuple(NodeWish(one.name, one.node_id) for one in plan.nodes))
+    plan = judged_network(session, plan, wish, FileLog(plan.file, ""), of_device=of_device)
+    if (refused := refusals(plan.nodes)) and not session.options.force:
+        raise together(refused)
+    refuse_heard(session, plan, heard)
+    return plan
 
 
 def _master_syncs(wish: NetworkWish) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.heard_producers import heard_ids
 from dvtcli.device.wish import Wish
 from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.lint.described import object_text
@@ -21,7 +22,7 @@ from dvtcli.operations.consent.power_stage import powered_findings
 from dvtcli.operations.meanings.object_values import understood
 from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.plans.judge_network import checked
-from dvtcli.operations.plans.plan_network import plans_of, with_unknown_syncs
+from dvtcli.operations.plans.plan_network import checked_network, plans_of, with_unknown_syncs
 from dvtcli.operations.results.failures import together
 from dvtcli.operations.sync.unknown_sync import short_frames
 from dvtcli.operations.wanted.meet_network import meet, unlike_wanted
@@ -69,14 +70,15 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     _refuse_nothing(held)
     wish = NetworkWish(tuple(_wish(held, node_id) for node_id in _node_ids(session, held, options)))
     _refuse_nobody(held, options)
-    with short_frames(session.bus) as frames:
+    with short_frames(session.bus) as frames, heard_ids(session.bus) as heard:
         met = meet(session, file, wish)
         met.end()
         planned = [
             replace(one, boot_ups=met.boot_ups[one.node_id])
             for one in _planned(session, met.nodes, held, wish, options)
         ]
-    return with_unknown_syncs(session, NetworkPlan(file, tuple(planned)), frames)
+        plan = checked_network(session, NetworkPlan(file, tuple(planned)), heard, of_device=True)
+    return with_unknown_syncs(session, plan, frames)
 
 
 def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from tests.commands.bench import Bench
+from tests.commands.bench import Bench, beside
 from tests.commands.bus import Wire, device
 
 TWO = ("generic@1", "generic@3")
@@ -36,6 +38,25 @@ def test_so_it_is_by_every_way_to_a_cob_id(line: str) -> None:
         assert "TPDO1 of node 1" in ran.stderr
 
 
+def test_a_simulated_node_counts_before_anybody_has_looked_at_it() -> None:
+    with Bench(TWO) as bench:
+        ran = bench.run("map 3:tpdo2 6041 --cob-id 0x181")
+        assert (ran.code, "already sent by TPDO1 of node 1" in ran.stderr) == (1, True)
+
+
+@pytest.mark.parametrize("judge", ["plan", "diff", "verify", "apply"])
+@pytest.mark.parametrize("cob_id", ["0x181", "0x80", "0x691"])
+def test_a_node_that_a_network_file_does_not_name_counts(judge: str, cob_id: str, tmp_path: Path) -> None:
+    file = tmp_path / "net.yml"
+    file.write_text("a: {node_id: 3, dcf: generic, tpdo: {2: {event_timer: 50}}}\n", "utf-8")
+    with Bench((), {"yes": True}, beside([device("generic", 1), device("generic", 3)])) as bench:
+        for line in ("read 1:1000", f"map 3:tpdo2 6041 --cob-id {cob_id} --timer 50 --force"):
+            assert bench.run(line).code == 0, line
+        assert bench.run(f"{judge} {file}").code == int(cob_id != "0x691")
+        if judge in {"plan", "apply"}:
+            assert bench.run(f"{judge} {file} --force").code == 0
+
+
 def test_force_sends_it() -> None:
     with Bench(TWO) as bench:
         assert bench.run("map 1:tpdo1 6041 --cob-id 0x181").code == 0
@@ -60,7 +81,7 @@ def test_a_consumer_a_disabled_producer_and_29_bits_are_no_clash() -> None:
 
 def test_auto_takes_a_can_id_that_no_known_node_sends() -> None:
     with Bench(TWO) as bench:
-        assert bench.run("map 1:tpdo1 6041 --cob-id 0x183").code == 0
+        assert bench.run("map 1:tpdo1 6041 --cob-id 0x183 --force").code == 0
         assert bench.run("map 3:tpdo1 6041 --cob-id auto").code == 0
         (row,) = bench.run("pdo 3:tpdo1 --json").document["pdos"]
         assert row["cob_id"] == 0x680

@@ -9,14 +9,17 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, beside
-from tests.small_eds import U16, communication, plain, var
+from tests.small_eds import U16, U32, communication, plain, var
 from tests.virtual_time import VirtualTimeBus
 
 
 def stranger_sends(can_id: int, folder: Path) -> VirtualTimeBus:
     """Nodes 5 and 9; node 9 sends *can_id* every millisecond, and runs."""
     path, other = folder / "io.eds", folder / "other.eds"
-    path.write_text(plain().text(), "latin-1")
+    io = plain()
+    io.info = {"ProductNumber": 0x72}
+    io.record(0x1018, "Identity", {n: var(f"Part {n}", U32, 0x72 if n == 2 else 0, "ro") for n in range(1, 5)})
+    path.write_text(io.text(), "latin-1")
     eds = plain()
     eds.record(0x1800, "Communication 1", communication(can_id, sub5=var("Event timer", U16, 1)))
     other.write_text(eds.text(), "latin-1")
@@ -25,7 +28,7 @@ def stranger_sends(can_id: int, folder: Path) -> VirtualTimeBus:
     return bus
 
 
-LINES = ["set tpdo1 --cob-id 0x1A5", "map tpdo2 6000:2 --cob-id 0x1A5", "enable tpdo2"]
+LINES = ["set tpdo1 --cob-id 0x1A5", "map tpdo2 6000:2 --cob-id 0x1A5", "enable tpdo2", "write 1801:1 0x1A5"]
 
 
 @pytest.mark.parametrize("line", LINES)
@@ -33,7 +36,7 @@ LINES = ["set tpdo1 --cob-id 0x1A5", "map tpdo2 6000:2 --cob-id 0x1A5", "enable 
 def test_a_second_producer_is_refused_unless_forced(tmp_path: Path, line: str, sent: int) -> None:
     bus = stranger_sends(sent, tmp_path)
     with Bench((), {"node": 5, "yes": True}, bus) as bench:
-        if line.startswith("enable"):
+        if line.startswith(("enable", "write")):
             assert bench.run("map tpdo2 6000:2 --off --cob-id 0x1A5").code == 0
         held = bench.session.node(5).pdos()
         ran = bench.run(f"{line} --json")
@@ -43,6 +46,30 @@ def test_a_second_producer_is_refused_unless_forced(tmp_path: Path, line: str, s
         if refused:
             assert bench.session.node(5).pdos() == held
             assert bench.run(f"{line} --force").code == 0
+
+
+@pytest.mark.parametrize("sent", [0x1A5, 0x1A6])
+@pytest.mark.parametrize("how", ["apply wanted.dcf", "apply wanted.jsonl", "clone wanted.dcf", "apply plan.json"])
+def test_so_it_is_of_a_file_about_a_device_and_of_a_saved_plan(tmp_path: Path, how: str, sent: int) -> None:
+    bus = stranger_sends(sent, tmp_path)
+    options = {"node": 5, "yes": True, "eds": str(tmp_path / "io.eds")}
+    verb, name = how.split()
+    wanted = tmp_path / name
+    with Bench((f"{tmp_path / 'io.eds'}@{7 if verb == 'clone' else 5}",), {"yes": True}) as other:
+        made = tmp_path / "wanted.dcf" if name == "plan.json" else wanted
+        assert other.run("map tpdo2 6000:2 --cob-id 0x1A5").code == 0
+        assert other.run(f"{'backup' if made.suffix == '.jsonl' else 'export'} {made}").code == 0
+    with Bench((), options, bus) as bench:
+        if name == "plan.json":
+            assert bench.run(f"plan {made} -o {wanted} --force").code == 0
+        held = bench.session.node(5).pdos()
+        ran = bench.run(f"{verb} {wanted} --json")
+        refused = sent == 0x1A5
+        assert ran.code == int(refused), ran
+        assert ("sent by a node that is not known here" in ran.stdout) is refused
+        if refused:
+            assert bench.session.node(5).pdos() == held
+            assert bench.run(f"{verb} {wanted} --force").code == 0
 
 
 @pytest.mark.parametrize("verb", ["plan", "apply"])

@@ -54,6 +54,13 @@ SUPERSEDED: dict[str, tuple[str, ...]] = dict.fromkeys(("frame-too-short", "fram
 OF_ONE_DEVICE = frozenset(
     {"can-id-reserved", "too-long", "reserved-type", *(one.rule.name for one in check_each_pdo.CHECKS)}
 )
+#: Rules that need no more of a node than its COB-IDs.
+OF_COB_IDS = frozenset(
+    {
+        "one-producer", "can-id-of-sdo", "can-id-of-sync", "can-id-of-emcy", "can-id-of-time", "emcy-twice",
+        "two-times", "two-syncs",
+    }
+)  # fmt: skip
 #: Every rule there is.
 NETWORK_RULES: tuple[LintRule, ...] = tuple(one.rule for one in CHECKS)
 
