@@ -208,10 +208,10 @@ def test_apply_of_a_file_does_so_too(start: Values, wanted: Values, at: int) -> 
             assert bench.run(f"export {file}").code == 0
         with Bench((what,), {"fault": (f"refuse@{writes + at}=0x08000000",)}) as bench:
             _bring(bench, start)
-            ran = bench.run(f"apply {file} --yes")
+            ran = bench.run(f"apply {file} --force --yes")
             assert (ran.code, "rolled back" in ran.stderr) in ((0, False), (1, True)), ran.stderr
             assert _held(bench, wanted) == (start if ran.code else wanted)
-            again = bench.run(f"apply {file} --yes")
+            again = bench.run(f"apply {file} --force --yes")
             assert again.code == 0, again.stderr
             assert _held(bench, wanted) == wanted
             assert bench.run(f"verify {file}").code == 0
