@@ -101,6 +101,25 @@ def test_no_node_stores_if_a_pdo_of_another_one_was_altered(tmp_path: Path, alte
     assert [snapshot(of) for of in devices] == was
 
 
+@pytest.mark.parametrize("read", [20, 50, 80])
+def test_a_node_that_only_stores_is_read_before_another_one_stores(tmp_path: Path, read: int) -> None:
+    """It restarted without a word, and held no more what the file says: node 5 stored, node 9 was refused then."""
+    file = tmp_path / "a.yaml"
+    file.write_text(
+        "defaults: {store: true, dcf: generic}\nnodes:\n"
+        "  a: {node_id: 5, tpdo: {1: {event_timer: 50}}}\n  b: {node_id: 9, tpdo: {1: {event_timer: 70}}}\n"
+    )
+    devices = [device(node_id, "generic") for node_id in (5, 9)]
+    was, stored = snapshot(devices[0]), [stored_pdos(of) for of in devices]
+    faults = ("9:no-boot-up", f"9:reset-after-read@{read}=0.001")
+    with on(devices, *faults, journal=tmp_path) as bench:
+        assert bench.run("set 9:tpdo1 --timer 70").code == 0
+        ran = bench.run(f"apply {file}")
+    assert ran.code == 1, ran
+    assert snapshot(devices[0]) == was
+    assert [stored_pdos(of) for of in devices] == stored
+
+
 def test_a_setting_that_the_file_says_and_nobody_writes(tmp_path: Path) -> None:
     """The device alters it with a PDO: nothing would put it back, so it is said that it is left."""
     with Bench(("gen4",), {"yes": True}) as bench:

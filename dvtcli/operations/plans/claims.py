@@ -73,7 +73,8 @@ class Claims:
             raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
 
     def _equal(self) -> list[NodePlan]:
-        return [one for one in self.planned if not (len(one.plan) or one.stores)]
+        """The plans of nodes to which nothing is written, also if they store: they are read before the first store."""
+        return [one for one in self.planned if not len(one.plan)]
 
     def refuse_lost(self, of: Collection[int] | None = None) -> None:
         """SafetyRefusal if one of the nodes *of*, None for all, restarted and is not as it was planned from."""
