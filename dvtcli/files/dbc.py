@@ -14,7 +14,7 @@ from dvtcli.domain.physical import Physical
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
 from dvtcli.files.input_file import read_input
-from dvtcli.watch.decoder import Address, Layout, Signal
+from dvtcli.watch.decoder import Address, Layout, Signal, SignalPlace
 from dvtcli.watch.service import Service
 
 if TYPE_CHECKING:
@@ -82,9 +82,13 @@ def _first_line(wrong: Exception) -> str:
 
 
 def _layout(message: Message, file: str, failures: _Failures) -> Layout:
-    signals = tuple(Signal(one.name, one.name, "", _meaning(one)) for one in message.signals)
+    signals = tuple(Signal(one.name, one.name, "", _meaning(one), place=_place(one)) for one in message.signals)
     read = _reader(message, failures)
     return Layout(Service("message", message.name), signals, read, byte_length=message.length, source=file)
+
+
+def _place(signal: DbcSignal) -> SignalPlace:
+    return SignalPlace(signal.start, signal.length, signal.byte_order == "big_endian")
 
 
 def _meaning(signal: DbcSignal) -> Physical:

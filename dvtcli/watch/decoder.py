@@ -23,10 +23,24 @@ Address = tuple[int, bool]
 
 
 @dataclass(frozen=True, slots=True)
+class SignalPlace:
+    """Where a signal of a DBC file lies: *bits* bits from *start_bit* on, counted from the lowest bit of byte 0.
+
+    *start_bit* is its least significant bit; with *is_big_endian* its most significant one, and the others follow
+    downwards in that byte, then from bit 7 of the next one, as DBC files have it.
+    """
+
+    start_bit: int
+    bits: int
+    is_big_endian: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Signal:
     """One value in a frame: *object* is `606C:00`, empty where a file gave names only; *key* is unique in its frame.
 
     *meaning* is what its raw value means, *bits* how long that is, 0 where nobody knows; *data_type* None likewise.
+    *place* is where it lies by a DBC file; None if the mapping of a PDO says it.
     """
 
     key: str
@@ -35,6 +49,7 @@ class Signal:
     meaning: Physical = NOTHING
     bits: int = 0
     data_type: DataType | None = None
+    place: SignalPlace | None = None
 
     @property
     def unit(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import cantools.database
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -134,3 +135,49 @@ def test_a_frame_is_explained_as_far_as_it_goes(recording: tuple[Path, Path], fr
     with Bench(("gen4",)) as bench:
         ran = bench.run(f"explain {frame} -d {recording[1]} --json")
     assert ran.code == 0, ran.stderr
+
+
+#: the name of each signal, where it lies by the DBC file, and in words
+PLACED = {
+    "Speed": ("0|16@1-", "bytes 0-1"), "Torque": ("7|16@0-", "bytes 0-1"), "Byte": ("23|8@0+", "byte 2"),
+    "Bit": ("29|1@1+", "byte 3 bit 5"), "Flag": ("29|1@0+", "byte 3 bit 5"), "Odd": ("26|11@1+", "bits 26-36"),
+    "Twelve": ("35|12@0+", "byte 4 bit 3 to byte 5 bit 0"), "Part": ("38|3@0-", "byte 4 bits 4-6"),
+    "Whole": ("7|64@0+", "bytes 0-7"), "Last": ("63|1@1+", "byte 7 bit 7"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("data", ["44FFFFFF780088FF", "0123456789ABCDEF", "FFFFFFFFFFFFFFFF", "01234567"])
+def test_a_signal_is_explained_with_its_own_place_and_raw_value(data: str, tmp_path: Path) -> None:
+    text = HEAD + "".join(
+        f'BO_ {number} M{number}: 8 A\n SG_ {name} : {place} (0.5,-3) [0|0] "V" A\n\n'
+        for number, (name, (place, _)) in enumerate(PLACED.items(), 400)
+    )
+    (tmp_path / "m.dbc").write_text(text)
+    with Bench(()) as bench:
+        for message in cantools.database.load_string(text, "dbc").messages:
+            raw = message.decode(bytes.fromhex(data), scaling=False, decode_choices=False, allow_truncated=True)
+            ran = bench.run(f"explain {message.frame_id:03X}#{data} -d {tmp_path / 'm.dbc'} --json")
+            parts = {part["name"]: part for part in ran.document["parts"] if not part["in_can_id"]}
+            assert parts.keys() == raw.keys()
+            for name, part in parts.items():
+                place, words = PLACED[name]
+                start, bits = (int(number) for number in place.partition("@")[0].split("|"))
+                assert (part["start_bit"], part["bits"], part["place"]) == (start, bits, words)
+                assert part["byte_order"] == ("big" if "@0" in place else "little")
+                assert part["raw"] == int(raw[name]) & (1 << bits) - 1
+                assert float(part["text"].split()[0]) == pytest.approx(raw[name] * 0.5 - 3)
+
+
+@pytest.mark.parametrize("split", ["", " --split-bits"])
+def test_a_frame_is_explained_by_an_exported_dbc_as_by_the_mapping(split: str, tmp_path: Path) -> None:
+    frames = ("181#3706E80300000000", "281#44FFFFFF780088FF")
+    with Bench(("gen4@1",)) as bench:
+        assert bench.run(f"export {tmp_path / 'a.dbc'}{split}").code == 0
+        for frame in frames:
+            mapped = bench.run(f"explain {frame} --json").document["parts"]
+            found = bench.run(f"explain {frame} -d {tmp_path / 'a.dbc'} --json").document["parts"]
+            by_mapping = {(part["start_bit"], part["bits"], part["raw"]) for part in mapped if not part["in_can_id"]}
+            assert {(part["start_bit"], part["bits"], part["raw"]) for part in found if not part["in_can_id"]} <= {
+                *by_mapping,
+                *((bit, 1, int.from_bytes(bytes.fromhex(frame[4:]), "little") >> bit & 1) for bit in range(64)),
+            }

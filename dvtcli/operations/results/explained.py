@@ -30,6 +30,7 @@ def part_document(part: FramePart) -> Document:
         "name": part.name.strip(),
         "object": part.object,
         "text": part.text,
+        "byte_order": "big" if part.is_big_endian else "little",
     }
 
 

@@ -165,8 +165,8 @@ def _object_parts(cut: Bytes, field: Field, signal: Signal, value: Value | None)
 
 
 def _signal_parts(cut: Bytes, known: Layout) -> Iterator[FramePart]:
-    """The signals of a DBC file, which does not say here which bits are theirs."""
+    """The signals of a DBC file that lie in the frame."""
     for signal, value in zip(known.signals, known.read(cut.data), strict=True):
-        if value is not None:
-            text = said(value, signal.meaning, signal.bits)
-            yield cut.part(0, 8 * len(cut.data), signal.name or signal.key, text, signal.object)
+        if value is not None and signal.place is not None:
+            text = said(value, signal.meaning, signal.place.bits)
+            yield cut.signal_part(signal.place, signal.name or signal.key, text, signal.object)
