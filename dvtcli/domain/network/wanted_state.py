@@ -15,6 +15,7 @@ from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import Pdo
 
 Place = tuple[int, int]
+_IDENTITY = 0x1018
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _LINKED = re.compile(r"([0-9]+):([rt]pdo[0-9]+)")
 
@@ -147,6 +148,9 @@ class NodeWish:
     #: where `store` stands
     store_mark: Mark = field(default=NOWHERE, compare=False)
     physical: tuple[tuple[str, str], ...] = ()
+    #: where `profile` stands, and by sub-index of 0x1018 what *identity* asks for
+    profile_mark: Mark = field(default=NOWHERE, compare=False)
+    identity_marks: Mapping[int, Mark] = field(default_factory=dict, compare=False)
 
     @property
     def asks_nothing(self) -> bool:
@@ -156,7 +160,8 @@ class NodeWish:
     @property
     def marks(self) -> dict[Place, Mark]:
         """The objects that it speaks of by their numbers, each with its place in the file."""
-        found = {(one.index, one.sub_index): one.mark for one in self.objects}
+        found = {(_IDENTITY, sub_index): mark for sub_index, mark in self.identity_marks.items()}
+        found |= {(one.index, one.sub_index): one.mark for one in self.objects}
         for one in self.values:
             try:
                 place = parse_object(one.object.text)

@@ -10,6 +10,7 @@ from dvtcli.domain.network.wanted_state import (
     NOWHERE,
     FileWord,
     HeartbeatWatch,
+    Mark,
     MasterRole,
     NodeWish,
     ObjectWish,
@@ -52,7 +53,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     values = tuple(_values(found.get("sdo"), f"sdo of {name}", {(o.index, o.sub_index): o.key for o in objects}, log))
     watches = tuple(sorted(_watches(branch, found, around, log), key=lambda watch: watch.producer))
     pins = tuple(_pins(found.get("vpdo"), log))
-    identity = _identity(branch, found, name, log)
+    identity, identity_marks = _identity(branch, found, name, log)
     pdos = sorted(_pdos(found, name, log), key=lambda wish: (not wish.pdo.is_tpdo, wish.pdo.number))
     if found.get("stamp") and found.get("store") not in ("all", "1"):
         log.complain(key_mark(branch, "stamp"), "a stamp that is not stored with all the rest vouches for nothing: "
@@ -66,6 +67,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
         found.get("store"), found.get("prune"), found.get("stamp"), branch.mark,
         key_mark(branch, "store") if "store" in found else NOWHERE,
         tuple(sorted(read_physical(found["physical"], log))) if "physical" in found else (),
+        NOWHERE if profile is None else profile.mark, identity_marks,
     )  # fmt: skip
 
 
@@ -75,16 +77,20 @@ def _pdos(found: dict[str, Any], name: str, log: FileLog) -> Iterator[PdoWish]:
             yield from read_pdos(found[str(direction)], direction, f"node {name}", log)
 
 
-def _identity(branch: Branch, found: dict[str, Any], name: str, log: FileLog) -> WantedIdentity:
-    """What `identity` says, and dcfgen's keys, whose 0 is not asked for."""
+def _identity(branch: Branch, found: dict[str, Any], name: str, log: FileLog) -> tuple[WantedIdentity, dict[int, Mark]]:
+    """What `identity` says, and dcfgen's keys, whose 0 is not asked for; with the places of both by sub-index."""
     said: dict[str, int] = {}
+    marks: dict[str, Mark] = {}
     if "identity" in found:
         said = read_keys(found["identity"], Where.IDENTITY, f"identity of node {name}", log)
+        marks = {own: key_mark(found["identity"], own) for own in said}
     for own, theirs in _IDENTITY.items():
         value = found.get(theirs)
         if value and said.setdefault(own, value) != value:
             log.complain(key_mark(branch, theirs), f"{theirs} is not what identity says of {own}")
-    return WantedIdentity(**said)
+        elif value:
+            marks.setdefault(own, key_mark(branch, theirs))
+    return WantedIdentity(**said), {sub: marks[own] for sub, own in enumerate(_IDENTITY, 1) if own in marks}
 
 
 def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[ObjectWish]:

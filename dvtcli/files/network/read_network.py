@@ -5,7 +5,7 @@ Reads dcfgen's files as they are. Opens nothing but the file itself, and knows n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,13 +26,15 @@ _MOST_NODES = 127
 #: a network file of 127 nodes with all that can be said of them is smaller
 MOST_BYTES = 1 << 20
 _NODE_ID = OF[Where.NODE]["node_id"]
+#: tells why a word of a key names nothing, empty if it names something
+WhyNot = Callable[[str], str]
 Named = dict[str, tuple[Leaf, Branch]]
 
 
-def read_network_file(path: Path, why_not: Callable[[str], str] | None = None) -> NetworkWish:
+def read_network_file(path: Path, why_not: Mapping[str, WhyNot] | None = None) -> NetworkWish:
     """Read what the file *path* wants; InputFileError with all that is wrong, OSError if it cannot be read.
 
-    *why_not* tells why a `dcf` names nothing, empty if it names a file.
+    *why_not* has for `dcf` and `profile` what tells why a word of theirs names nothing, empty if it does.
     """
     return read_network(network_text(path), str(path), why_not)
 
@@ -45,7 +47,7 @@ def network_text(path: Path | str) -> str:
         raise InputFileError(f"{path}: not UTF-8 (byte {wrong.start})", place=str(path)) from wrong
 
 
-def read_network(text: str, file: str, why_not: Callable[[str], str] | None = None) -> NetworkWish:
+def read_network(text: str, file: str, why_not: Mapping[str, WhyNot] | None = None) -> NetworkWish:
     """Read what *text* wants; *file* is its name for messages, *why_not* as of `read_network_file`.
 
     InputFileError with all that is wrong.
@@ -53,13 +55,21 @@ def read_network(text: str, file: str, why_not: Callable[[str], str] | None = No
     log = FileLog(file, text)
     tree = read_tree(text, log)
     wish = _network(tree, log) if isinstance(tree, Branch) else NetworkWish()
-    for dcf in {node.dcf.mark: node.dcf for node in wish.nodes if node.dcf is not None}.values():
-        if why_not is not None and (reason := why_not(dcf.text)):
-            log.complain(dcf.mark, reason)
+    for key, mark, word in sorted({named for node in wish.nodes for named in _named(node)}):
+        if why_not is not None and key in why_not and (reason := why_not[key](word)):
+            log.complain(mark, reason)
     if not isinstance(tree, Branch) and log.is_silent:
         log.complain(tree.mark if tree else Mark(1, 1), "a network is written as keys and values")
     log.end()
     return wish
+
+
+def _named(node: NodeWish) -> Iterator[tuple[str, Mark, str]]:
+    """The words of *node* that name a file or a family, each with its key and place."""
+    if node.dcf is not None:
+        yield "dcf", node.dcf.mark, node.dcf.text
+    if node.profile is not None:
+        yield "profile", node.profile_mark, node.profile
 
 
 def _network(root: Branch, log: FileLog) -> NetworkWish:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import UsageError
-from dvtcli.files.network.read_network import read_network_file
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.network.read_network import WhyNot, read_network_file
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -21,10 +22,11 @@ BESIDE = "@BUS_CONFIG_PATH@/"
 def read_wish(file: str) -> NetworkWish:
     """Read the network file *file*; UsageError if it cannot be opened, InputFileError with all that is wrong in it.
 
-    A `dcf` that names nothing is wrong, too: without the file no rule could be asked that needs it.
+    A `dcf` or a `profile` that names nothing is wrong, too: without it no rule could be asked that needs it.
     """
     try:
-        return read_network_file(Path(file), partial(_why_no_dcf, Path(file).parent))
+        why_not: dict[str, WhyNot] = {"dcf": partial(_why_no_dcf, Path(file).parent), "profile": _why_no_profile}
+        return read_network_file(Path(file), why_not)
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
 
@@ -48,18 +50,46 @@ def _dcf_path(folder: Path, name: str) -> Path | None:
 
 
 def _why_no_dcf(folder: Path, name: str) -> str:
-    """Tell why `dcf: NAME` of a network file in *folder* names nothing, and what may be meant; empty if it does."""
-    if _dcf_path(folder, name) is not None:
-        return ""
+    """Tell why `dcf: NAME` of a network file in *folder* describes no device, and what is meant; empty if it does."""
+    found = _dcf_path(folder, name)
+    if found is not None:
+        return _why_no_description(found)
     from dvtcli.files.device_file import DEVICE_SUFFIXES
     from dvtcli.files.network.file_log import nearest
     from dvtcli.simulator.network.family_file import family_names
 
     path = folder / name.removeprefix(BESIDE)
     beside = [one.name for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES] if folder.is_dir() else []
+    if path.is_dir():
+        return f"{path} is a folder, and dcf names a file: an EDS, DCF, XDD or XDC"
     near = nearest(name, [*beside, *family_names()])
     meant = f"; did you mean {near!r}?" if near else "; `profiles` lists the families, `eds list` the library"
     return f"there is no {path}, and no simulated family or library file is called {name[:40]!r}{meant}"
+
+
+def _why_no_description(path: Path) -> str:
+    """Tell why the file at *path* describes no device; empty if it does. What is read here is not read again."""
+    from dvtcli.operations.opening.simulated_nodes import read_dictionary
+
+    try:
+        read_dictionary(path)
+    except (InputFileError, UsageError) as wrong:
+        line = re.search(r":[0-9]+(?::[0-9]+)?$", wrong.place or "")
+        at = f" ({path.name}{line[0]})" if line and line[0] not in wrong.text else ""
+        return f"{wrong.text}{f': {wrong.why}' if wrong.why else ''}{at}"
+    return ""
+
+
+def _why_no_profile(name: str) -> str:
+    """Tell why `profile: NAME` names none, and what may be meant; empty if it does."""
+    from dvtcli.files.profile.library import profile_path
+
+    try:
+        profile_path(name)
+    except UsageError as wrong:
+        hint = wrong.hint or ""
+        return f"{wrong.text}; {hint if hint.startswith('did') else f'known are {hint}'}"
+    return ""
 
 
 def skipped_rules(ids: Collection[int]) -> str:

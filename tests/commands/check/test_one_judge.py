@@ -120,6 +120,47 @@ def test_a_dcf_that_names_nothing_is_an_error_with_its_place(judge: str, both: B
     assert ran.stderr.splitlines()[3].endswith("|        ^^^^^^^")
 
 
+@pytest.mark.parametrize("judge", JUDGES)
+def test_what_names_no_profile_and_no_device_file_is_an_error_with_its_place(
+    judge: str, both: Bench, tmp_path: Path
+) -> None:
+    (tmp_path / "text.eds").write_text("hello\n")
+    (tmp_path / "text.xdd").write_text("<ISO15745ProfileContainer>\n<x>\n")
+    (tmp_path / "folder").mkdir()
+    path = tmp_path / "net.yaml"
+    path.write_text(
+        "a: {node_id: 1, dcf: text.eds, profile: gen5}\nb: {node_id: 5, dcf: folder}\nc: {node_id: 6, dcf: text.xdd}\n"
+    )
+    ran = both.run(f"{judge} {path} --json")
+    complaints = found_complaints(ran)
+    assert (ran.code, [place for *place, _ in complaints]) == (4, [[1, 22], [1, 41], [2, 22], [3, 22]])
+    assert "text.eds is not an EDS or DCF file: it has no section" in complaints[0][2]
+    assert complaints[1][2] == "no profile is called 'gen5'; did you mean 'gen4'?"
+    assert complaints[2][2].startswith(f"{tmp_path / 'folder'} is a folder, and dcf names a file")
+    assert "text.xdd:3" in complaints[3][2]
+
+
+def found_complaints(ran: Ran) -> list[tuple[int, int, str]]:
+    """Line, column and text of each complaint about the file."""
+    said = ran.documents[-1]
+    rows = said["complaints"] if "complaints" in said else said["files"][0]["findings"]
+    return [(row["line"], row["column"], row["text"]) for row in rows]
+
+
+@pytest.mark.parametrize(("marked", "name"), [("identity: {§vendor: 5}", "vendor"), ("§product_code: 7", "product")])
+def test_an_identity_that_the_node_does_not_have_is_said_at_its_key(
+    marked: str, name: str, both: Bench, tmp_path: Path
+) -> None:
+    path = tmp_path / "net.yaml"
+    text = f"a:\n  node_id: 1\n  dcf: gen4\n  {marked}\n"
+    path.write_text(text.replace("§", ""))
+    (row,) = (
+        row for row in both.run(f"check {path} --json").document["files"][0]["findings"] if row["rule"] == "identity"
+    )
+    assert (row["line"], row["column"]) == (4, marked.index("§") + 3)
+    assert f"its {name} is" in row["text"]
+
+
 def test_a_dcf_is_found_beside_the_file_by_the_name_of_its_folder(both: Bench, tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"
     path.write_text('a: {node_id: 5, dcf: "@BUS_CONFIG_PATH@/own.eds", tpdo: {1: {event_timer: 50}}}\n')
