@@ -19,7 +19,7 @@ One = TypeVar("One")
 #: so many cases of a test a whole run takes, where the test says nothing else
 CASES = 4
 #: marks of what takes long, or waits, or needs what few machines have
-NOT_QUICK = ("counted", "hypothesis", "kernel", "long", "needs", "together", "xfail")
+NOT_QUICK = ("counted", "kernel", "long", "needs", "together", "xfail")
 #: What takes a second of processor time or more by itself: a whole run takes some of all of them.
 heavy = pytest.mark.drawn(8, "heavy")
 
@@ -46,16 +46,23 @@ def mark_many(items: Sequence[pytest.Item]) -> None:
         if not any(item.get_closest_marker(name) for name in ("counted", "drawn")):
             of_test[item.nodeid.partition("[")[0]].append(item)
     for cases in of_test.values():
-        if len(cases) > CASES and not getattr(getattr(cases[0], "obj", None), "is_hypothesis_test", False):
+        if len(cases) > CASES and not _is_law(cases[0]):
             for item in cases:
                 item.add_marker(pytest.mark.drawn(CASES))
+
+
+def _is_law(item: pytest.Item) -> bool:
+    """Whether Hypothesis draws examples for *item*, which its plugin marks only later."""
+    return bool(getattr(getattr(item, "obj", None), "is_hypothesis_test", False))
 
 
 def mark_quick(items: Sequence[pytest.Item]) -> None:
     """Mark the first test of each file `quick`, unless what it is takes long; what else is quick says so itself."""
     first: dict[Path, pytest.Item] = {}
     for item in sorted(items, key=lambda item: (item.location[1] or 0, item.nodeid)):  # they come in a random order
-        if not any(item.get_closest_marker(name) for name in NOT_QUICK):
+        drawn = item.get_closest_marker("drawn")
+        is_of_a_lot = drawn is not None and len(drawn.args) > 1  # each of those starts processes, or takes a second
+        if not (is_of_a_lot or _is_law(item) or any(item.get_closest_marker(name) for name in NOT_QUICK)):
             first.setdefault(item.path, item)
     for item in first.values():
         item.add_marker(pytest.mark.quick)
