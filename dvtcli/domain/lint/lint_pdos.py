@@ -11,7 +11,8 @@ from dvtcli.domain.lint.default_pdos import DefaultPdo
 from dvtcli.domain.lint.described import HELD, Described, Found, Spot
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import MAX_ENTRIES
-from dvtcli.domain.pdo import Direction, Pdo, is_mpdo
+from dvtcli.domain.pdo import is_mpdo
+from dvtcli.domain.rules.can_id import BASES
 
 _COMMUNICATION = "CiA 301, 7.5.2.35 and 7.5.2.37"
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
@@ -57,11 +58,10 @@ def unknown_cob_id(device: Described) -> Found:
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def base_cob_id(device: Described) -> Found:
     """All nodes of the file have the same, whether the PDO is on or off. A DCF is for one node."""
-    bases = {Pdo(direction, number).default_can_id(0) for direction in Direction for number in range(1, 5)}
     for one in () if device.configured else device.pdos:
         index, own = one.pdo.communication_index, one.pdo.default_can_id(0)
         entry = device.dictionary.entry(index, 1)
-        if entry is None or entry.default_relative or one.cob_id is None or one.cob_id & 0x3FFF_FFFF not in bases:
+        if entry is None or entry.default_relative or one.cob_id is None or one.cob_id & 0x3FFF_FFFF not in BASES:
             continue
         meant = "$NODEID+" + (f"0x{one.cob_id:X}" if own is None else f"0x{one.cob_id & 0xC000_0000 | own:X}")
         text = f"{one.pdo.label} has 0x{one.cob_id:X} without $NODEID on every node; its default is {meant}"

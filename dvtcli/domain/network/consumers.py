@@ -66,7 +66,7 @@ def length_findings(consumer: NodePlan, sent: Mapping[Id, Iterable[Sent]]) -> It
         for one in sent.get(_id(cob_id), ()) if not rpdo.is_tpdo and cob_id.valid else ():
             changes = one.changes or rpdo in changed
             if changes and one.plan is not consumer and one.config.bits != takes.bits:
-                yield _finding(rpdo, takes, one.plan.node_id, one.pdo, one.config)
+                yield _finding(rpdo, rpdo.label, takes, f"{one.pdo.label} of node {one.plan.node_id}", one.config)
 
 
 def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
@@ -90,14 +90,30 @@ def left_findings(
                 yield warning("consumer-left", f"0x{pdo.communication_index:04X}:01", text)
 
 
+def changed_length(change: PdoChange, node_id: int, pdo: Pdo, held: PdoConfig) -> Finding | None:
+    """A warning if *change* leaves its PDO another length than *pdo* of the node with *node_id*, its other end, *held*.
+
+    If neither the mapping nor the CAN-ID is another one, nothing is said.
+    """
+    after, before = change.after, change.before
+    ids = after.communication.cob_id, held.communication.cob_id
+    is_new = before.bits != after.bits or not _same_id(before.communication.cob_id, ids[0])
+    is_whole = not after.inconsistency and not held.inconsistency and after.mpdo is None and held.mpdo is None
+    if pdo.is_tpdo is change.pdo.is_tpdo or not _same_id(*ids) or not (is_new and is_whole) or after.bits == held.bits:
+        return None
+    if change.pdo.is_tpdo:
+        return _finding(change.pdo, f"{pdo.label} of node {node_id}", held, change.label, after)
+    return _finding(change.pdo, change.label, after, f"{pdo.label} of node {node_id}", held)
+
+
 def _same_id(one: CobId, other: CobId) -> bool:
     return one.valid and other.valid and _id(one) == _id(other)
 
 
-def _finding(rpdo: Pdo, takes: PdoConfig, node_id: int, tpdo: Pdo, sends: PdoConfig) -> Finding:
-    place = f"0x{rpdo.mapping_index:04X}:00"
+def _finding(at: Pdo, rpdo: str, takes: PdoConfig, tpdo: str, sends: PdoConfig) -> Finding:
+    place = f"0x{at.mapping_index:04X}:00"
     what = "is ignored (0x8210)" if takes.bits > sends.bits else "is taken in part (0x8220)"
-    text = f"{rpdo.label} maps {takes.bits} bits, {tpdo.label} of node {node_id} sends {sends.bits}: the frame {what}"
+    text = f"{rpdo} maps {takes.bits} bits, {tpdo} sends {sends.bits}: the frame {what}"
     return warning("consumer-length", place, text, "map the producer's layout, dummy/BITS for what is not wanted")
 
 

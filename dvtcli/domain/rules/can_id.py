@@ -10,7 +10,7 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
 from dvtcli.domain.rules.finding import Finding, Producer, Proposal, error, note, warning
-from dvtcli.domain.rules.rule import ERROR, NOTE, Rule
+from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
 from dvtcli.domain.services import taken_by_services
 
 RULES = (
@@ -29,6 +29,9 @@ RULES = (
          "ours"),
     Rule("one-producer", ERROR, "a TPDO is to get a CAN-ID that is on the bus, sent by a node that is not known",
          "CiA 301, 7.3.5: the pre-defined connection set"),
+    Rule("base-cob-id", WARNING,
+         "the CAN-ID is a base of the pre-defined connection set, without a node-ID, whether the PDO is on or off",
+         "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID"),
     Rule("can-id-instead", NOTE, "the CAN-ID that a PDO had, or its default, may not be: it gets another one", "ours"),
     Rule("can-id-default", NOTE,
          "the CAN-ID is another PDO's default, or set at one that is off; that of EMCY is another node's",
@@ -49,6 +52,8 @@ RESTRICTED = (
     (0x7E4, 0x7E5, "LSS"),
     (0x7E6, 0x7FF, _RESERVED),
 )
+#: The CAN-IDs that the pre-defined connection set adds node-IDs to.
+BASES = frozenset(Pdo(direction, number).default_can_id(0) for direction in Direction for number in range(1, 5))
 #: Where `auto` looks for a free CAN-ID once the pre-defined connection set has none: no node's defaults lie there.
 FREE_POOL = range(0x680, 0x6E0)
 
@@ -109,6 +114,12 @@ def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
             Abort.VALUE_RANGE,
             "take one within 0x181..0x57F or 0x680..0x6DF, or --cob-id auto",
         )
+    elif not want.extended and want.can_id in BASES:
+        default = proposal.pdo.default_can_id(proposal.node_id)
+        own = "" if default is None else f"; this node's own default is 0x{default:03X}"
+        text = f"CAN-ID {want} is a base of the pre-defined connection set, as an EDS without $NODEID gives every node"
+        hint = "--cob-id auto" if default is None else f"--cob-id 0x{default:03X}"
+        yield warning("base-cob-id", place, f"{text}{own}", hint)
 
 
 def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:

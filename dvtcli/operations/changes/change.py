@@ -42,7 +42,8 @@ def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found:
     """
     started = time.monotonic()
     applied = node.configure(wants, force=session.options.force, found=found)
-    applied = replace(applied, findings=(*applied.findings, *_without_producer(session, node, applied)))
+    more = *_without_producer(session, node, applied), *_other_lengths(session, node, applied)
+    applied = replace(applied, findings=(*applied.findings, *more))
     return changed(session, node, applied, time.monotonic() - started)
 
 
@@ -53,6 +54,17 @@ def _without_producer(session: Session, node: Node, applied: Applied) -> Iterato
         return iter(())
     known = [config for other in session.network.nodes.values() for config in other.tpdos_known()]
     return producer_findings(changes, set(sent_by(known)), node.profile.silent_rpdo)
+
+
+def _other_lengths(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
+    """Warnings about PDOs of other nodes, as this session knows them, that have another length than a changed one."""
+    changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
+    others = [one for one in session.network.nodes.values() if one.node_id != node.node_id] if changes else []
+    if others:
+        from dvtcli.domain.network.consumers import changed_length
+    for other in others:
+        for pdo, held in {**other.last_seen, **other.wanted}.items():
+            yield from filter(None, (changed_length(change, other.node_id, pdo, held) for change in changes))
 
 
 def changed(

@@ -136,3 +136,34 @@ def test_no_command_leaves_a_can_id_that_is_taken_to_a_pdo_that_it_changes(how: 
 def test_a_can_id_that_is_free_is_let_through(how: str, moves: bool, tmp_path: Path) -> None:
     with with_both(tmp_path) as bench:
         done(bench, way(bench, how, tmp_path, FREE, moves=moves))
+
+
+@pytest.mark.parametrize("line", ["map tpdo2 6000:2 6000:3", "map tpdo2 6000:2 6000:3 --off", "set tpdo2 --timer 50",
+                                  "enable tpdo2"])  # fmt: skip
+@pytest.mark.parametrize("base", [0x280, 0x200, 0x480])
+def test_a_base_of_the_pre_defined_set_is_told_with_the_own_default(base: int, line: str, tmp_path: Path) -> None:
+    with with_both(tmp_path) as bench:
+        done(bench, f"set tpdo2 --cob-id 0x{base:X}")
+        if line.startswith("enable"):
+            done(bench, "disable tpdo2")
+        ran = bench.run(f"{line} --json")
+        (said,) = [one for one in ran.document["findings"] if one["rule"] == "base-cob-id"]
+        assert (ran.code, said["severity"], said["hint"]) == (0, "warning", "--cob-id 0x285")
+        assert "this node's own default is 0x285" in said["text"]
+        assert "base-cob-id" not in bench.run("map tpdo2 6000:2 --cob-id auto --json").stdout
+        file = network_file(tmp_path, f"cob_id: 0x{base:X}, enabled: true")
+        assert "base-cob-id" in bench.run(f"apply {file} --json").stdout
+
+
+@pytest.mark.parametrize("mine", ["tpdo2", "rpdo2"])
+def test_another_length_than_the_other_end_is_told(mine: str, tmp_path: Path) -> None:
+    objects, other, theirs = ("6000", "rpdo2", "6200") if mine == "tpdo2" else ("6200", "tpdo2", "6000")
+    with with_both(tmp_path) as bench:
+        done(bench, "disable tpdo2", f"map 9:{other} {theirs}:1 {theirs}:2 --cob-id 0x695")
+        for count, words in ((1, "0x8210" if mine == "tpdo2" else "0x8220"), (2, ""), (3, "0x8220")):
+            mapped = " ".join(f"{objects}:{number + 1}" for number in range(count))
+            ran = bench.run(f"map {mine} {mapped} --cob-id 0x695 --json")
+            said = [one["text"] for one in ran.document["findings"] if one["rule"] == "consumer-length"]
+            assert (ran.code, len(said)) == (0, bool(words)), ran
+            assert all("of node 9" in text for text in said)
+        assert "consumer-length" not in bench.run(f"set {mine} --timer 77 --json").stdout
