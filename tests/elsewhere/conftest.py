@@ -15,8 +15,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     ours = [item for item in items if item.path.parent == _HERE]
     for item in ours:
         item.add_marker(pytest.mark.counted)
-    if config.args != config.getini("testpaths") and not config.getoption("markexpr"):
-        return  # somebody asks for them by name
+    marks = config.getoption("markexpr")
+    if marks == "quick" or (config.args != config.getini("testpaths") and not marks):
+        return  # it is one of each file, or somebody asks for them by name
     ours.sort(key=lambda item: item.nodeid)
     kept = part(ours, config.getoption("--elsewhere"), config, "elsewhere")
     left_out = [item for item in ours if item not in kept]

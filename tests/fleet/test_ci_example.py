@@ -40,6 +40,7 @@ def test_the_gate_is_open(repository: Path) -> None:
     assert "No difference: every node holds what the file says." in done.stdout
 
 
+@pytest.mark.quick
 def test_the_gate_is_shut_for_a_file_that_is_wrong(repository: Path) -> None:
     file = repository / "network.yaml"
     file.write_text(file.read_text("utf-8").replace("cob_id: 0x185", "cob_id: 0x186"), "utf-8")
