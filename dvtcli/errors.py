@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.who_stored import WhoStored
 
@@ -54,7 +55,7 @@ class DvtcliError(Exception):
         place: str | None = None,
         abort: int | None = None,
         why: str | None = None,
-        hint: str | None = None,
+        hint: Hint | str | None = None,
         state: State = "unchanged",
     ) -> None:
         super().__init__(text)

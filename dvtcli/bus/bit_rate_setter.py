@@ -11,6 +11,7 @@ import can
 
 from dvtcli.bus.kernel_links import kernel_link
 from dvtcli.bus.listen_only import is_silent, silent_settings
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, SafetyRefusal
 
 #: interfaces whose bit rate is a setting of their own when they are opened, besides those that can only listen
@@ -49,13 +50,14 @@ class BitRateSetter:
         if timing is not None:
             raise SafetyRefusal(
                 f"{where} was opened with {timing}, which a bit rate alone does not replace",
-                hint="open it with -b/--bitrate",
+                hint=Hint(Action.GIVE_BIT_RATE, why="open it with {}"),
             )
         if listen_only and self._interface not in silent_settings():
             raise SafetyRefusal(
                 f"{self._interface} is not known to listen without a word",
                 why="at a wrong bit rate it would destroy the frames of others",
-                hint=f"these are: {', '.join(silent_settings())}; where nothing is at work: --force",
+                hint=f"these are: {', '.join(silent_settings())}"
+                + Hint(Action.FORCE, why="where nothing is at work: {}"),
             )
 
     def reopened(self, bit_rate: int, *, listen_only: bool) -> can.BusABC:
@@ -68,11 +70,13 @@ class BitRateSetter:
         return bus
 
 
-def _link_lines(name: str, bit_rate: int, *, listen_only: bool) -> str:
+def _link_lines(name: str, bit_rate: int, *, listen_only: bool) -> Hint | str:
     """The lines that let the CAN link *name* of Linux run at *bit_rate* (bit/s)."""
     link = kernel_link(name)
     if link is not None and not link.wired:
         return f"{name} is virtual, and has no bit rate"
     how = f"type can bitrate {bit_rate} listen-only {'on' if listen_only else 'off'}"
     lines = f"sudo ip link set {name} down; sudo ip link set {name} up {how}"
-    return f"{lines}; then `bitrate` again" if listen_only else f"where the nodes run at it already: {lines}"
+    if not listen_only:
+        return f"where the nodes run at it already: {lines}"
+    return lines + Hint(Action.LISTEN_BIT_RATE, why="then {} again")

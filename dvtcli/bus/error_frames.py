@@ -18,7 +18,7 @@ _WARNING, _PASSIVE = 0x0C, 0x30
 #: one or two error frames happen when something is plugged in
 MANY = 5
 
-_BIT_RATE = "does -b/--bitrate fit the nodes'? Is there a 120 ohm terminator at each end of the line?"
+_BIT_RATE = "does our bit rate fit the nodes'? Is there a 120 ohm terminator at each end of the line?"
 _TEXTS = {
     "bus-off": f"the CAN controller went bus-off: nothing is sent or heard until it is restarted (SocketCAN: sudo ip "
     f"link set CHANNEL type can restart). {_BIT_RATE}",

@@ -16,6 +16,7 @@ import can
 
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.kernel_links import KernelLink, kbit_s, kernel_link, kernel_links
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable
 
 #: bytes of frames that may wait to be read (the kernel allows twice as much, and a frame takes 768 bytes): some 21,800
@@ -39,33 +40,39 @@ def check_link(channel: object) -> None:
     A socket on a link that is down opens like any other, and python-can leaves one open on a link that is not there.
     """
     if sys.platform != "linux":
-        hint = "which interface has the adapter? `dvtcli doctor` lists what is there; slcan adapters have a serial port"
+        hint = Hint(Action.CHECK_SETUP, why="which interface has the adapter? {} lists what is there")
+        hint += "slcan adapters have a serial port"
         what = f"cannot open socketcan:{channel}" if channel else "cannot open socketcan"
         raise BusUnavailable(what, why="only Linux has SocketCAN", hint=hint)
     if not channel:
-        raise BusUnavailable("cannot open socketcan", why=_NO_CHANNEL, hint=f"which channel? {which(kernel_links())}")
+        raise BusUnavailable("cannot open socketcan", why=_NO_CHANNEL, hint="which channel?" + which(kernel_links()))
     socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
     try:
         socket.if_nametoindex(str(channel))
     except OSError as failed:
-        hint = f"no such channel: {which(kernel_links())}"
+        hint = "no such channel:" + which(kernel_links())
         raise _not_yet(str(channel), failed.strerror, hint) from failed
     link = kernel_link(str(channel))
     if link is not None and not link.up:
         raise _not_yet(str(channel), "it is down", link.way_up())
 
 
-def _not_yet(channel: str, why: str | None, hint: str) -> BusUnavailable:
+def _not_yet(channel: str, why: str | None, hint: Hint | str) -> BusUnavailable:
     unavailable = BusUnavailable(f"cannot open socketcan:{channel}", why=why, hint=hint)
     unavailable.may_come = True
     return unavailable
 
 
-def which(links: list[KernelLink]) -> str:
-    """What to choose from."""
+def which(links: list[KernelLink]) -> Hint:
+    """What to choose from, in words that follow others."""
     if not links:
-        return "give -c/--channel; this machine has no CAN link now (`dvtcli doctor`)"
-    return ", ".join(f"-c {link.name} ({link.about})" for link in links)
+        give = Hint(Action.GIVE_CHANNEL, why=" give {}")
+        return give + Hint(Action.CHECK_SETUP, why="this machine has no CAN link now ({})")
+    first, *others = (
+        Hint(Action.GIVE_CHANNEL, {"channel": link.name}, f"{', ' if number else ' '}{{}} ({link.about})")
+        for number, link in enumerate(links)
+    )
+    return sum(others, first)
 
 
 class KernelCarrier(Carrier):

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import can
 
 from dvtcli.bus.carrier import Carrier
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable
 
 #: what is to be installed for each interface, besides python-can
@@ -69,7 +70,9 @@ def check_bit_rate(config: Mapping[str, object], bit_rate: int | None) -> None:
     if bit_rate is not None and bit_rate not in PCAN_BITRATES and not ({"timing", "fd", "f_clock"} & set(config)):
         known = ", ".join(map(str, sorted(PCAN_BITRATES)))
         raise BusUnavailable(
-            f"cannot open pcan:{config.get('channel')}", why=f"it cannot run at {bit_rate} bit/s", hint=f"-b: {known}"
+            f"cannot open pcan:{config.get('channel')}",
+            why=f"it cannot run at {bit_rate} bit/s",
+            hint=Hint(Action.GIVE_BIT_RATE, why=f"{{}}: {known}"),
         )
 
 
@@ -78,7 +81,7 @@ class PcanCarrier(Carrier):
 
     def __init__(self, asked: int | None) -> None:
         self.bit_rate = asked or _PCAN_USUAL
-        self._news = [] if asked else [f"no -b/--bitrate: pcan runs at {_PCAN_USUAL} bit/s"]
+        self._news = [] if asked else [f"no bit rate is given: pcan runs at {_PCAN_USUAL} bit/s"]
 
     def news(self) -> list[str]:
         """A bit rate that was not given."""

@@ -61,7 +61,7 @@ class Oddities:
         if others > 0:
             yield (
                 f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours; a "
-                "dvtcli beside this one, as `monitor`, is such a client, too"
+                "dvtcli beside this one is such a client, too, also if it only monitors"
             )
             self._doubled[node_id] = now.doubled  # the answers to what it asked may look like second ones to us
         doubled = now.doubled - self._doubled[node_id]

@@ -18,7 +18,9 @@ class SlcanCarrier(Carrier):
         self._damaged = self._told_damaged = 0
         self._news: list[str] = []
         if asked is None:
-            self._news.append(f"no -b/--bitrate: {port} keeps the bit rate that it has; without one it does not open")
+            self._news.append(
+                f"no bit rate is given: {port} keeps the bit rate that it has; without one it does not open"
+            )
 
     def is_damaged(self, error: Exception) -> bool:
         """Whether *error* of receiving is a line that is no frame: characters were lost, and the next line is whole."""
@@ -33,7 +35,7 @@ class SlcanCarrier(Carrier):
             lines = plural(self._damaged - self._told_damaged, "damaged line")
             news.append(
                 f"the adapter sent {lines}, whose frames are missing: characters were lost on the serial line; "
-                "another cable or port, or --bus-kwargs rtscts=true"
+                "another cable or port, or the interface's setting rtscts=true"
             )
             self._told_damaged = self._damaged
         return news

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 
 import can
@@ -12,6 +13,7 @@ import can
 from dvtcli.bus.maker_drivers import is_missing, what_to_install, why_missing
 from dvtcli.bus.python_can_settings import bus_name
 from dvtcli.bus.transports import transports
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable
 
 #: what python-can's drivers raise where a driver, a setting or a device is missing
@@ -39,12 +41,14 @@ _DRIVER_PACKAGES = {
     "udp_multicast": "python-can[multicast]",
     "pcan": "python-can[pcan]",
 }
-_NO_CHANNEL = "is the adapter plugged in, and the channel's name right? `dvtcli doctor` lists what is there"
+_NO_CHANNEL = Hint(
+    Action.CHECK_SETUP, why="is the adapter plugged in, and the channel's name right? {} lists what is there"
+)
 _NO_PERMISSION = {
     "linux": "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)",
     "win32": "another program has it open, or this user may not use it",
 }.get(sys.platform, "no permission: `ls -l` shows whose it is")
-_ERRNO_HINTS = {
+_ERRNO_HINTS: dict[int, Hint | str] = {
     errno.ENODEV: _NO_CHANNEL,
     errno.ENXIO: _NO_CHANNEL,
     errno.ENOENT: _NO_CHANNEL,
@@ -52,7 +56,7 @@ _ERRNO_HINTS = {
     errno.EPERM: _NO_PERMISSION,
     errno.EBUSY: "another program has opened it",
     errno.EAFNOSUPPORT: "this system's kernel has no SocketCAN (sudo modprobe can_raw)",
-    errno.ECONNREFUSED: "nothing listens there: start the server first (`dvtcli sim NODE --listen HOST:PORT`)",
+    errno.ECONNREFUSED: Hint(Action.SERVE, why="nothing listens there: start the server first ({})"),
     errno.ETIMEDOUT: "nothing answers there: is the host's name and port right?",
 }
 #: what an adapter that is not plugged in, a port that is taken and a server that is not there say
@@ -67,7 +71,9 @@ def unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailabl
     if config.get("interface") is None:
         return BusUnavailable(
             "no CAN interface is configured",
-            hint="give -i/--interface and -c/--channel, or --sim generic for a simulated node",
+            hint=Hint(Action.GIVE_INTERFACE, why="give {}")
+            + Hint(Action.GIVE_CHANNEL, why=" and {}")
+            + Hint(Action.GIVE_SIMULATED, {"what": "generic"}, ", or {} for a simulated node"),
         )
     why = str(error) or type(error).__name__
     if isinstance(error, NameError) and config["interface"] in can.VALID_INTERFACES:
@@ -78,7 +84,7 @@ def unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailabl
     return unavailable
 
 
-def _hint(config: Mapping[str, object], error: Exception) -> str:
+def _hint(config: Mapping[str, object], error: Exception) -> Hint | str:
     interface, channel = str(config["interface"]), config.get("channel")
     others = transports()
     if interface not in can.VALID_INTERFACES and interface not in others:
@@ -87,12 +93,15 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
         meant = f"did you mean {near[0]}? " if near else ""
         return f"{meant}known interfaces: {', '.join(sorted(known))}"
     if interface == "socketcan" and {"host", "port"} & config.keys():
-        return "socketcan is a link of this computer; a server at a host and port is -i socketcand"
+        return Hint(
+            Action.GIVE_INTERFACE, {"interface": "socketcand"},
+            "socketcan is a link of this computer; a server at a host and port is {}",
+        )  # fmt: skip
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:
         return _ERRNO_HINTS[number]
     if interface in others and interface not in can.VALID_INTERFACES:
-        return f"{interface} comes with a package of its own, whose documentation says what -c/--channel is"
+        return f"{interface} comes with a package of its own, whose documentation says what its channel is"
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
         if package:
@@ -102,15 +111,22 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
     return _setting_hint(interface, channel, error)
 
 
-def _setting_hint(interface: str, channel: object, error: Exception) -> str:
+def _setting_hint(interface: str, channel: object, error: Exception) -> Hint | str:
     if interface == "socketcand":
-        named = "-c can1 --bus-kwargs host=127.0.0.1 --bus-kwargs port=29536"
-        return f"for example -i socketcand -c 127.0.0.1:29536, for can0 of that server; for another one {named}"
+        return (
+            Hint(Action.GIVE_INTERFACE, {"interface": "socketcand"}, "for example {}")
+            + Hint(Action.GIVE_CHANNEL, {"channel": "127.0.0.1:29536"}, " {}, for can0 of that server")
+            + Hint(Action.GIVE_CHANNEL, {"channel": "can1"}, "for another one {}")
+            + Hint(Action.GIVE_SETTING, {"setting": "host=127.0.0.1"}, " {}")
+            + Hint(Action.GIVE_SETTING, {"setting": "port=29536"}, " {}")
+        )
     if channel is None:
-        return "which channel? give -c/--channel"
+        return Hint(Action.GIVE_CHANNEL, why="which channel? give {}")
     if isinstance(error, TypeError):
-        return "a setting is missing or unknown: --bus-kwargs key=value, see python-can's page of this interface"
-    return f"is the maker's driver installed? {_NO_CHANNEL}"
+        return Hint(
+            Action.GIVE_SETTING, why="a setting is missing or unknown: {}, see python-can's page of this interface"
+        )
+    return "is the maker's driver installed?" + replace(_NO_CHANNEL, why=f" {_NO_CHANNEL.why}")
 
 
 def _errno_of(error: BaseException | None) -> int | None:

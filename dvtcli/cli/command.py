@@ -110,7 +110,9 @@ class DvtCommand(click.Command):
         if name in SPECIAL_FORMATS and name not in self.formats:
             from dvtcli.errors import UsageError
 
-            raise UsageError(f"{self.name} does not answer in {name}", hint=f"--format {' | '.join(FORMATS)}")
+            raise UsageError(
+                f"{self.name} does not answer in {name}", hint=f"--format {' | '.join((*FORMATS, *self.formats))}"
+            )
 
 
 def of_line(ctx: click.Context) -> DvtCommand:

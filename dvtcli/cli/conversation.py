@@ -22,11 +22,28 @@ if TYPE_CHECKING:
     from dvtcli.cli.scripts.script_report import ScriptReport
     from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.cli.view.output import Output
+    from dvtcli.cli.view.typed_hints import TypedCall
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.opening.bus_of_options import OpenBus
     from dvtcli.operations.results.bus_events import BusEvent
+
+
+#: The options that a command behind this one needs to meet the same nodes, with their letters.
+_REPEATED = {
+    "interface": "-i", "channel": "-c", "bitrate": "-b", "bus_kwargs": "--bus-kwargs", "bus": "--bus", "sim": "--sim",
+    "eds": "--eds", "profile": "-p", "journal": "--journal",
+}  # fmt: skip
+
+
+def _repeated(given: dict[str, Any]) -> Iterator[str]:
+    """Those of the options *given* that chose the bus and the node's files, as they are typed."""
+    for name, option in _REPEATED.items():
+        value = given.get(name, ())
+        for word in value if isinstance(value, tuple) else (value,):
+            yield option
+            yield str(word)
 
 
 class OnScreen:
@@ -81,6 +98,7 @@ class Conversation(Session):
     ) -> None:
         super().__init__(tell=OnScreen(output, lambda: not self.in_script), open_bus=open_bus)
         self.output = output
+        output.call = self.typed_call
         self.on_open = on_open
         #: at the prompt and in scripts the bus is chosen already
         self.started = False
@@ -180,6 +198,20 @@ class Conversation(Session):
 
             refuse_after_restarts(nodes)
         self.settle()
+
+    def typed_call(self) -> TypedCall:
+        """The options of this call that a command behind it needs, too."""
+        from dvtcli.cli.view.typed_hints import TypedCall
+
+        given = {name: value for name, (value, where) in self.settings.typed.items() if where == "option"}
+        nodes = given.get("node")
+        word = ",".join(map(str, nodes)) if isinstance(nodes, tuple) else str(nodes)
+        return TypedCall(
+            tuple(_repeated(given)),
+            () if nodes is None else ("-n", word),
+            self.selected_id(),
+            alone=not self.at_prompt,
+        )
 
     def doing(self) -> str:
         """The command that runs, without what was typed behind it: that may be a passcode."""

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.rules.finding import Finding, error
 from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, SdoAborted, UsageError
@@ -37,7 +38,8 @@ def policy_of(access: Access) -> LoginPolicy:
     raise DvtcliError(
         f"node {access.node_id} ({access.profile.title}) has no login",
         node=access.node_id,
-        hint="node tells its profile; -p NAME takes another, should it be wrong",
+        hint=Hint(Action.SHOW_NODE, {"node": access.node_id}, "tells its profile")
+        + Hint(Action.GIVE_PROFILE, why="takes another, should it be wrong"),
     )
 
 
@@ -96,7 +98,7 @@ def _not_reached(access: Access, wanted: int, aborted: SdoAborted | None) -> Dev
         place=f"{policy.passcode[0]:04X}:{policy.passcode[1]:02X}",
         abort=aborted.code if aborted else None,
         why=aborted.why if aborted else "the passcode is one for another level",
-        hint="is it the passcode of this level, and of this user (--user)?",
+        hint=Hint(Action.GIVE_USER, why="is it the passcode of this level, and of this user ({})?"),
     )
     refused.state_text = "no setting was written, only the user ID and a passcode"
     return refused
@@ -110,7 +112,7 @@ def refuse_passcode(access: Access, index: int, sub_index: int) -> None:
             f"0x{index:04X}:{sub_index:02X} takes a passcode, and a command line is no place for one",
             node=access.node_id,
             place=f"{index:04X}:{sub_index:02X}",
-            hint="login asks for it without echo",
+            hint=Hint(Action.LOG_IN, why="asks for it without echo"),
         )
 
 

@@ -18,6 +18,7 @@ from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import (
@@ -345,12 +346,13 @@ def put_test_back(node: Node, changes: Sequence[Change], text: str) -> None:
         with node.cancellation.guard():
             restore_patiently(node.sdo, changes, node.bus, node.gate.renew, node.witness)
     except (DvtcliError, KeyboardInterrupt) as failed:
-        first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""
+        reset = Hint(Action.RESET_NODE, {"node": node.node_id}, "{}, or a power cycle")
+        reset += Hint(Action.SHOW_PDOS, why="shows what it holds")
         left = LeftChanged(
             f"node {node.node_id} was changed to prove the store, and that could not be put back",
             node=node.node_id,
             why=f"{text}: {failed or 'interrupted'}",
-            hint=f"{first}nmt reset-node {node.node_id}, or a power cycle; `pdo` shows what it holds",
+            hint=reset.after(BUS_BACK if isinstance(failed, BusUnavailable) else None),
             state="left_changed",
         )
         left_open(node, left)

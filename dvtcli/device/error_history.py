@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import ABSENT, read_number, read_optional
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DeviceRefused, DvtcliError, SdoAborted
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def clear_history(access: Access) -> tuple[HistoryEntry, ...]:
             node=access.node_id,
             place=place,
             why="the device did not empty it" if after == before else "the error came again since",
-            hint="`faults` shows what is wrong; what causes it must go first",
+            hint=Hint(Action.SHOW_FAULTS, why="shows what is wrong; what causes it must go first"),
             state="unchanged" if after == before else "unknown",
         )
     return before

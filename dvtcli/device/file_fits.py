@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ def refuse_unlike_file(node_id: int, unlike: str, *, force: bool) -> None:
             f"the EDS is another device's: {unlike}",
             node=node_id,
             place="1018:01" if "vendor" in unlike else "1018:02",
-            hint="--eds FILE of this device; without --eds it is checked less and changed all the same; --force takes "
-            "this one",
+            hint=Hint(Action.GIVE_EDS, why="{} of this device; without one it is checked less and changed all the same")
+            + Hint(Action.FORCE, why="takes this one"),
         )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import producers
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.rules.finding import error
 
 if TYPE_CHECKING:
@@ -67,5 +68,7 @@ def heard_producer_findings(
         if identifier not in {(one.can_id, one.extended) for one in known}:
             heard_words = f"{frames} frame{'s' if frames > 1 else ''} while the node was read"
             text = f"CAN-ID {cob_id} is on the bus already, sent by a node that is not known here ({heard_words})"
-            hint = "`check --live` asks every node; switch that TPDO off, take another CAN-ID, or --cob-id auto"
+            hint = Hint(Action.CHECK_LIVE, why="asks every node") + Hint(
+                Action.SELECT_CAN_ID, why="switch that TPDO off, take another CAN-ID, or {}"
+            )
             yield error("one-producer", f"0x{pdo.communication_index:04X}:01", text, hint=hint)

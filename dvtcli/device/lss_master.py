@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 
 from dvtcli.domain import lss_services as lss
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import CanopenBus, Frame
@@ -134,10 +135,13 @@ class LssMaster:
         if any(len(answers) > 1 for answers in asked):
             raise DeviceRefused(
                 "several nodes are being configured at once", why="a question was answered more than once",
-                hint="lss scan lets all wait again, and lists them; lss select chooses one",
+                hint=Hint(Action.LSS_SCAN, why="lets all wait again, and lists them")
+                + Hint(Action.LSS_SELECT, why="chooses one"),
             )  # fmt: skip
         if not all(asked):
-            raise NoAnswer("the node that is being configured does not tell its whole LSS address", hint="lss scan")
+            raise NoAnswer(
+                "the node that is being configured does not tell its whole LSS address", hint=Hint(Action.LSS_SCAN)
+            )
         node_id, *parts = (answers[0] for answers in asked)
         return LssAddress(*(int.from_bytes(part[1:5], "little") for part in parts)), node_id[1]
 
@@ -185,14 +189,16 @@ class LssMaster:
             if answers:
                 _require_success(answers, what, reasons)
                 return
-        raise NoAnswer(f"no answer to LSS configure {what}", hint="lss scan shows who is there")
+        raise NoAnswer(f"no answer to LSS configure {what}", hint=Hint(Action.LSS_SCAN, why="shows who is there"))
 
     def store(self) -> None:
         """Let who is being configured keep its node-ID without power; DeviceRefused with its reason, NoAnswer."""
         settle = _ALL * self._answer_s / self._store_s  # a store takes long, and who else answers it does not
         answers = self._ask(lss.STORE_CONFIGURATION, b"", lss.STORE_CONFIGURATION, self._store_s, settle=settle)
         if not answers:
-            hint = "whether it is stored shows after the next power-on; lss store again does no harm"
+            hint = Hint(
+                Action.LSS_STORE, why="whether it is stored shows after the next power-on; {} again does no harm"
+            )
             raise NoAnswer(f"no answer to LSS store configuration within {STORE_S:g} s", hint=hint, state="unknown")
         _require_success(answers, "store configuration", lss.STORE_REFUSED)
 
@@ -228,7 +234,7 @@ class LssMaster:
             "the answers to the fast scan do not fit together",
             why=f"tried {_SCANS} times, at last with {1000 * wait_s / 2:.0f} ms for each question: answers are lost, "
             "come too late, or come for no question",
-            hint="lss scan --wait 200; else lss select each node by its address",
+            hint=Hint(Action.LSS_SCAN, {"wait": 200}) + Hint(Action.LSS_SELECT, why="else {} each node by its address"),
         )
 
     def _echoes(self, wait_s: float) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import SdoAborted, UsageError
@@ -20,22 +21,27 @@ def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) 
         if aborted.code in (Abort.NO_OBJECT, Abort.NO_SUB_INDEX):
             aborted.text = f"node {node_id} has no {pdo.label}, though its EDS or DCF lists it: {aborted.text}"
             aborted.node = node_id
-            aborted.hint = f"a file of another revision? `node {node_id}` says which; leave {pdo.label} out, or --eds"
+            aborted.hint = Hint(
+                Action.SHOW_NODE,
+                {"node": node_id},
+                f"a file of another revision? {{}} says which; leave {pdo.label} out",
+            ) + Hint(Action.GIVE_EDS, why=", or {}")
         return aborted
     have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
     error = UsageError(f"node {node_id} has no {pdo.label}: {have}", node=node_id, place=aborted.place)
     error.abort = aborted.abort
-    error.hint = "pdo --all lists what it has"
+    error.hint = Hint(Action.SHOW_PDOS, {"all": True}, "lists what it has")
     error.exit_code = 1
     return error
 
 
-def hint_for_missing(aborted: SdoAborted, dictionary: ObjectDictionary | None) -> str | None:
+def hint_for_missing(aborted: SdoAborted, dictionary: ObjectDictionary | None) -> Hint | str | None:
     """What to try where an upload was refused because there is no such object; None for other refusals."""
     if aborted.code == Abort.NO_SUB_INDEX and dictionary is not None:
         from dvtcli.domain.rules.mapped_object import decimal_hint
 
         return decimal_hint(dictionary, aborted.index, aborted.sub_index)
     if aborted.code == Abort.NO_OBJECT:
-        return "objects TEXT searches the dictionary" if dictionary else "--eds FILE names its objects"
+        find = Hint(Action.FIND_OBJECTS, why="searches the dictionary")
+        return find if dictionary else Hint(Action.GIVE_EDS, why="names its objects")
     return None

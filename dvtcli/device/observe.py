@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.several import several
@@ -99,5 +100,5 @@ def restarted_since_read(node_id: int, lost: Iterable[str] = ()) -> SafetyRefusa
         f"node {node_id} restarted since it was read; run it again",
         node=node_id,
         why=f"its boot-up was received, and no reset was sent from here; {f'lost: {gone}' if gone else 'RAM is lost'}",
-        hint="look at its supply; `pdo` shows what it holds now",
+        hint=Hint(Action.SHOW_PDOS, why="look at its supply; {} shows what it holds now"),
     )

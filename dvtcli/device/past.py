@@ -19,6 +19,7 @@ from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import file_name, set_aside, write_private
 from dvtcli.device.recorded_change import SCHEMA, Recorded, document, recorded_changes
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan, alters
 from dvtcli.errors import InputFileError, SafetyRefusal
 
@@ -59,7 +60,7 @@ class Past:
         try:
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"the change is done, but cannot be remembered for a later `undo`: {_why(failed)}")
+            self.say(f"the change is done, but cannot be remembered for a later undo: {_why(failed)}")
         else:
             self._own[-1] = (path, entry.id)
 
@@ -149,7 +150,7 @@ class Past:
         try:
             self._write(path, [one for one in entries if not (one.undoes and one.stored >= one.labels)])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it is stored, but that cannot be remembered for a later `store`: {_why(failed)}")
+            self.say(f"it is stored, but that cannot be remembered for a later store: {_why(failed)}")
 
     def forget_own(self, count: int, back: Plan) -> None:
         """Drop the last *count* changes that this process made: *back* put them back."""
@@ -166,7 +167,7 @@ class Past:
             if back is not None:
                 self._add_undoing(back, [one for one in found if one.id in names])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it is put back, but what `undo` remembers cannot be written: {_why(failed)}")
+            self.say(f"it is put back, but what can be undone cannot be written down: {_why(failed)}")
 
     def _add_undoing(self, back: Plan, undone: Sequence[Recorded]) -> None:
         stored = {label for one in undone for label in one.stored}
@@ -217,7 +218,8 @@ def _damaged(path: Path, why: Exception) -> InputFileError:
         f"{path} does not tell what was changed",
         place=str(path),
         why=str(why),
-        hint="`undo --backup` puts an automatic backup back; the next change keeps this file under another name",
+        hint=Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back")
+        + "the next change keeps this file under another name",
     )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from dvtcli.device.nmt_gate import Access
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -79,11 +80,11 @@ class SentReset:
             f"node {self.node_id} sent no boot-up message within {self.timeout_s:.0f} s after its reset, "
             "nor any answer",
             node=self.node_id,
-            hint="look at the node, then scan",
+            hint=Hint(Action.FIND_NODES, why="look at the node, then {}"),
             state="unknown",
         )
         if (state := self.bus.nmt_state(self.node_id)) is not None:  # heard since the reset was sent
-            silent.hint = "it answers no SDO: look at the node, then scan"
+            silent.hint = Hint(Action.FIND_NODES, why="it answers no SDO: look at the node, then {}")
             silent.state_text = f"{state.label}, as its heartbeat says; whether it was reset is not known"
         return silent
 
@@ -127,7 +128,7 @@ def reset_all_and_wait(
         raise NoAnswer(
             f"no boot-up message within {timeout_s:.0f} s after the reset from node {', '.join(silent)}, "
             "nor any answer",
-            hint="look at it, then scan",
+            hint=Hint(Action.FIND_NODES, why="look at it, then {}"),
             state="unknown",
         )
     return [reset.node_id for reset in sent if not reset.booted]
@@ -149,7 +150,7 @@ def await_power_cycle(
             raise NoAnswer(
                 f"node {node_id} was not switched off and on: no boot-up message within {timeout_s:g} s",
                 node=node_id,
-                hint="store --prove power --within S gives more time",
+                hint=Hint(Action.PROVE_POWER, {"within": "S"}, "gives more time"),
             )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -29,7 +30,9 @@ def another_device(node_id: int, unlike: str) -> SafetyRefusal:
         node=node_id,
         place="1018",
         why=unlike,
-        hint=f"is this the right one? `node {node_id}` takes it as it is, and begins anew with it",
+        hint=Hint(
+            Action.SHOW_NODE, {"node": node_id}, "is this the right one? {} takes it as it is, and begins anew with it"
+        ),
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_whole import MOST_BYTES, ReadObject, Unread
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.configuration import NotWritten
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
 from dvtcli.domain.standard_objects import standard_entry, standard_object_type
 from dvtcli.errors import NoAnswer, SdoAborted
@@ -92,7 +93,9 @@ class _Scan:
         except NoAnswer as silent:
             self._silent += 1
             if self._silent >= _MOST_SILENT or not self.found:
-                silent.hint = "a device that does not say what it lacks can only be read by its EDS: --eds FILE"
+                silent.hint = Hint(
+                    Action.GIVE_EDS, why="a device that does not say what it lacks can only be read by its EDS: {}"
+                )
                 raise
             return ReadObject(entry, unread=Unread.SILENT)
         self._size += len(data)

@@ -10,10 +10,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.failed_change import pre_operational_first
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit, name_of
 from dvtcli.device.proposal import proposal
 from dvtcli.device.seen_state import present_state
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
@@ -116,7 +118,7 @@ def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, ru
     try:
         node.consent_anew(node.gate.question)
     except SafetyRefusal as declined:
-        refused.hint = f"it is OPERATIONAL: `nmt preop {node.node_id}`, then again; or --yes: it goes there and back"
+        refused.hint = pre_operational_first(node.node_id) + Hint(Action.AGREE, why="or {}: it goes there and back")
         raise refused from declined
     node.gate.wanted = lambda _question: None
     try:
@@ -153,7 +155,7 @@ def _remembered(node: Changeable, times: int, what: str) -> str:
         return "where that comes again it is remembered"
     if not name_of(node.identity()):
         return f"from now on it is {what} first; the node says no identity, so no later process knows"
-    return "this is remembered of devices like this one (`profiles habits` shows it, `profiles forget` forgets it)"
+    return "this is remembered of devices like this one, as a habit that can be shown and forgotten"
 
 
 def _may_pass(node: Changeable, refused: DeviceRefused) -> bool:

@@ -12,6 +12,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import StorePolicy
@@ -70,11 +71,11 @@ def sign(
             raise
         raise _unanswered(gone, index) from gone
     except NoAnswer as silent:
-        silent.hint = f"it may still be writing; wait, then `{word_of(index)}` again"
+        silent.hint = _again(index, "it may still be writing; wait, then {} again")
         if access.bus.boot_ups(access.node_id) != boot_ups:
-            silent.hint = f"it restarted instead; `{word_of(index)}` again"
+            silent.hint = _again(index, "it restarted instead; {} again")
             if index == STORE:
-                silent.hint = "it restarted instead: what was not stored is lost; set it again, then store"
+                silent.hint = _again(STORE, "it restarted instead: what was not stored is lost; set it again, then {}")
             from dvtcli.device.resets import return_to
 
             return_to(access, found)
@@ -98,7 +99,7 @@ def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interr
     error = Interrupted(
         f"node {node_id} was asked to {word_of(index)}; its answer was not waited for",
         node=node_id,
-        hint=f"it may still be writing its memory: leave it powered, then `{word_of(index)}` again",
+        hint=_again(index, "it may still be writing its memory: leave it powered, then {} again"),
         state="unknown",
     )
     error.exit_code = cancellation.exit_code
@@ -107,8 +108,12 @@ def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interr
 
 def _unanswered(gone: BusUnavailable, index: int) -> BusUnavailable:
     """That the bus was *gone* before the answer came."""
-    hint = f"{gone.hint or 'bring the bus back'}; then `{word_of(index)}` again: whether it did is not known"
+    hint = (gone.hint or "bring the bus back") + _again(index, "then {} again: whether it did is not known")
     return BusUnavailable(gone.text, node=gone.node, place=gone.place, why=gone.why, hint=hint, state=gone.state)
+
+
+def _again(index: int, why: str) -> Hint:
+    return Hint(Action.STORE if index == STORE else Action.RESTORE, why=why)
 
 
 def word_of(index: int) -> str:
@@ -138,7 +143,7 @@ def _choose(
         error.hint = policy.instead
     elif sub_index is not None and policy.sub_indices and sub_index not in policy.sub_indices:
         error.text = f"this device cannot {word_of(index)} that group alone"
-        error.hint = f"`{word_of(index)}` alone takes what it has (0x{index:04X}:{policy.sub_indices[0]:02X})"
+        error.hint = _again(index, f"{{}} alone takes what it has (0x{index:04X}:{policy.sub_indices[0]:02X})")
     raise error
 
 
@@ -152,7 +157,10 @@ def _refuse_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: in
         node=node_id,
         place=place,
         why=f"0x{place} is {entry.access} in {dictionary.place(entry)}: it takes no signature",
-        hint="its manual says how it keeps settings; where the file is wrong, mend it or give another --eds",
+        hint=Hint(
+            Action.GIVE_EDS,
+            why="its manual says how it keeps settings; where the file is wrong, mend it, or give another one: {}",
+        ),
     )
 
 
@@ -172,9 +180,9 @@ def _cannot(node_id: int, index: int, sub_index: int, capability: int | None) ->
 
 
 def _refused(aborted: SdoAborted, node_id: int, index: int, sub_index: int) -> DeviceRefused:
-    hint = aborted.hint
+    hint: Hint | str | None = aborted.hint
     if aborted.code == Abort.DEVICE_STATE:
-        hint = f"nmt preop {node_id}, then again"
+        hint = Hint(Action.ENTER_PRE_OPERATIONAL, {"node": node_id}, "{}, then again")
     elif aborted.code == Abort.HARDWARE:
         hint = "the device could not write its memory; what it had stored before may be lost"
     error = DeviceRefused(

@@ -10,6 +10,7 @@ from dvtcli.device.applied import refuse
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.unstored import held_unstored
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -23,6 +24,12 @@ def prepare_store(node: Changeable, *, force: bool = False, confirm: bool = True
         node.gate.enter()
 
 
+def _ways_out(node_id: int, *, confirm: bool) -> Hint:
+    reset = Hint(Action.RESET_NODE, {"node": node_id}, "{} brings back what is stored")
+    reset += Hint(Action.STORE if confirm else Action.RESTORE, why="then {}")
+    return Hint(Action.VERIFY, why="set it as it should be and {}, or") + reset if confirm else reset
+
+
 def may_store(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
     """Let nothing be stored that is not as it should be: SafetyRefusal, RuleError where nobody is logged in.
 
@@ -31,13 +38,13 @@ def may_store(node: Changeable, *, force: bool = False, confirm: bool = True) ->
     altered already.
     """
     node.claim()
-    word, again = ("stored", "set it as it should be and `verify`, or ") if confirm else ("restored", "")
+    word = "stored" if confirm else "restored"
     for cause, reason in node.pending.suspicions.items():
         if confirm or cause == CHANGE:
             raise SafetyRefusal(
                 f"node {node.node_id} is not {word}: {reason}",
                 node=node.node_id,
-                hint=f"{again}`nmt reset-node` brings back what is stored; then {word.removesuffix('d')}",
+                hint=_ways_out(node.node_id, confirm=confirm),
             )
     refuse(level_finding(node.access), "nothing was stored or restored", node.node_id, force=force)
     if confirm and not force:

@@ -116,8 +116,12 @@ def check_folder(folder: str | os.PathLike[str]) -> None:
             return
         found = None if stat.S_ISLNK(status.st_mode) and _is_ours(status) else stranger(path, status)
         if found is not None:
+            from dvtcli.domain.hint import Action, Hint
+
             raise SafetyRefusal(
-                f"{path} is not used: {found[0]}", place=path, hint=f"{found[1]}; or another folder: --journal DIR"
+                f"{path} is not used: {found[0]}",
+                place=path,
+                hint=found[1] + Hint(Action.GIVE_JOURNAL, why="or another folder: {}"),
             )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied, refuse
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Plan, ValueChange
 from dvtcli.domain.vpdo import Pins
 from dvtcli.errors import DvtcliError, UsageError
@@ -27,7 +28,8 @@ def group_names(node: Node) -> list[str]:
     raise DvtcliError(
         f"node {node.node_id} ({node.profile.title}) has no virtual PDOs",
         node=node.node_id,
-        hint="node tells its profile; -p NAME takes another, should it be wrong",
+        hint=Hint(Action.SHOW_NODE, {"node": node.node_id}, "tells its profile")
+        + Hint(Action.GIVE_PROFILE, why="takes another, should it be wrong"),
     )
 
 

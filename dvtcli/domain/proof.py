@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dvtcli.domain.hint import Hint
+
 #: ways to restart a node: two NMT commands, and somebody's hand
 RESET_NODE, RESET_COMM, POWER = "reset-node", "reset-comm", "power-cycle"
 RESTART_NAMES = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: "power cycle"}
@@ -27,7 +29,7 @@ class Proof:
     canary: str = ""
     lost: tuple[str, ...] = ()
     objects: int = 0
-    hint: str = ""
+    hint: Hint | str = ""
     put_back: str = ""
     already: bool = False
     notes: tuple[str, ...] = ()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.physical import Physical
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
@@ -32,8 +33,10 @@ _SIZES = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+[ \t]+\w+[ \t]*:[ \t]*(\d+)|SG_[^:\n
 #: what a message has at most (ISO 15765-2): cantools takes 200 bytes of memory for each byte of one
 _MOST_MESSAGE_BYTES = 4095
 _DESCRIBING = (".eds", ".dcf", ".xdd", ".xdc")
-_TAKES = "-d takes a DBC file or a network file (.yaml)"
-_INSTEAD = "a network file (-d net.yaml) or --eds FILE decodes without it"
+_TAKES = Hint(Action.GIVE_DBC, why="{} takes a DBC file or a network file (.yaml)")
+_INSTEAD = Hint(Action.GIVE_DBC, {"file": "net.yaml"}, "a network file ({})") + Hint(
+    Action.GIVE_EDS, why=" or {} decodes without it"
+)
 
 
 def read_dbc(file: str) -> dict[Address, Layout]:
@@ -71,10 +74,11 @@ def _refuse_sizes(text: str, path: Path) -> None:
             )
 
 
-def _hint(path: Path) -> str:
-    """What to type for a file that is none."""
+def _hint(path: Path) -> Hint:
+    """What to do with a file that is none."""
     described = path.suffix.lower() in _DESCRIBING
-    return f"--eds {path.name} takes an EDS, DCF, XDD or XDC" if described else _TAKES
+    takes = Hint(Action.GIVE_EDS, {"file": path.name}, "takes an EDS, DCF, XDD or XDC")
+    return takes if described else _TAKES
 
 
 def _first_line(wrong: Exception) -> str:

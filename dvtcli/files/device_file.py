@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import read_input_head
 
@@ -58,7 +59,9 @@ def must_describe(dictionary: ObjectDictionary) -> None:
     """InputFileError where the file of *dictionary* describes no object: nothing could be read by it."""
     if not len(dictionary):
         source = dictionary.source
-        hint = "is it cut short? `eds check FILE` says more; where it is in the library, `eds remove` takes it out"
+        hint = Hint(Action.CHECK_EDS, {"file": source}, "is it cut short? {} says more") + Hint(
+            Action.REMOVE_EDS, why="where it is in the library, {} takes it out"
+        )
         raise InputFileError(f"{source} describes no object", place=source, hint=hint)
 
 
@@ -74,7 +77,7 @@ def must_not_be_cut(read: EdsFile | XddFile) -> None:
 
     if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
         source = read.dictionary.source
-        hint = "get the whole file; `eds check` names each of them"
+        hint = Hint(Action.CHECK_EDS, {"file": source}, "get the whole file; {} names each of them")
         raise InputFileError(f"{source} is cut short: {lacks}", place=source, hint=hint)
 
 

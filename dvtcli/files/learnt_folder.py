@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
@@ -40,16 +41,19 @@ class Origin:
     said: Sequence[str]
 
 
+_OTHER_NAME = Hint(Action.GIVE_NAME, why="{} takes another name")
+
+
 def refuse_foreign(name: str) -> None:
-    """Raise UsageError where the folder or the profile *name* is there already, and `learn` did not write it."""
+    """Raise UsageError where the folder or the profile *name* is there already, and was not learnt."""
     folder = Path(name)
     for own in (own_path(name), own_family_path(name)):
         if own.exists() and not is_learnt(own):
-            raise UsageError(f"{own} exists, and `learn` did not write it", hint="--save takes another name")
+            raise UsageError(f"{own} exists, and was not learnt", hint=_OTHER_NAME)
     if not folder.exists():
         return
     if not folder.is_dir() or not all(is_learnt(folder / name) for name in (PROFILE, SIMULATED)):
-        raise UsageError(f"{folder} exists, and `learn` did not write it", hint="--save takes another name")
+        raise UsageError(f"{folder} exists, and was not learnt", hint=_OTHER_NAME)
 
 
 def kept_profiles(name: str) -> Iterator[tuple[Path, DeviceProfile]]:
@@ -77,7 +81,7 @@ def profile_text(origin: Origin, learnt: Conclusions) -> str:
         *_mark(origin),
         "",
         f"like = {quoted(origin.like_profile)}  # what was not asked is as there",
-        "learnt = true  # by `learn`: it shares its evidence with the simulated family beside it",
+        "learnt = true  # from a device: it shares its evidence with the simulated family beside it",
         f"name = {quoted(origin.name)}  # as it was saved",
         f"title = {quoted(origin.title)}  # the device's name in its EDS, or its family's",
         f"vendor_ids = [{f'0x{origin.vendor:X}' if known else ''}]  # learnt: 0x1018:01",
@@ -95,7 +99,7 @@ def simulated_text(origin: Origin, learnt: Conclusions) -> str:
         f"like = {quoted(origin.like_family)}  # what was not asked is as there",
         "learnt = true",
         f"title = {quoted(origin.title)}",
-        f"about = {quoted(f'learnt by `learn --save {origin.name}`')}",
+        f"about = {quoted(f'learnt from a device, as {origin.name}')}",
     ]
     return toml_text(head, learnt.family)
 

@@ -5,11 +5,11 @@ By what `eds check` says of it. Does not know what the values are for, nor how t
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.file_complaint import FileComplaint
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError
 
@@ -33,7 +33,7 @@ def must_tell_values(read: EdsFile | XddFile, file: str) -> None:
         f"{file}: {plural(len(lost), 'value')} cannot be known; nothing was written",
         place=complaints[0].place,
         why="what the file wants there is not known: neither its DefaultValue is it, nor either of two values",
-        hint=f"mend the file; `dvtcli eds check {shlex.quote(file)}` shows what else is odd in it",
+        hint=Hint(Action.CHECK_EDS, {"file": file}, "mend the file; {} shows what else is odd in it"),
     )
     error.complaints, error.outcome = complaints, "nothing was written"
     raise error

@@ -11,6 +11,7 @@ from typing import Any
 
 from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import MOST_CHANGES, read_change, read_identity, read_number, read_plan
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
@@ -42,7 +43,10 @@ def read_network_plan(path: Path) -> NetworkPlan:
         return NetworkPlan(str(document.get("file", path)), planned, document.get("sync_master") is True)
     except (ValueError, RecursionError) as wrong:
         raise InputFileError(
-            f"{path} is not a plan that can be used", place=str(path), why=str(wrong), hint="plan again, with -o"
+            f"{path} is not a plan that can be used",
+            place=str(path),
+            why=str(wrong),
+            hint=Hint(Action.SAVE_PLAN, why="writes a new one"),
         ) from wrong
 
 

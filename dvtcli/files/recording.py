@@ -12,6 +12,7 @@ import can
 
 from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.cob_id import fits
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
@@ -112,7 +113,9 @@ def _opened(path: Path) -> BinaryIO:
     try:
         return open_input(path)
     except OSError as failed:
-        raise UsageError(f"{path}: {failed.strerror or failed}", hint="`log FILE` records one") from failed
+        raise UsageError(
+            f"{path}: {failed.strerror or failed}", hint=Hint(Action.LOG, {"file": path}, "records one")
+        ) from failed
 
 
 def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: Exception) -> InputFileError:

@@ -11,7 +11,7 @@ from dvtcli.files.recordings.recording_format import RecordingFormat
 
 _REFUSED = {
     ".db": "the writer of .db files loses frames that are written shortly before its end",
-    ".csv": "the frames' data would be base64, and the channel is lost; for values give --decode",
+    ".csv": "the frames' data would be base64, and the channel is lost; decoded values can be written so",
 }
 
 

@@ -46,10 +46,13 @@ def aliases(found: Any, path: str) -> dict[str, str]:
 def tables(found: Any, path: str) -> dict[str, dict[str, Any]]:
     """The tables `[bus.NAME]`, by name; InputFileError where `bus` is anything else."""
     if not isinstance(found, dict) or not all(isinstance(table, dict) for table in found.values()):
+        from dvtcli.domain.hint import Action, Hint
+
         raise InputFileError(
             f"{path}: bus is not a table of tables",
             place=path,
-            hint='[bus.bench]  then  interface = "socketcan"  and  channel = "can0";  --bus bench chooses it',
+            hint='[bus.bench]  then  interface = "socketcan"  and  channel = "can0"'
+            + Hint(Action.GIVE_BUS, {"bus": "bench"}, ";  {} chooses it"),
         )
     return {name: _plain(table) for name, table in found.items()}
 

@@ -114,7 +114,7 @@ def test_another_client_s_request_is_another_client(ours: Ours) -> None:
     assert ours.others() == 2
     assert ours.bus.disturbances() == [
         f"another SDO client talks to node {NODE}: 2 frames on its SDO channel were not ours; a dvtcli beside "
-        "this one, as `monitor`, is such a client, too"
+        "this one is such a client, too, also if it only monitors"
     ]
 
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from dvtcli.bus.kernel_carrier import check_link, first_news, which
 from dvtcli.bus.kernel_links import KernelLink, kernel_link, links_of
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import BusUnavailable
 
 CAN, ETHERNET = 280, 1
@@ -116,7 +117,7 @@ def test_bus_off_is_told_at_once() -> None:
 def test_without_a_channel_those_of_this_machine_are_named(channel: str | None) -> None:
     with pytest.raises(BusUnavailable) as caught:
         check_link(channel)
-    assert "which channel?" in str(caught.value.hint)
-    assert "-c" in str(caught.value.hint)
+    assert "which channel?" in typed(caught.value.hint)
+    assert "-c" in typed(caught.value.hint)
     two = [KernelLink("can0", "can", True, 500_000), KernelLink("vcan0", "vcan", False)]
-    assert which(two) == "-c can0 (up, 500 kbit/s), -c vcan0 (down)"
+    assert typed(which(two)) == " -c can0 (up, 500 kbit/s), -c vcan0 (down)"

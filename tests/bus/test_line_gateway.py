@@ -15,6 +15,7 @@ from select import select
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.node_events import BootUp, NodeEvent
 from dvtcli.domain.object_syntax import MappedObject
@@ -222,7 +223,7 @@ def test_scan_finds_nodes_over_it(gateway: Gateway) -> None:
 def test_a_channel_that_is_none_is_said_with_what_is_one(channel: str | None) -> None:
     with pytest.raises(UsageError, match="a gateway is HOST:PORT") as raised:
         line_gateway.open_bus(channel, None, {}, timeout_s=0.1, retries=0)
-    assert "-c" in str(raised.value.hint)
+    assert "-c" in typed(raised.value.hint)
 
 
 @heavy

@@ -16,6 +16,7 @@ from can.interfaces import BACKENDS
 
 from dvtcli.bus.opening import open_bus
 from dvtcli.bus.python_can_settings import given_settings
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable, NoAnswer
 
@@ -104,13 +105,13 @@ def test_a_file_for_another_interface_adds_nothing(no_configuration: Path) -> No
 def test_nothing_configured() -> None:
     with pytest.raises(BusUnavailable, match="no CAN interface is configured") as caught:
         open_bus()
-    assert "--sim" in str(caught.value.hint)
+    assert "--sim" in typed(caught.value.hint)
 
 
 def test_an_interface_that_does_not_exist() -> None:
     with pytest.raises(BusUnavailable) as caught:
         open_bus("socketcnd", "can0")
-    assert "socketcand" in str(caught.value.hint)
+    assert "socketcand" in typed(caught.value.hint)
 
 
 @pytest.mark.parametrize("interface", sorted(set(BACKENDS) - {"virtual", "udp_multicast"}))
@@ -122,14 +123,14 @@ def test_every_interface_fails_in_words(interface: str, channel: str | None) -> 
     assert interface in error.text
     assert channel is None or channel in error.text
     assert error.why
-    assert error.hint
+    assert typed(error.hint)
     assert error.state == "unchanged"
 
 
 def test_unknown_settings() -> None:
     with pytest.raises(BusUnavailable) as caught:
         open_bus("socketcand", "can0", None, {"host": "127.0.0.1"})
-    assert "port" in str(caught.value.hint)
+    assert "port" in typed(caught.value.hint)
 
 
 def test_nothing_listens_and_that_is_said() -> None:
@@ -138,7 +139,7 @@ def test_nothing_listens_and_that_is_said() -> None:
     with pytest.raises(BusUnavailable) as caught:
         open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": str(port)})
     assert f"127.0.0.1:{port}" in caught.value.text
-    assert "nothing listens" in str(caught.value.hint)
+    assert "nothing listens" in typed(caught.value.hint)
 
 
 @pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")  # python-can leaves what it gives up
@@ -181,7 +182,7 @@ def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, li
     with pytest.raises(BusUnavailable) as caught:
         list(bus.receive(60))
     assert "closed the connection" in str(caught.value.why)
-    assert "server" in str(caught.value.hint)
+    assert "server" in typed(caught.value.hint)
     bus.close()
 
 

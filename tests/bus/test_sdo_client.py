@@ -13,6 +13,7 @@ import can
 import pytest
 
 from dvtcli.bus.python_can import CanBus
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from tests.bus.scripted import NODE, Script, Server, Steps, abort, frame, message, well_behaved
@@ -531,13 +532,13 @@ def test_a_read_that_is_asked_again_counts_once_and_a_silent_node_is_no_unknown_
     bus, _ = serve(Steps(), retries=1)
     with pytest.raises(NoAnswer) as never:
         bus.sdo(NODE).upload(0x2000, 0)
-    assert (never.value.hint or "").startswith("power, node-ID, bit rate?")
+    assert typed(never.value.hint).startswith("power, node-ID, bit rate?")
     assert bus.upsets(NODE) == 1
     other, _ = serve(Steps([frame("4F 00 20 00 07")], []))
     assert other.sdo(NODE).upload(0x2000, 0) == b"\7"
     with pytest.raises(NoAnswer) as silent:
         other.sdo(NODE).upload(0x2000, 0)
-    assert (silent.value.hint or "").startswith("it answered before")
+    assert typed(silent.value.hint).startswith("it answered before")
 
 
 def test_silence_says_which_answers_did_not_count(serve: Serve) -> None:

@@ -16,6 +16,7 @@ import pytest
 
 from dvtcli.bus.discover import serial_ports
 from dvtcli.bus.opening import open_bus
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import BusUnavailable, NoAnswer
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.come_back import come_back
@@ -173,7 +174,7 @@ def test_an_adapter_that_is_unplugged_is_told(plug: Plug) -> None:
     adapter.unplug()
     with pytest.raises(BusUnavailable) as caught:
         list(bus.receive(PATIENCE_S))
-    assert "plugged in" in str(caught.value.hint)
+    assert "plugged in" in typed(caught.value.hint)
     bus.close()
 
 
@@ -221,5 +222,5 @@ def test_no_bit_rate_is_no_bus(plug: Plug) -> None:
     bus = open_bus("slcan", adapter.port, None, AT_ONCE, timeout_s=0.1, retries=0)
     with pytest.raises(NoAnswer):
         bus.sdo(1).upload(0x1000, 0)
-    assert any("no -b/--bitrate" in text for text in bus.disturbances())
+    assert any("no bit rate is given" in text for text in bus.disturbances())
     bus.close()

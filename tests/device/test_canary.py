@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.canary import Canary, Place, harmless_places, proving_place
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.node import Node
@@ -188,7 +189,7 @@ def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(ke
     assert caught.value.text == f"node {NODE} was changed to prove the store, and that could not be put back"
     assert (caught.value.why or "").startswith(canary.place.text)
     assert (caught.value.place, kept.journal.exists()) == (str(kept.journal), True)
-    assert "recover" in (caught.value.hint or "")
+    assert "recover" in typed(caught.value.hint)
     assert kept.node.pending.suspicions == {CHANGE: caught.value.text}
     kept.fault("")
     with pytest.raises(SafetyRefusal):
@@ -214,7 +215,7 @@ def test_a_fault_meanwhile_after_which_it_is_still_there_is_left_changed(kept: K
         canary.put_back_after(fault)
     assert (caught.value.state, caught.value.exit_code, caught.value.__cause__) == ("left_changed", 7, fault)
     assert (caught.value.why or "").startswith(f"no boot-up; then {canary.place.text}")
-    assert "recover" in (caught.value.hint or "")
+    assert "recover" in typed(caught.value.hint)
     with pytest.raises(LeftChanged) as caught:
         canary.put_back_after(KeyboardInterrupt())
     assert isinstance(caught.value.__cause__, KeyboardInterrupt)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.failed_change import BRING_BACK
 from dvtcli.device.change.pending import CHANGE
@@ -140,7 +141,7 @@ def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: B
         carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
     error = caught.value
     assert error.place == str(bench.journal)
-    assert error.hint == f"{BRING_BACK}; then `recover` finishes it, from {bench.journal}"
+    assert typed(error.hint) == f"{typed(BRING_BACK)}; then `recover` finishes it, from {bench.journal}"
     assert bench.journal.exists()
     assert bench.node.pending.suspicions == {CHANGE: "1017:00, 1006:00 of node 1 could not be put back"}
     assert bench.node.last_seen == {}, "nobody knows what it holds, so nothing is shown of it"
@@ -310,7 +311,7 @@ def test_a_refusal_is_told_with_what_the_family_knows_of_it(bench: Bench, sub_in
     bench.fault("refuses")
     with pytest.raises(DeviceRefused) as caught:
         carry_out(bench.node, Plan(NODE, (ValueChange(Step(0x1A00, sub_index, None, b"\0", "write")),)))
-    assert caught.value.hint == hint
+    assert typed(caught.value.hint) == hint
 
 
 def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.described_node import Defaults, FileValues
 from dvtcli.device.eds_defaults import AgainstDefaults, differing_from_defaults, values_unlike_defaults
 from dvtcli.device.missing import hint_for_missing, no_pdo
@@ -180,7 +181,7 @@ def test_a_pdo_that_a_node_has_not_is_named_beside_those_it_has() -> None:
     error = no_pdo(5, Pdo.parse("tpdo9"), [TPDO1, TPDO2, RPDO1], aborted)
     assert isinstance(error, UsageError)
     assert error.text == "node 5 has no TPDO9: it has tpdo1…tpdo2"
-    assert (error.hint, error.exit_code, error.abort) == ("pdo --all lists what it has", 1, aborted.abort)
+    assert (typed(error.hint), error.exit_code, error.abort) == ("`pdo --all` lists what it has", 1, aborted.abort)
     assert "it has no TPDOs" in str(no_pdo(5, Pdo.parse("tpdo9"), [RPDO1], aborted))
     assert no_pdo(5, TPDO2, [TPDO1, TPDO2], aborted) is aborted, "one that it answered for: something else is wrong"
 
@@ -188,8 +189,8 @@ def test_a_pdo_that_a_node_has_not_is_named_beside_those_it_has() -> None:
 def test_what_to_try_where_an_object_is_missing() -> None:
     described = entries(*(OdEntry(0x1A00, sub_index, "") for sub_index in (0, 0x10)))
     no_object, no_sub_index = (SdoAborted(0x1A00, 10, code) for code in (Abort.NO_OBJECT, Abort.NO_SUB_INDEX))
-    assert hint_for_missing(no_object, None) == "--eds FILE names its objects"
-    assert hint_for_missing(no_object, described) == "objects TEXT searches the dictionary"
+    assert typed(hint_for_missing(no_object, None)) == "--eds FILE names its objects"
+    assert typed(hint_for_missing(no_object, described)) == "`objects TEXT` searches the dictionary"
     assert hint_for_missing(no_sub_index, None) is None
     meant_decimal = SdoAborted(0x1A00, 0x16, Abort.NO_SUB_INDEX)
     assert hint_for_missing(meant_decimal, described) == "sub-indices are hexadecimal: decimal 16 is 1A00:10"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.expected import Expected
 from dvtcli.device.change.gap import refuse_gap
 from dvtcli.device.node import Node
@@ -51,7 +52,7 @@ def test_a_pdo_that_is_no_longer_so_is_named_with_how(node: Node) -> None:
     assert error.text == "node 1 is not stored: TPDO1 is not as it was read back"
     assert error.place == "1800:01"
     assert error.why == f"TPDO1: event timer is {now.communication.event_timer}, expected 77"
-    assert str(error.hint).startswith("a cat, or it corrects what is written, or altered this beside a change of")
+    assert typed(error.hint).startswith("a cat, or it corrects what is written, or altered this beside a change of")
 
 
 def test_what_was_seen_first_beside_a_change_counts(node: Node) -> None:
@@ -127,7 +128,7 @@ def test_between_changes_that_do_not_join_somebody_was(node: Node) -> None:
     with pytest.raises(SafetyRefusal, match="TPDO1 of node 1 between") as caught:
         refuse_gap(node, plans(ours, later))
     assert caught.value.why == "event timer is 6, expected 5"
-    assert "it restarted, or somebody else wrote to it: `undo`" in str(caught.value.hint)
+    assert "it restarted, or somebody else wrote to it: `undo`" in typed(caught.value.hint)
     with pytest.raises(SafetyRefusal, match="1017:00 of node 1 between") as caught:
         refuse_gap(node, plans(written(node, HEARTBEAT, 5), written(node, HEARTBEAT, 7, b"\6\0")))
     assert caught.value.why == "was 0x0005, became 0x0006"

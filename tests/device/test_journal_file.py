@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.journal import MOST_BYTES, Journals, read_journal
 from dvtcli.device.change.private_file import file_name, sync_folder
 from dvtcli.device.change.whole import Part
@@ -197,4 +198,4 @@ def test_a_journal_that_others_could_have_written_is_not_believed(tmp_path: Path
     with pytest.raises(SafetyRefusal) as caught:
         read_journal(path)
     assert caught.value.text == f"{path} is not used: everybody can write it"
-    assert (caught.value.place, caught.value.hint) == (str(path), f"chmod o-w {path}")
+    assert (caught.value.place, typed(caught.value.hint)) == (str(path), f"chmod o-w {path}")

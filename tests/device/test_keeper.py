@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper, who_else
@@ -105,7 +106,7 @@ def test_a_refusal_says_who_and_since_when_and_how_long_was_waited(keep: Keep) -
     assert refusal.text == f"another dvtcli (process {os.getpid()}) is changing node 5 on socketcan:can0"
     assert refusal.why == f"its `map` holds the node's lock since {since[11:19]} UTC, and was waited for 0.05 s"
     assert refusal.hint is not None
-    assert f"process {os.getpid()}" in refusal.hint
+    assert f"process {os.getpid()}" in typed(refusal.hint)
     first.lock.release()
     second.lock.take()
     second.lock.release()

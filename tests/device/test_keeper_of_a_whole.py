@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.journal import Journal, read_journal
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper
@@ -90,7 +91,7 @@ def test_a_change_that_is_undone_leaves_what_was_made_before_it(keep: Keep) -> N
     assert indices(one) == [0x2000, 0x2001]
     with pytest.raises(SafetyRefusal, match="not finished yet") as caught:
         one.refuse_while_open()  # while it is in hand, nobody knows what the device holds
-    assert caught.value.hint == f"recover puts the old configuration back, from {one.journals.path(5)}"
+    assert typed(caught.value.hint) == f"`recover` puts the old configuration back, from {one.journals.path(5)}"
     one.own_journal.end()
     assert not one.refuse_while_open()
     one.own_journal.note(plan(5, 0x2002))
@@ -173,8 +174,8 @@ def test_a_damaged_journal_says_what_closes_it(keep: Keep) -> None:
     with pytest.raises(SafetyRefusal) as caught:
         one.refuse_while_open()
     assert (
-        caught.value.hint
-        == f"the journal is damaged: recover --discard sets {path} aside, then look at the node with `pdo`"
+        typed(caught.value.hint)
+        == f"the journal is damaged: `recover --discard` sets {path} aside, then look at the node with `pdo`"
     )
 
 
@@ -240,7 +241,7 @@ def test_a_folder_that_takes_nothing_is_the_users_to_mend(keep: Keep, tmp_path: 
         one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
     state = tmp_path / "state"
     assert caught.value.text == f"{state} is not used: it is a file, and no folder"
-    assert (caught.value.place, caught.value.hint) == (str(state), f"mv {state} {state}.old")
+    assert (caught.value.place, typed(caught.value.hint)) == (str(state), f"mv {state} {state}.old")
     (tmp_path / "state").unlink()
     make(one, 0x2001)
     assert indices(one) == [0x2001], "what was never begun is not put back"

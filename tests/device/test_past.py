@@ -214,8 +214,8 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     past.forget(held, BACK)
     folder.unlink()
     (tmp_path / "away").rename(folder)
-    undone = "it is put back, but what `undo` remembers cannot be written: Not a directory"
-    assert said == [*2 * ["the change is done, but cannot be remembered for a later `undo`: Not a directory"], undone]
+    undone = "it is put back, but what can be undone cannot be written down: Not a directory"
+    assert said == [*2 * ["the change is done, but cannot be remembered for a later undo: Not a directory"], undone]
     past.forget_own(1, BACK)
     assert values(past) == [1], "the one that is forgotten is the one that was never written"
     past.forget_own(1, BACK)

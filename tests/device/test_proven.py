@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.canary import proving_place
 from dvtcli.device.change.proven import prepare_proof, prove_store
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
@@ -149,7 +150,7 @@ def test_what_cannot_be_proved_is_refused_ahead_of_the_store() -> None:
     with pytest.raises(DeviceRefused) as caught:
         prepare_proof(bench.node, held, 1, restart)
     assert "lets nothing be changed harmlessly" in (caught.value.why or "")
-    assert "store --prove power" in (caught.value.hint or "")
+    assert "store --prove power" in typed(caught.value.hint)
     assert prepare_proof(bench.node, held, 1, replace(restart, by=POWER)) is None
 
 
@@ -170,11 +171,11 @@ def test_the_gate_is_asked_for_ahead_of_the_store_where_the_proof_needs_it(off: 
 
 @pytest.mark.parametrize(
     ("group", "hint"),
-    [(1, "--eds FILE tells its defaults"), (3, "restore all --prove takes and compares them")],
+    [(1, "--eds FILE tells its defaults"), (3, "`restore all --prove` takes and compares them")],
 )
 def test_a_restore_without_a_file_says_what_would_prove_it(group: int, hint: str) -> None:
     bench = Bench()
     bench.node.dictionary = None
     before = Held.now(bench.node)
     proof = prove_restore(bench.node, Signed(RESTORE, group, 0.0), bench.restart(bench.keep_ram), before)
-    assert (proof.holds, proof.hint) == (False, hint)
+    assert (proof.holds, typed(proof.hint)) == (False, hint)

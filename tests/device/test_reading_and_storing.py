@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.read_pdos import exists, read_pdo
@@ -132,10 +133,10 @@ def test_a_device_without_0x1010_cannot_store() -> None:
     with pytest.raises(DeviceRefused) as caught:
         sign(reached, profile("roboteq").store, STORE, None, Cancellation())
     assert "cannot store" in caught.value.text
-    assert "2017" in (caught.value.hint or "")
+    assert "2017" in typed(caught.value.hint)
     with pytest.raises(DeviceRefused) as other:
         sign(reached, profile("roboteq").store, RESTORE, None, Cancellation())
-    assert "2017" not in (other.value.hint or "")
+    assert "2017" not in typed(other.value.hint)
     assert isinstance(bus.channel, DirectSdo)
     assert bus.channel.writes == []
 
@@ -155,7 +156,7 @@ def test_a_broken_memory_is_a_refusal_with_its_code() -> None:
     with pytest.raises(DeviceRefused) as caught:
         sign(reached, profile("generic").store, STORE, None, Cancellation())
     assert caught.value.abort == 0x06060000
-    assert "memory" in (caught.value.hint or "")
+    assert "memory" in typed(caught.value.hint)
 
 
 def test_a_store_in_the_wrong_state_gives_the_device_s_reason() -> None:
@@ -205,7 +206,7 @@ def test_a_stopped_node_is_refused_at_the_gate() -> None:
     with pytest.raises(SafetyRefusal) as caught:
         Gate(reached, lambda _question: None).enter()
     assert "STOPPED" in caught.value.text
-    assert "nmt preop" in (caught.value.hint or "")
+    assert "nmt preop" in typed(caught.value.hint)
 
 
 @pytest.mark.parametrize("family", ["generic", "tmcm", "roboteq"])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.pending import CHANGE, VERIFY
@@ -110,7 +111,7 @@ def test_where_the_node_is_silent_the_next_try_is_named() -> None:
     with pytest.raises(LeftChanged) as caught:
         recover(node, journal(node, heartbeat(b"\x64\0")))
     assert isinstance(caught.value.__cause__, NoAnswer)
-    assert caught.value.hint == "recover tries again, from state/direct-1.json"
+    assert typed(caught.value.hint) == "`recover` tries again, from state/direct-1.json"
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import read_identity, service_ids
@@ -83,7 +84,7 @@ def test_a_restore_asks_for_no_capability() -> None:
 )
 def test_a_device_without_it_says_what_it_has_not(index: int, why: str, hint: str) -> None:
     error = refusal(Memory({}), index)
-    assert (error.why, error.hint, error.abort) == (why, hint, Abort.NO_OBJECT)
+    assert (error.why, typed(error.hint), error.abort) == (why, hint, Abort.NO_OBJECT)
     assert refusal(Memory({}), index, sub_indices=()).place == f"{index:04X}:01"
     assert refusal(Memory({}), index, sub_indices=(2, 3)).place == f"{index:04X}:02"
 
@@ -98,7 +99,7 @@ def test_a_device_without_it_says_what_it_has_not(index: int, why: str, hint: st
 )
 def test_a_device_that_stores_otherwise_says_so(capability: int, why: str, hint: str) -> None:
     error = refusal(Memory({(STORE, 1): capability.to_bytes(4, "little")}))
-    assert (error.why, error.hint, error.abort) == (why, hint, None)
+    assert (error.why, typed(error.hint), error.abort) == (why, hint, None)
 
 
 def test_what_it_has_instead_is_said_of_a_group_too() -> None:
@@ -106,9 +107,9 @@ def test_what_it_has_instead_is_said_of_a_group_too() -> None:
     for index, word in ((STORE, "store"), (RESTORE, "restore")):
         error = refusal(have, index, 2)
         assert error.text == f"this device cannot {word} that group alone"
-        assert error.hint == f"`{word}` alone takes what it has (0x{index:04X}:01)"
+        assert typed(error.hint) == f"`{word}` alone takes what it has (0x{index:04X}:01)"
     instead = refusal(Memory({}), sub_indices=(), instead="write 2017")
-    assert (instead.text, instead.hint) == ("this device cannot store", "write 2017")
+    assert (instead.text, typed(instead.hint)) == ("this device cannot store", "write 2017")
     assert refusal(Memory({}), sub_index=1).text == "this device cannot store"
     assert refusal(Memory({}), sub_index=1, sub_indices=()).text == "this device cannot store"
 
@@ -116,7 +117,7 @@ def test_what_it_has_instead_is_said_of_a_group_too() -> None:
 @pytest.mark.parametrize(
     ("code", "hint", "state"),
     [
-        (Abort.DEVICE_STATE, f"nmt preop {NODE}, then again", "unchanged"),
+        (Abort.DEVICE_STATE, f"`nmt preop {NODE}`, then again", "unchanged"),
         (Abort.HARDWARE, "the device could not write its memory; what it had stored before may be lost", "unknown"),
         (Abort.GENERAL, None, "unchanged"),
     ],
@@ -124,7 +125,7 @@ def test_what_it_has_instead_is_said_of_a_group_too() -> None:
 def test_a_refusal_says_what_to_do_and_what_is_certain(code: Abort, hint: str | None, state: str) -> None:
     error = refusal(Memory({(STORE, 1): b"\1\0\0\0"}, refuses=int(code)))
     assert (error.text, error.place, error.abort) == (f"node {NODE} refused to store", "1010:01", code)
-    assert (error.hint, error.state) == (hint, state)
+    assert (typed(error.hint) or None, error.state) == (hint, state)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.store_parameters import STORE, sign
@@ -31,10 +32,10 @@ def test_a_boot_up_ends_the_waiting(fault: str, longest_s: float) -> None:
     assert waited_s < longest_s
     assert (waited_s >= policy.timeout_s) is (fault != "reset@1=0.3"), "a slow store has its time"
     hint = {
-        "reset@1=0.3": "it restarted instead: what was not stored is lost; set it again, then store",
+        "reset@1=0.3": "it restarted instead: what was not stored is lost; set it again, then `store`",
         "lose-response@1": "it may still be writing; wait, then `store` again",
     }
-    assert (caught.value.hint, caught.value.state) == (hint[fault], "unknown")
+    assert (typed(caught.value.hint), caught.value.state) == (hint[fault], "unknown")
     assert bus.nodes[0].device.state is NmtState.OPERATIONAL, "as it was found"
 
 
@@ -46,7 +47,7 @@ def test_a_second_ctrl_c_leaves_the_store_to_the_device() -> None:
     with pytest.raises(Interrupted) as caught:
         sign(Access(DirectBus(device, faulty), NODE, GENERIC), GENERIC.store, STORE, None, cancellation)
     assert (caught.value.exit_code, caught.value.state) == (143, "unknown")
-    assert caught.value.hint == "it may still be writing its memory: leave it powered, then `store` again"
+    assert typed(caught.value.hint) == "it may still be writing its memory: leave it powered, then `store` again"
 
 
 class Starting(StrictDevice):

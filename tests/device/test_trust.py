@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.trust import check_folder, open_private, private_folder, replaceable, stranger, sudo_user
 from dvtcli.errors import SafetyRefusal
 
@@ -119,7 +120,7 @@ def test_a_folder_that_others_can_write_is_not_used(tmp_path: Path) -> None:
         with pytest.raises(SafetyRefusal) as caught:
             private_folder(path)
         assert caught.value.text == f"{path} is not used: everybody can write it"
-        assert caught.value.hint == f"chmod o-w {path}; or another folder: --journal DIR"
+        assert typed(caught.value.hint) == f"chmod o-w {path}; or another folder: --journal DIR"
     check_folder(tmp_path / "none")
     (tmp_path / "file").write_text("")
     check_folder(tmp_path / "file" / "below")
@@ -151,7 +152,7 @@ def test_a_file_is_opened_for_its_owner_alone_and_never_elsewhere(tmp_path: Path
         with pytest.raises(SafetyRefusal) as caught:
             open_private(tmp_path / name, os.O_RDONLY)
         assert caught.value.text == f"{tmp_path / name} is not used: {reason}"
-        assert caught.value.hint == "look at it, then remove it"
+        assert typed(caught.value.hint) == "look at it, then remove it"
 
 
 @AS_ROOT

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry, total_bits
@@ -87,7 +88,7 @@ def test_what_is_not_clear_is_refused(sent: str, heard: str, rule: str) -> None:
     assert [one.rule for one in found.findings] == [rule]
     assert found.mapping == ()
     if rule in ("link-length", "link-place"):
-        assert "in the network file" in str(found.findings[0].hint), "whoever wrote a file types no command"
+        assert "in the network file" in typed(found.findings[0].hint), "whoever wrote a file types no command"
 
 
 def test_a_node_does_not_hear_itself() -> None:

@@ -11,6 +11,7 @@ import can
 import pytest
 from hypothesis import given, settings
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recorder import Recorder
@@ -71,7 +72,7 @@ def test_what_is_recorded_is_read_back(suffix: str, sent: list[Frame]) -> None:
 def test_mf4_names_what_it_needs(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="asammdf") as caught:
         Recorder(tmp_path / "run.mf4")
-    assert "canopen-dvtcli[mdf]" in str(caught.value.hint)
+    assert "canopen-dvtcli[mdf]" in typed(caught.value.hint)
 
 
 @pytest.mark.parametrize("suffix", APPENDABLE)
@@ -86,7 +87,7 @@ def test_appending_keeps_what_was_there(tmp_path: Path, suffix: str) -> None:
 def test_formats_that_cannot_be_appended_say_so(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(UsageError, match="appended") as caught:
         Recorder(tmp_path / f"run{suffix}", append=True)
-    assert ".blf .log" in str(caught.value.hint)
+    assert ".blf .log" in typed(caught.value.hint)
 
 
 @pytest.mark.parametrize("suffix", ROTATING)

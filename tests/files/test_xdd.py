@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.dictionary_difference import differences
 from dvtcli.domain.meanings import Meanings
@@ -192,7 +193,7 @@ def test_what_is_none_is_refused_with_its_line(text: str, line: str, said: str) 
 def test_a_powerlink_file_says_what_would_help() -> None:
     with pytest.raises(InputFileError) as raised:
         read(POWERLINK)
-    assert "CANopen variant" in (raised.value.hint or "")
+    assert "CANopen variant" in typed(raised.value.hint)
 
 
 @given(st.binary(max_size=300), st.sampled_from(["", "<a>", "\ufeff", xdd()[:700], xdd()]))

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli import Bus
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
@@ -119,7 +120,7 @@ def test_finish_stores_nothing_that_was_lost_meanwhile(chain: Chain, home: Path,
         assert left.value.node == 9
         assert ("stored", "node 5") in left.value.details
         assert ("not stored", "node 9") in left.value.details
-        assert " store`" not in str(left.value.hint)
+        assert " store`" not in typed(left.value.hint)
         assert stored_type(after, 9) is None
         assert len(after.journals()) == 2
 
@@ -214,7 +215,7 @@ def test_what_was_lost_before_its_store_is_not_to_be_stored(
     with pytest.raises(LeftChanged) as left:
         chain.apply(file(home))
     assert "every node holds what was planned" not in f"{left.value} {left.value.state_text}"
-    assert "store`" not in str(left.value.hint)
+    assert "store`" not in typed(left.value.hint)
     assert ("not stored", "node 9") in left.value.details
     assert len(chain.journals()) == 2
     with chain.session(node=None) as session:
@@ -283,7 +284,7 @@ def test_finish_beside_another_interrupted_change_says_how_to_go_on(home: Path) 
         path.chmod(0o600)
         with after.session(node=None) as session, pytest.raises(UsageError, match="one network at a time") as told:
             recover(session, finish=True)
-        assert "-n 5 recover --finish" in str(told.value.hint)
+        assert "-n 5 recover --finish" in typed(told.value.hint)
         with after.session(node=None, dry_run=True) as session:
             session.tell = said = Said()
             assert recover(session)
@@ -421,7 +422,7 @@ def test_a_test_value_that_stays_keeps_the_journals(home: Path) -> None:
         chain.apply(file(home), prove="reset")
     assert left.value.stores == WhoStored(not_stored=(9,), unknown=(5,))
     assert "every node holds what was planned" not in f"{left.value} {left.value.state_text}"
-    assert "recover" in str(left.value.hint)
+    assert "recover" in typed(left.value.hint)
     assert len(chain.journals()) == 2
     held.download = take  # type: ignore[method-assign]
     with chain.session(node=None) as session:
@@ -471,8 +472,8 @@ def test_a_bus_that_is_gone_once_all_have_stored_leaves_nothing_to_store(chain: 
     assert left is not None
     assert left.stores == WhoStored((5, 9), (), ())
     assert "all of them have stored" in str(left)
-    assert "goes on with the stores" not in str(left.hint)
-    assert "`recover --finish` looks at every node once more" in str(left.hint)
+    assert "goes on with the stores" not in typed(left.hint)
+    assert "recover --finish` looks at every node once more" in typed(left.hint)
     told = count_stores(chain)
     with chain.session(node=None) as session:
         session.tell = said = Said()

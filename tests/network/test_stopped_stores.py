@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import Interrupted, LeftChanged
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
@@ -87,6 +88,6 @@ def test_a_second_one_says_of_each_node_whether_it_stored(chain: Chain, home: Pa
             applied(session, str(file(home)))
     assert left.value.text == "every node holds what was planned, and whether node 5 stored it is not known"
     assert left.value.details == [("not stored", "node 9"), ("unknown", "node 5")]
-    assert "`-n 5,9 store` finishes" in str(left.value.hint)
+    assert "-n 5,9 store` finishes" in typed(left.value.hint)
     assert types(chain) == {5: 1, 9: 1}
     assert stored_type(chain, 9) is None

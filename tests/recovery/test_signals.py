@@ -196,7 +196,7 @@ def test_whoever_insists_leaves_it_to_recover(
     code, stderr = stopped(bench, number, (), step, *words, times=4)
     assert code == 7, stderr
     (journal,) = bench.journals()
-    assert f"recover finishes it, from {journal}" in stderr
+    assert f"recover` finishes it, from {journal}" in stderr
     assert held(bench) != before
     code, _, stderr = bench.run("recover", "--yes")
     assert code == 0, stderr

@@ -31,7 +31,7 @@ def test_each_process_puts_back_what_the_device_takes(tmp_path: Path) -> None:
         words = ("-n", "1", "--eds", str(path))
         for line in ("map tpdo1 6000:2", "map tpdo2 6000:3", "map rpdo1 6200:1"):
             done = server.dvtcli(*words, *line.split())
-            assert (done.returncode, "`undo` leaves it off" in done.stderr) == (0, True), done
+            assert (done.returncode, "an undo leaves it off" in done.stderr) == (0, True), done
         for said in ("RPDO1 was enabled and empty", "TPDO2 was inconsistent", "TPDO1 was enabled"):
             done = server.dvtcli(*words, "undo")
             assert (done.returncode, said in done.stderr, "does not take that back" in done.stderr) == (

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary
@@ -34,9 +35,12 @@ def test_an_object_that_is_written_twice_is_told_once() -> None:
     asked = proposal(described=parameter(1, access=Access.RO), cob_id=CobId(0x190, rtr_allowed=False))
     on = replace(asked.now, communication=replace(asked.now.communication, cob_id=CobId(0x181, rtr_allowed=False)))
     (finding,) = said(replace(asked, now=on), "parameter-static")
-    assert finding.hint == "this device fixes it: what needs the PDO off or on cannot be changed; --off leaves one off"
+    assert (
+        typed(finding.hint)
+        == "this device fixes it: what needs the PDO off or on cannot be changed; --off leaves one off"
+    )
     (timer,) = said(proposal(described=parameter(5, access=Access.RO), event_timer=9), "parameter-static")
-    assert timer.hint == "this device fixes it; leave the option out"
+    assert typed(timer.hint) == "this device fixes it; leave the option out"
 
 
 @pytest.mark.parametrize(
@@ -64,7 +68,7 @@ def test_what_cannot_be_read_back_is_not_written(sub_index: int, text: str) -> N
 def test_a_parameter_of_another_length_is_refused(kind: object, abort: int, text: str) -> None:
     (finding,) = check_pdo(proposal(described=parameter(5, data_type=kind, line=None), event_timer=9))
     assert (finding.rule, finding.abort, finding.text) == ("parameter-length", abort, text)
-    assert finding.hint == "where the file is wrong, mend it or give another --eds"
+    assert typed(finding.hint) == "where the file is wrong, mend it, or give another one: --eds FILE"
 
 
 def test_a_parameter_without_a_type_is_not_measured() -> None:

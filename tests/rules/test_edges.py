@@ -466,7 +466,7 @@ def test_without_a_file_that_is_said_once() -> None:
     asked = replace(mapped(proposal(), (0x6041, 0, 16), (0x606C, 0, 32)), dictionary=None)
     (finding,) = [finding for finding in check_pdo(asked) if finding.severity is Severity.NOTE]
     assert (finding.rule, finding.place) == ("no-dictionary", "0x1A00:00")
-    assert finding.text.startswith("no EDS: nothing is known beforehand about 6041:00, 606C:00;")
+    assert finding.text.startswith("no EDS: nothing is known beforehand about 6041:00, 606C:00:")
     assert [
         f
         for f in check_pdo(replace(asked, want=replace(asked.want, mapping=asked.now.mapping)))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
@@ -39,7 +40,7 @@ def test_what_another_node_sends_is_no_can_id_of_ours() -> None:
     assert said(asked) == [("can-id-clash", Severity.ERROR)]
     (finding,) = (finding for finding in check_pdo(asked) if finding.rule == "can-id-clash")
     assert f"is already sent by TPDO2 of node {OTHER}" in finding.text
-    assert f"disable {OTHER}:tpdo2 first" in str(finding.hint)
+    assert f"`disable {OTHER}:tpdo2` first" in typed(finding.hint)
 
 
 def test_what_nobody_is_seen_to_send_is_only_somebody_s_default() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from tests.rules.test_edges import parameter, proposal
@@ -37,7 +38,7 @@ def test_without_a_mapping_nothing_is_mapped() -> None:
     assert (finding.text, finding.abort) == (
         "TPDO1 of this device has no mapping: 0x1A00:00 cannot be read", NO_OBJECT,
     )  # fmt: skip
-    assert finding.hint == "choose another PDO (pdo --all); disable switches this one off"
+    assert typed(finding.hint) == "choose another PDO (`pdo --all`); `disable tpdo1` switches this one off"
 
 
 def test_without_a_cob_id_it_is_not_enabled() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary
@@ -43,7 +44,7 @@ def changed(index: int, **attributes: object) -> ObjectDictionary:
 def test_too_many_bits_are_counted_and_the_last_object_is_named() -> None:
     finding = found(mapping(TPDO1, *[STATUSWORD] * 5), "pdo-length")
     assert "would need 80 bits, a PDO holds 64" in finding.text
-    assert finding.hint == "16 bits too many: drop 6041:00, or put it into another PDO"
+    assert typed(finding.hint) == "16 bits too many: drop 6041:00, or put it into another PDO"
 
 
 def test_what_cannot_be_mapped_says_for_what() -> None:
@@ -109,7 +110,7 @@ def test_a_raw_write_is_answered_with_the_command_that_does_it_in_order() -> Non
 
     write = ParameterWrite(0x1800, 1, 0x4000_0191)
     (finding,) = parameter_findings(ask, enabled, write, tuple)  # type: ignore[arg-type]
-    assert str(finding.hint).startswith("set tpdo1 --cob-id 0x191")
+    assert typed(finding.hint).startswith("`set tpdo1 --cob-id 0x191`")
 
 
 def test_a_wrong_length_is_counted_and_named() -> None:
@@ -121,7 +122,7 @@ def test_a_wrong_length_is_counted_and_named() -> None:
 
 def test_a_missing_object_and_a_missing_sub_index_have_hints_of_their_own() -> None:
     (finding,) = write_findings(GENERIC_FILE, 0x5FFF, 0, b"\0")
-    assert finding.hint == "objects TEXT searches"
+    assert typed(finding.hint) == "`objects TEXT` searches"
     (finding,) = write_findings(GENERIC_FILE, 0x1018, 0x7F, b"\0")
     assert finding.hint is None
 
@@ -167,7 +168,7 @@ def test_what_is_fixed_says_what_else_there_is() -> None:
     for sub_index, hint in ((0, "a profile's `filler` helps"), (1, "this device fixes what the PDO carries")):
         entries = {**held.entries, sub_index: replace(held.entries[sub_index], access=Access.RO)}
         described = ObjectDictionary({**GENERIC_FILE, 0x1A00: replace(held, entries=entries)}, GENERIC_FILE.info, "x")
-        assert hint in (found(mapping(TPDO1, 0x6061_0008, described=described), "static-mapping").hint or "")
+        assert hint in typed(found(mapping(TPDO1, 0x6061_0008, described=described), "static-mapping").hint)
 
 
 def test_dummies_that_a_device_has_are_listed_and_nobody_says_where_nobody_knows() -> None:
@@ -200,10 +201,10 @@ def test_the_longest_time_of_a_family_is_said_in_its_own_units(name: str, text: 
     assert found(asked, "parameter-range").text == f"{text} a CiA 301 device takes"
 
 
-@pytest.mark.parametrize(("entries", "hint"), [(0, "choose another PDO (pdo --all)"), (1, "spread the objects")])
+@pytest.mark.parametrize(("entries", "hint"), [(0, "choose another PDO (`pdo --all`)"), (1, "spread the objects")])
 def test_too_many_entries_say_where_else_they_fit(entries: int, hint: str) -> None:
     held = GENERIC_FILE[0x1A00]
     few = replace(held, entries={sub: held.entries[sub] for sub in range(entries + 1)})
     described = ObjectDictionary({**GENERIC_FILE, 0x1A00: few}, GENERIC_FILE.info, "x")
     finding = found(mapping(TPDO1, *[STATUSWORD] * (entries + 2), described=described), "entry-count")
-    assert (finding.hint or "").startswith(hint)
+    assert typed(finding.hint).startswith(hint)

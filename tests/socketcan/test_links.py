@@ -11,6 +11,7 @@ import pytest
 from dvtcli.bus.discover import links
 from dvtcli.bus.kernel_links import KernelLink, kernel_link, kernel_links
 from dvtcli.bus.opening import open_bus
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from tests.bus.devices import device
@@ -36,7 +37,7 @@ def test_a_link_that_is_down_is_not_opened_and_its_command_works(link: str, rest
     ip("set", link, "down")
     with pytest.raises(BusUnavailable) as caught:
         open_bus("socketcan", link)
-    hint = str(caught.value.hint)
+    hint = typed(caught.value.hint)
     assert (str(caught.value.why), hint) == ("it is down", f"sudo ip link set {link} up{rest}")
     assert next(one for one in links() if one.channel == link).problem == f"it is down: {hint}"
     subprocess.run(hint.removeprefix("sudo ").split(), check=True)
@@ -47,10 +48,10 @@ def test_without_a_channel_all_of_them_are_named() -> None:
     with pytest.raises(BusUnavailable) as caught:
         open_bus("socketcan")
     for words in ("-c can0 (up, 500 kbit/s)", "-c vcan0 (up)", "-c vxcan1 (up)"):
-        assert words in str(caught.value.hint)
+        assert words in typed(caught.value.hint)
     with pytest.raises(BusUnavailable) as caught:
         open_bus("socketcan", "can7")
-    assert "no such channel" in str(caught.value.hint)
+    assert "no such channel" in typed(caught.value.hint)
 
 
 def test_the_bit_rate_is_the_links() -> None:
@@ -91,10 +92,10 @@ def test_a_link_set_down_in_use_is_told_with_the_command() -> None:
     threading.Timer(0.2, ip, ("set", "vcan0", "down")).start()
     with pytest.raises(BusUnavailable) as caught:
         list(bus.receive(PATIENCE_S))
-    assert caught.value.hint == "it is down: sudo ip link set vcan0 up"
+    assert typed(caught.value.hint) == "it is down: sudo ip link set vcan0 up"
     with pytest.raises(BusUnavailable) as caught:
         bus.send(Frame(0x080, b""))
-    assert caught.value.hint == "it is down: sudo ip link set vcan0 up"
+    assert typed(caught.value.hint) == "it is down: sudo ip link set vcan0 up"
     bus.close()
 
 
@@ -105,7 +106,7 @@ def test_a_link_that_is_gone_is_told_so() -> None:
     threading.Timer(0.2, ip, ("del", "vcan7")).start()
     with pytest.raises(BusUnavailable) as caught:
         list(bus.receive(PATIENCE_S))
-    assert "vcan7 is gone" in str(caught.value.hint)
+    assert "vcan7 is gone" in typed(caught.value.hint)
     bus.close()
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import NoAnswer
 
-_NEVER = "power, node-ID, bit rate? A node in STOPPED answers no SDO; `scan` shows who does"
-_BEFORE = (
-    "it answered before, and one lost frame is enough for this: try again; where that repeats, a longer --timeout, "
-    "or look at its supply, the wiring and the bus load"
+_NEVER = Hint(Action.FIND_NODES, why="power, node-ID, bit rate? A node in STOPPED answers no SDO; {} shows who does")
+_BEFORE = Hint(
+    Action.GIVE_TIMEOUT,
+    why="it answered before, and one lost frame is enough for this: try again; where that repeats, a longer {}, "
+    "or look at its supply, the wiring and the bus load",
 )
 
 

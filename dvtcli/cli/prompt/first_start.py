@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import InputFileError
 from dvtcli.operations.user.settings_search import NAME, why_unusable
@@ -120,6 +121,6 @@ def _keep(session: Conversation, choice: Choice) -> None:
         return
     refused = why_unusable(str(path))
     if refused is not None:
-        session.output.warning(f"{path} will not be taken: {refused.text}; {refused.hint}")
+        session.output.warning(f"{path} will not be taken: {refused.text}; {typed(refused.hint)}")
         return
     session.output.note(f"{path} chooses it from now on; -i, -c or --sim on the command line win over it")

@@ -9,6 +9,7 @@ from pathlib import Path
 from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 
 from dvtcli.cli.view.output import Output
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.trust import open_private, private_folder
 from dvtcli.errors import SafetyRefusal
 from dvtcli.files.user_folders import user_folder
@@ -46,7 +47,7 @@ def open_history(output: Output, is_secret: Callable[[str], bool]) -> History:
         output.note(f"this session's lines are not kept: {path}: {failed.strerror or failed}")
         return InMemoryHistory()
     except SafetyRefusal as refused:
-        output.warning(f"this session's lines are not kept: {refused.text}; {refused.hint}")
+        output.warning(f"this session's lines are not kept: {refused.text}; {typed(refused.hint)}")
         return InMemoryHistory()
     return KeptHistory(str(path), is_secret)
 

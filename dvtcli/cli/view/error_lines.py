@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from dvtcli.cli.view.complaint_lines import complaint_lines, source_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.abort import abort_text
+from dvtcli.domain.hint import Hint, next_step
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.domain.several import several
@@ -50,6 +51,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "text": error.text,
         "why": error.why,
         "hint": error.hint,
+        "next": next_step(error.hint),
         "state": error.state,
         "at": at,
         "stays": list(error.stays),
@@ -76,7 +78,7 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
     if isinstance(error, InputFileError) and error.complaints:
         yield from complaint_lines(error.complaints, _MOST_COMPLAINTS, error.outcome)
-        yield from _rows([*error.details, *([("hint", error.hint)] if error.hint else [])])
+        yield from _rows([*error.details, *_hint_row(error.hint)])
         return
     if isinstance(error, RuleError) and any(finding.complaint for finding in error.findings):
         yield from _placed_lines(error, at)
@@ -85,13 +87,14 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     if isinstance(error, RuleError):
         yield from _rule_lines(error, at)
         return
-    rows = [*error.details]
+    rows: list[tuple[str, str | Hint]] = [*error.details]
     file = _file(error)
     if error.exit_code == 4 and file and file != at and _LINE.search(file) and file not in error.text:
         rows.append(("file", file))
     if error.abort is not None:
         rows.append(("abort", f"0x{error.abort:08X}  {abort_text(error.abort)}"))
-    rows += [(label, text) for label, text in (("why", error.why), ("hint", error.hint)) if text]
+    rows += [("why", error.why)] if error.why else []
+    rows += _hint_row(error.hint)
     if error.exit_code not in (2, 4) or error.stays or error.state_text or error.state != "unchanged":
         rows.append(("state", _state(error, at)))
     if error.traced_by:
@@ -99,9 +102,17 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     yield from _rows(rows)
 
 
-def _rows(rows: Iterable[tuple[str, str]]) -> Iterator[Line]:
+def _hint_row(hint: Hint | str | None) -> list[tuple[str, str | Hint]]:
+    return [("hint", hint)] if hint else []
+
+
+def _rows(rows: Iterable[tuple[str, str | Hint]]) -> Iterator[Line]:
     for label, text in rows:
-        yield [Cell(f"  {label:<7} ", "dim"), Cell(text)]
+        yield [Cell(f"  {label:<7} ", "dim"), _part(text)]
+
+
+def _part(text: str | Hint) -> Cell | Hint:
+    return Cell(text) if isinstance(text, str) else text
 
 
 def _state(error: DvtcliError, at: str | None) -> str:
@@ -120,7 +131,7 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
             yield [Cell("  also    ", "dim"), Cell(finding.text)]
         yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
         if finding.hint:
-            yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
+            yield [Cell("  hint    ", "dim"), _part(finding.hint)]
     yield from _rows(row for row in error.details if row[0] == "also")
     yield [Cell("  state   ", "dim"), Cell(_state(error, at) + _forced(error))]
 
@@ -136,7 +147,7 @@ def _placed_lines(error: RuleError, at: str | None) -> Iterator[Line]:
         yield from () if finding.complaint is None else source_lines(finding.complaint)
         yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
         if finding.hint:
-            yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
+            yield [Cell("  hint    ", "dim"), _part(finding.hint)]
     if len(ordered) > _MOST_COMPLAINTS:
         yield f"{len(ordered)} errors ({_MOST_COMPLAINTS} shown)."
     yield from _rows(row for row in error.details if row[0] == "also")
@@ -164,6 +175,6 @@ def _rule_text(finding: Finding) -> str:
 def finding_line(finding: Finding) -> Line:
     """A finding that stopped nothing, on one line, with its place in a file."""
     word = "forced" if finding.severity is Severity.ERROR else str(finding.severity)
-    hint = f"; {finding.hint}" if finding.hint else ""
     place = "" if finding.complaint is None else f"{finding.complaint.place}: "
-    return [Cell(place), Cell(f"{word}: ", _STYLES[finding.severity]), Cell(f"{finding.text}{hint}")]
+    line: list[Cell | Hint] = [Cell(place), Cell(f"{word}: ", _STYLES[finding.severity]), Cell(finding.text)]
+    return [*line, Cell("; "), _part(finding.hint)] if finding.hint else line

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
 
 from dvtcli.cli.view.columns import broken, clipped, columns
 from dvtcli.domain.safe_text import safe
+
+if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
 
 #: Screens are at most this wide, whatever the terminal.
 MAX_WIDTH = 100
@@ -22,7 +26,8 @@ class Cell:
     style: str = ""
 
 
-Line = str | Cell | Sequence[Cell]
+#: What a screen shows in one line; a hint is written for the call that it follows when it is shown.
+Line: TypeAlias = "str | Cell | Hint | Sequence[Cell | Hint]"
 
 
 @dataclass(slots=True)

@@ -12,13 +12,14 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from dvtcli.cli.view.progress_line import ProgressLine
 from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
-    from dvtcli.cli.view.lines import Line
+    from dvtcli.cli.view.lines import Cell, Line
+    from dvtcli.cli.view.typed_hints import TypedCall, TypedHints
     from dvtcli.domain.ports import Frame
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Document, Result
@@ -47,6 +48,10 @@ class Output:
         self.progress_line = ProgressLine(self.stderr)
         #: the failure that was shown last
         self.failed: DvtcliError | None = None
+        #: the call that hints follow, None where they are for no call
+        self.call: Callable[[], TypedCall] | None = None
+        #: the node that what is shown is about
+        self._node: int | None = None
         #: takes what would be printed as text, and says whether it did
         self._taker: Callable[[Result], bool] = lambda _result: False
         #: messages that wait until the screen is free, None where it is
@@ -107,7 +112,8 @@ class Output:
 
         with self._answering():
             for line in lines:
-                print(painted(line, self.stdout, colored=False, plain=self.plain), file=self.stdout)
+                text = painted(self._written(line), self.stdout, colored=False, plain=self.plain)
+                print(text, file=self.stdout)
             self.stdout.flush()
 
     @contextmanager
@@ -140,11 +146,12 @@ class Output:
 
         With *readable* it is lines on stderr in any case: for a stdout without documents. CI's formats have it, too.
         """
-        self.failed = error
+        self.failed, self._node = error, error.node
         if self.json and not readable:
             from dvtcli.cli.view.error_lines import error_document
 
             self._document(error_document(error, at))
+            self._node = None
             return
         from dvtcli.cli.view.error_lines import error_lines
 
@@ -154,6 +161,7 @@ class Output:
         with self._answering():
             self.stdout.flush()
         self.lines(error_lines(error, at))
+        self._node = None
 
     def lines(self, lines: Iterable[Line]) -> None:
         """Print messages to stderr, or keep them while the screen is not to be written to."""
@@ -250,7 +258,8 @@ class Output:
         import json
 
         with self._answering():
-            print(json.dumps(document, ensure_ascii=True, separators=(",", ":")), file=self.stdout, flush=True)
+            text = json.dumps(document, ensure_ascii=True, separators=(",", ":"), default=self._as_json)
+            print(text, file=self.stdout, flush=True)
 
     def stream(self, results: Iterable[Result]) -> None:
         """Print many answers of one command as they come: a document or a few lines each. ReaderLeft as below."""
@@ -272,7 +281,7 @@ class Output:
         """
         import json
 
-        encode = json.JSONEncoder(ensure_ascii=True, separators=(",", ":")).encode  # json.dumps makes one each time
+        encode = json.JSONEncoder(ensure_ascii=True, separators=(",", ":"), default=self._as_json).encode
         with self._streaming():
             for one in documents:
                 self.stdout.write(encode(one) + "\n")
@@ -305,7 +314,32 @@ class Output:
         from dvtcli.cli.view.paint import painted
 
         width, colored = _columns(stream), self._colored(stream)
-        return [painted(line, stream, colored=colored, plain=self.plain, width=width) for line in lines]
+        return [painted(self._written(line), stream, colored=colored, plain=self.plain, width=width) for line in lines]
+
+    def _written(self, line: Line) -> str | Cell | Sequence[Cell]:
+        """*line* with its hints written for this call."""
+        from dvtcli.cli.view.lines import Cell
+        from dvtcli.domain.hint import Hint
+
+        if isinstance(line, str | Cell):
+            return line
+        parts = [line] if isinstance(line, Hint) else line
+        return [part if isinstance(part, Cell) else Cell(self._hints().text(part)) for part in parts]
+
+    def _hints(self) -> TypedHints:
+        from dvtcli.cli.view.typed_hints import TypedCall, TypedHints
+
+        return TypedHints(self.call or TypedCall, self._node)
+
+    def _as_json(self, value: Any) -> Any:
+        """What a document has for a hint, and for the step that is next."""
+        from dvtcli.domain.hint import Hint, NextStep
+
+        if isinstance(value, Hint):
+            return self._hints().text(value)
+        if isinstance(value, NextStep):
+            return self._hints().words(value.hint)
+        raise TypeError(f"{type(value).__name__} is nothing that a document holds")
 
     def _colored(self, stream: TextIO) -> bool:
         if self.color != "auto":

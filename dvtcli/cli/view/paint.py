@@ -8,13 +8,13 @@ from typing import TextIO
 import click
 
 from dvtcli.cli.view.columns import columns
-from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.wrap import wrapped
 from dvtcli.domain.glyphs import ascii_only, in_encoding
 from dvtcli.domain.safe_text import safe
 
 
-def painted(line: Line, stream: TextIO, *, colored: bool, plain: bool, width: int = 0) -> str:
+def painted(line: str | Cell | Sequence[Cell], stream: TextIO, *, colored: bool, plain: bool, width: int = 0) -> str:
     """The text of *line* for *stream*; *plain* asks for ASCII look-alikes, *width* (columns, 0: any) for wrapping."""
     cells: Sequence[Cell] = [Cell(line)] if isinstance(line, str) else [line] if isinstance(line, Cell) else line
     if width and sum(columns(cell.text) for cell in cells) > width:

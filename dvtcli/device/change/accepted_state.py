@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.several import value_text
@@ -25,7 +26,11 @@ def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
             node=node.node_id,
             place=str(journal.path),
             why=f"it names {_text(journal.identity)}; this one is {_text(node.identity())}",
-            hint="attach that device; where it is gone for good, recover --discard sets the journal aside",
+            hint=Hint(
+                Action.RECOVER,
+                {"discard": True},
+                "attach that device; where it is gone for good, {} sets the journal aside",
+            ),
         )
 
 

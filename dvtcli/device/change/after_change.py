@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BRING_BACK, BUS_BACK, left_changed
+from dvtcli.device.change.failed_change import brought_back_first, left_changed, pre_operational_first
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.several import several
@@ -36,9 +37,8 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
     node.is_unknown_now()
     if node.keeper is not None:
         left.place = str(node.keeper.own_journal.path)
-        found = next((first for first in (BRING_BACK, BUS_BACK) if (left.hint or "").startswith(first)), None)
-        first = f"{found}; then `recover`" if found else "recover"
-        left.hint = f"{first} finishes it, from {left.place}"
+        finish = Hint(Action.RECOVER, why=f"finishes it, from {left.place}")
+        left.hint = finish.after(brought_back_first(left.hint))
 
 
 def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_journal: bool) -> None:
@@ -124,12 +124,12 @@ def _hint(node: Changeable, error: DvtcliError) -> str | None:
     return node.profile.hint(index, sub_index, error.abort)
 
 
-def _hint_of_state(node: Changeable, error: DvtcliError) -> str | None:
+def _hint_of_state(node: Changeable, error: DvtcliError) -> Hint | None:
     """What to try where the device refuses for a reason of its own, or its state, and runs."""
     if error.abort not in (Abort.GENERAL, Abort.DEVICE_STATE):
         return None
     running = node.bus.nmt_state(node.node_id) is NmtState.OPERATIONAL
-    return f"it is OPERATIONAL: `nmt preop {node.node_id}`, then again" if running else None
+    return pre_operational_first(node.node_id) if running else None
 
 
 def _rebooted(node: Changeable, found: Found) -> bool:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.several import value_text
 from dvtcli.errors import SafetyRefusal
@@ -70,8 +71,12 @@ class Expected:
                 node=node.node_id,
                 place=found[0][1],
                 why="; ".join(text for *_, text in found),
-                hint=f"{who_else}, or it corrects what is written, or altered this beside a change of something else: "
-                "set it as it should be and store again; store --force stores what it holds now",
+                hint=Hint(
+                    Action.STORE,
+                    {"force": True},
+                    f"{who_else}, or it corrects what is written, or altered this beside a change of something else: "
+                    "set it as it should be and store again; {} stores what it holds now",
+                ),
             )
 
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:

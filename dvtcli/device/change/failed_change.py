@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan, Step
 from dvtcli.domain.several import few_bytes, several
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
@@ -14,8 +15,19 @@ from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChange
 #: What to do about a node that restarts.
 TRY_AGAIN = "look at its supply, then try again"
 #: What to do first about one that does not answer, and about a bus that failed.
-BRING_BACK = "bring the node back first (power, wiring, `scan`)"
-BUS_BACK = "bring the bus back first (`doctor` looks at it)"
+BRING_BACK = Hint(Action.FIND_NODES, why="bring the node back first (power, wiring, {})")
+BUS_BACK = Hint(Action.CHECK_SETUP, why="bring the bus back first ({} looks at it)")
+
+
+def brought_back_first(hint: Hint | str | None) -> Hint | None:
+    """What *hint* says to bring back before all else, the node or the bus; None where it says neither."""
+    known = (BRING_BACK, BUS_BACK)
+    return next((first for first in known if isinstance(hint, Hint) and hint.begins_with(first)), None)
+
+
+def pre_operational_first(node_id: int) -> Hint:
+    """That node *node_id* is OPERATIONAL, and may take a change in PRE-OPERATIONAL."""
+    return Hint(Action.ENTER_PRE_OPERATIONAL, {"node": node_id}, "it is OPERATIONAL: {}, then again")
 
 
 def step_text(step: Step) -> str:
@@ -49,14 +61,14 @@ def _reason(error: BaseException) -> str:
 def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
     """The worst case: say what failed twice and what the device may be left with."""
     labels = several(change.label for change in plan.changes)
-    first = ""
+    look = Hint(Action.SHOW_PDOS, {"all": True}, "look at it with {}; a power cycle brings the stored settings back")
     if isinstance(second, NoAnswer | BusUnavailable):
-        first = f"{BRING_BACK if isinstance(second, NoAnswer) else BUS_BACK}; then "
+        look = look.after(BRING_BACK if isinstance(second, NoAnswer) else BUS_BACK)
     return LeftChanged(
         f"{labels} of node {plan.node_id} could not be put back",
         node=plan.node_id,
         why=f"{fault}; then, while rolling back: {second}{_reason(second)}",
-        hint=f"{first}look at it with `pdo --all`; a power cycle brings the stored settings back",
+        hint=look,
         state="left_changed",
     )
 
@@ -91,7 +103,8 @@ def not_taken_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) ->
         f"{labels or 'what this line changed'} of node {node_id} could not be taken back",
         node=node_id,
         why=f"{fault}; then, while taking it back: {why}",
-        hint=f"look at it with `pdo`; `nmt reset-node {node_id}` brings the stored settings back",
+        hint=Hint(Action.SHOW_PDOS, why="look at it with {}")
+        + Hint(Action.RESET_NODE, {"node": node_id}, "brings the stored settings back"),
         state="left_changed",
     )
 

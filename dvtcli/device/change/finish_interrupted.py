@@ -17,6 +17,7 @@ from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
@@ -116,7 +117,9 @@ class Recovery:
             f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was put back",
             node=node.node_id,
             place=str(self.journal.path),
-            hint=f"look at its supply and its wiring; recover tries again, from {self.journal.path}",
+            hint=Hint(
+                Action.RECOVER, why=f"look at its supply and its wiring; {{}} tries again, from {self.journal.path}"
+            ),
             state="left_changed",
         )
 
@@ -219,11 +222,13 @@ def _reason(fault: BaseException) -> str:
     return ": ".join(text for text in (str(fault), why) if text) or "interrupted"
 
 
-def _next_step(node: KnownPdos, fault: BaseException, journal: Journal) -> str:
-    again = f"recover tries again, from {journal.path}"
+def _next_step(node: KnownPdos, fault: BaseException, journal: Journal) -> Hint:
+    again = Hint(Action.RECOVER, why=f"tries again, from {journal.path}")
     if isinstance(fault, SdoAborted | DeviceRefused):  # the same again would be refused, or corrected, again
         return (
-            f"nmt reset-node {node.node_id} brings back what it has stored, then recover checks that; or "
-            f"recover --accept takes what the device holds as the new state; {again}"
+            Hint(Action.RESET_NODE, {"node": node.node_id}, "brings back what it has stored")
+            + Hint(Action.RECOVER, why=", then {} checks that")
+            + Hint(Action.RECOVER, {"accept": True}, "or {} takes what the device holds as the new state")
+            + again
         )
     return again

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.compare import differences
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.domain.several import several, value_text
@@ -56,5 +57,6 @@ def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:
         f"somebody else changed {label} of node {node.node_id} between this session's changes",
         node=node.node_id,
         why=why,
-        hint=f"{who_else(node.keeper)}: `undo` takes back what came after that, undo --all --force everything",
+        hint=Hint(Action.UNDO, why=f"{who_else(node.keeper)}: {{}} takes back what came after that")
+        + Hint(Action.UNDO, {"all": True, "force": True}, ", {} everything"),
     )

@@ -27,6 +27,7 @@ from dvtcli.device.change.plan_document import (
 from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
 from dvtcli.device.change.whole import Part, Storing
 from dvtcli.device.trust import stranger
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
 
@@ -165,8 +166,9 @@ def read_journal(path: Path) -> Journal:
             f"{path} is not a journal that can be used",
             place=str(path),
             why=str(wrong),
-            hint="`recover --discard` sets the file aside (it is kept under another name); then look at the node with "
-            "`pdo`, and set it as it should be, or `undo --backup` puts an automatic backup back",
+            hint=Hint(Action.RECOVER, {"discard": True}, "sets the file aside (it is kept under another name)")
+            + Hint(Action.SHOW_PDOS, why="then look at the node with {}, and set it as it should be")
+            + Hint(Action.UNDO, {"backup": True}, ", or {} puts an automatic backup back"),
         ) from wrong
 
 

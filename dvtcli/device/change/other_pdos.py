@@ -89,7 +89,7 @@ class OtherPdos:
         own, altered = (several(one.label for one in some) for some in (plan.changes, self._in_part))
         return (
             f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; what else it held "
-            "was not read before: look at it with `pdo`"
+            "was not read before: look at it"
         )
 
 

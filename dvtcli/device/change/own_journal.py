@@ -16,6 +16,7 @@ from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import remove
 from dvtcli.device.change.whole import Part, Storing, Whole
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import JournalKept, SafetyRefusal
@@ -227,7 +228,7 @@ class OwnJournal:
             hint=f"delete {self.path}: nothing is to be recovered, and until then nothing can be written to the node",
             state="left_changed",
         )
-        error.state_text = "as planned: set and read back equal; `recover` would put the old configuration back"
+        error.state_text = "as planned: set and read back equal; a recovery would put the old configuration back"
         return error
 
     def _files(self, what: str) -> AbstractContextManager[None]:
@@ -261,5 +262,7 @@ def journal_files(journals: Journals, node_id: int, what: str) -> Iterator[None]
             f"the journal of node {node_id} cannot be {what}: {failed.strerror or failed}",
             node=node_id,
             place=str(failed.filename or journals.folder.parent),
-            hint="--journal DIR takes another folder; without a journal nothing is written to a real device",
+            hint=Hint(
+                Action.GIVE_JOURNAL, why="takes another folder; without a journal nothing is written to a real device"
+            ),
         ) from failed

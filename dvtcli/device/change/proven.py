@@ -16,6 +16,7 @@ from dvtcli.device.held import Held
 from dvtcli.device.resets import return_to
 from dvtcli.device.store_parameters import STORE, Signed, chosen
 from dvtcli.device.wish import Says, unlike_values, value_in_hex
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.proof import Proof
@@ -29,11 +30,11 @@ Pdos = Mapping[Pdo, PdoConfig]
 #: bit of 0x1010 and 0x1011 by which a device says that it saves without being told (CiA 301, 7.5.2.13)
 _BY_ITSELF = 2
 #: What finds out what a reset cannot, and what to do where a power cycle was none.
-_POWER = "store --prove power finds out"
-_ALL = "store all --prove takes and compares them"
+_POWER = Hint(Action.PROVE_POWER, why="finds out")
+_ALL = Hint(Action.PROVE_STORE, {"what": "all"}, "takes and compares them")
 #: Why no value could be changed in RAM.
 _NO_PLACE = "it lets nothing be changed harmlessly to test the reset: no timer, no heartbeat, no PDO"
-_OFF_FOR_LONGER = "switch it off until nothing of it is lit, and `store --prove power` again"
+_OFF_FOR_LONGER = Hint(Action.PROVE_POWER, why="switch it off until nothing of it is lit, and {} again")
 
 
 def prepare_proof(node: Node, before: Held, sub_index: int | None, restart: Restart) -> AnyPlace | None:
@@ -110,7 +111,7 @@ def refuse_unprovable(node: Node, sub_index: int | None, *, certain: bool) -> Si
     return signed
 
 
-def refuse_deaf_to_reset(node: Node, hint: str) -> None:
+def refuse_deaf_to_reset(node: Node, hint: Hint | str) -> None:
     """DeviceRefused, with *hint*, where *node* says that it is an NMT master: it obeys no NMT reset."""
     if node.access.is_master():
         place = node.profile.master_object
@@ -121,10 +122,12 @@ def refuse_deaf_to_reset(node: Node, hint: str) -> None:
         )  # fmt: skip
 
 
-def _unprovable(node: Node, why: str, hint: str) -> DeviceRefused:
+def _unprovable(node: Node, why: str, hint: Hint) -> DeviceRefused:
     """That nothing was stored, since a restart could not show that *node* keeps it."""
     text = f"node {node.node_id} is not stored: that it keeps it could not be proved"
-    return DeviceRefused(text, node=node.node_id, why=why, hint=f"{hint}; `store` alone stores without a proof")
+    return DeviceRefused(
+        text, node=node.node_id, why=why, hint=hint + Hint(Action.STORE, why="alone stores without a proof")
+    )
 
 
 def _saves_itself(signed: Signed) -> str:

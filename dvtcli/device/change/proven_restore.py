@@ -13,6 +13,7 @@ from dvtcli.device.eds_defaults import differing_from_defaults, values_unlike_de
 from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import Signed
 from dvtcli.device.wish import Says, value_in_hex
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.several import several
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
 
 #: What to do where the EDS tells no defaults.
-_MANUAL = "`pdo` shows what it holds; its manual may tell the defaults"
+_MANUAL = Hint(Action.SHOW_PDOS, why="shows what it holds; its manual may tell the defaults")
 
 
 def _is_otherwise(before: PdoConfig, after: PdoConfig | None) -> bool:
@@ -59,7 +60,7 @@ def prove_restore(
     unproved = f"{who}, and nothing differs from what was stored before"
     return Proof(
         restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), lost=lost,
-        hint=RESTORE_ALL if uncovered else "--eds FILE tells its defaults", notes=after.notes,
+        hint=RESTORE_ALL if uncovered else Hint(Action.GIVE_EDS, why="tells its defaults"), notes=after.notes,
     )  # fmt: skip
 
 

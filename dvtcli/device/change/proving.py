@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
 from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import Signed, word_of
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.proof import POWER
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, Interrupted
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
 
 #: What to do where a proof shows nothing of PDOs, or of some objects.
-RESTORE_ALL = "restore all --prove takes and compares them"
-AGAIN = "once more with --prove: what refuses to be read for a moment is read then"
+RESTORE_ALL = Hint(Action.PROVE_RESTORE, {"what": "all"}, "takes and compares them")
+AGAIN = as_hint("once more: what refuses to be read for a moment is read then")
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import remove, set_aside
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -191,10 +192,11 @@ def who_else(keeper: Keeper | None) -> str:
     return f"another dvtcli ({other}) wrote to it since"
 
 
-def _way_out(path: Path) -> str:
+def _way_out(path: Path) -> Hint:
     """How the change whose journal is at *path* is finished."""
     try:
         read_journal(path)
     except InputFileError:
-        return f"the journal is damaged: recover --discard sets {path} aside, then look at the node with `pdo`"
-    return f"recover puts the old configuration back, from {path}"
+        discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {path} aside")
+        return discard + Hint(Action.SHOW_PDOS, why=", then look at the node with {}")
+    return Hint(Action.RECOVER, why=f"puts the old configuration back, from {path}")

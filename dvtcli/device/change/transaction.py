@@ -30,6 +30,7 @@ from dvtcli.device.change.put_back import (
 )
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed, restarted_since_read
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
@@ -241,7 +242,9 @@ class Transaction:
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
-                fault.hint = fault.hint or "two nodes with one node-ID, or another SDO client? -vv shows the frames"
+                fault.hint = fault.hint or Hint(
+                    Action.SHOW_FRAMES, why="two nodes with one node-ID, or another SDO client? {} shows the frames"
+                )
 
     def _say_unreadable(self, fault: DvtcliError) -> None:
         """All that can be read is as it was; LeftChanged where the device took what nobody can read or put back."""
@@ -266,7 +269,7 @@ class Transaction:
         fault.state = "unknown"
         fault.state_text = (
             f"unknown: {own} is as it was, read back equal; {left} is not, and was left so: the node may have "
-            "restarted without a boot-up message that was heard, and hold what it has stored; look at it with `pdo`"
+            "restarted without a boot-up message that was heard, and hold what it has stored; look at it"
         )
         fault.details.append(("left", several(self._left.values())))
 
@@ -276,7 +279,10 @@ class Transaction:
             silent.why, silent.hint = "it restarted meanwhile: its boot-up message was heard", TRY_AGAIN
         else:
             silent.why = silent.why or "it answers again: an answer, or its request, was lost or late"
-            silent.hint = "try again; where that repeats, a longer --timeout, or look at the wiring and the bus load"
+            silent.hint = Hint(
+                Action.GIVE_TIMEOUT,
+                why="try again; where that repeats, a longer {}, or look at the wiring and the bus load",
+            )
 
     def _put_back(self) -> tuple[PdoChange, ...]:
         """Put the plan's PDOs back, and after them those that the device altered along with them.

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from dvtcli.domain.command_object import commanded_by_other, is_controlword
 from dvtcli.domain.datatypes import DataType
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry, split_dummy, total_bits
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
@@ -126,11 +127,17 @@ def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
     if producer.end.node_id == consumer.end.node_id:
         yield error("link-self", str(consumer), f"{consumer} cannot hear {producer}: both are PDOs of one node")
     if wrong := _not_whole(producer.config) or ("" if producer.config.mapping else "maps nothing"):
-        yield error("link-producer", str(producer), f"{producer} {wrong}", hint=f"map {producer} OBJECT… first")
+        yield error(
+            "link-producer", str(producer), f"{producer} {wrong}", hint=Hint(Action.MAP, {"pdo": producer}, "{} first")
+        )
     objects = any(not entry.is_dummy for entry in consumer.config.mapping)
     if wrong := _not_whole(consumer.config) or ("" if objects else "maps nothing"):
         sent = several(f"{entry.object} ({entry.bits} bits)" for entry in producer.config.mapping)
-        hint = f"first map {consumer} OBJECT… --off, with what is to hear {sent} of {producer}; then link"
+        hint = Hint(
+            Action.MAP,
+            {"pdo": consumer, "off": True},
+            f"first {{}}, with what is to hear {sent} of {producer}; then link",
+        )
         yield error("link-consumer", str(consumer), f"{consumer} {wrong}", hint=hint)
 
 
@@ -206,14 +213,20 @@ def _no_place(producer: LinkSide, consumer: LinkSide, objects: list[PdoMappingEn
     layout = several(f"{entry.object}/{entry.bits}" for entry in producer.config.mapping)
     what = f"{consumer.name(odd)}, {odd.bits} bits," if odd else f"not all {len(objects)} objects of {consumer}"
     verb = "has no place" if odd else "have a place"
-    hint = f"give {consumer} objects of these lengths: map {consumer} OBJECT… --off, or mapping in the network file"
+    hint = Hint(
+        Action.MAP, {"pdo": consumer, "off": True},
+        f"give {consumer} objects of these lengths: {{}}, or mapping in the network file",
+    )  # fmt: skip
     return error("link-length", str(consumer), f"{what} {verb} in {producer}, which sends {layout}", hint=hint)
 
 
 def _ambiguous(producer: LinkSide, consumer: LinkSide, heard: PdoMappingEntry, sent: list[PdoMappingEntry]) -> Finding:
     text = f"{consumer.name(heard)} of {consumer} could hear {producer.name(sent[0])} or {producer.name(sent[1])}"
-    where = f"map {consumer} dummy/BITS {heard.object} --off, or mapping: [dummy/BITS, …] in the network file"
-    hint = f"say where it is: {where}, all {producer.config.bits} bits of it"
+    hint = Hint(
+        Action.MAP, {"pdo": consumer, "objects": f"dummy/BITS {heard.object}", "off": True},
+        "say where it is: {}, or mapping: [dummy/BITS, …] in the network file, "
+        f"all {producer.config.bits} bits of it",
+    )  # fmt: skip
     return error("link-place", str(consumer), text, hint=hint)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
@@ -13,8 +14,10 @@ from dvtcli.domain.rules.finding import Finding, Producer, Proposal, error, note
 from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
 from dvtcli.domain.services import taken_by_services
 
+_ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")
+_OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")
 RULES = (
-    Rule("can-id-length", ERROR, "more than 11 bits without `--extended`", "CiA 301, 7.5.2.35: bit 29 (frame)",
+    Rule("can-id-length", ERROR, "more than 11 bits where no 29 are wanted", "CiA 301, 7.5.2.35: bit 29 (frame)",
          (Abort.VALUE_RANGE,)),
     Rule("can-id-restricted", ERROR, "the CAN-ID is one that CiA 301 restricts", "CiA 301, 7.3.5",
          (Abort.VALUE_RANGE,)),
@@ -103,7 +106,7 @@ def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
                 place,
                 f"CAN-ID 0x{want.can_id:X} does not fit 11 bits",
                 Abort.VALUE_RANGE,
-                "--extended asks for a 29-bit CAN-ID",
+                Hint(Action.EXTEND, why="asks for a 29-bit CAN-ID"),
             )
     use = restricted_use(want.can_id) if want.valid and not want.extended else None
     if use is not None and not (is_untouched and use == _RESERVED):
@@ -112,7 +115,7 @@ def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
             place,
             f"CAN-ID {want} is restricted by CiA 301: {use}",
             Abort.VALUE_RANGE,
-            "take one within 0x181..0x57F or 0x680..0x6DF, or --cob-id auto",
+            Hint(Action.SELECT_CAN_ID, why="take one within 0x181..0x57F or 0x680..0x6DF, or {}"),
         )
     elif not want.extended and want.can_id in BASES:
         default = proposal.pdo.default_can_id(proposal.node_id)
@@ -129,11 +132,19 @@ def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
     policy = profile.rtr_bit[proposal.pdo.direction]
     if policy is BitPolicy.SET and want.rtr_allowed:
         yield error(
-            "rtr-bit", place, f"a {profile.title} wants bit 30 (no RTR) set", Abort.VALUE_RANGE, "leave --rtr out"
+            "rtr-bit",
+            place,
+            f"a {profile.title} wants bit 30 (no RTR) set",
+            Abort.VALUE_RANGE,
+            Hint(Action.ALLOW_RTR, why="leave {} out"),
         )
     if policy is BitPolicy.CLEAR and not want.rtr_allowed:
         yield error(
-            "rtr-bit", place, f"a {profile.title} wants bit 30 (no RTR) clear", Abort.VALUE_RANGE, "leave --no-rtr out"
+            "rtr-bit",
+            place,
+            f"a {profile.title} wants bit 30 (no RTR) clear",
+            Abort.VALUE_RANGE,
+            Hint(Action.FORBID_RTR, why="leave {} out"),
         )
 
 
@@ -142,7 +153,7 @@ def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     want = proposal.want.communication.cob_id
     taken = {**_services(proposal), (0x080, False): "SYNC"}.get((want.can_id, want.extended))
     if taken is not None:
-        yield error("can-id-in-use", place, f"CAN-ID {want} is {taken}", hint="take another CAN-ID, or --cob-id auto")
+        yield error("can-id-in-use", place, f"CAN-ID {want} is {taken}", hint=_ANOTHER)
     elif want.extended:
         return
     elif 0x081 <= want.can_id <= 0x0FF:
@@ -168,7 +179,7 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
                 "can-id-clash",
                 place,
                 f"CAN-ID {want} is already used by {other.label} of this node",
-                hint=f"disable {other} first, take another CAN-ID, or --cob-id auto",
+                hint=Hint(Action.DISABLE, {"pdo": other}, "first, take another CAN-ID") + _OR_FREE,
             )
         else:
             yield note("can-id-default", place, f"{want} is also set at {other.label}, which is off: no clash now")
@@ -194,7 +205,7 @@ def _producer_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
             "can-id-clash",
             place,
             f"CAN-ID {one.cob_id} is already sent by {one.pdo.label} of node {one.node_id}",
-            hint=f"disable {one.node_id}:{one.pdo} first, take another CAN-ID, or --cob-id auto",
+            hint=Hint(Action.DISABLE, {"pdo": one.pdo, "node": one.node_id}, "first, take another CAN-ID") + _OR_FREE,
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.profile import Severity, within
 from dvtcli.domain.rules.described_step import described_step_findings
@@ -117,7 +118,7 @@ def _combination_findings(proposal: Proposal) -> Iterator[Finding]:
             proposal.communication_place(2),
             f"type {want.transmission_type} answers RTR, but bit 30 of the COB-ID forbids RTR",
             Abort.VALUE_RANGE,
-            "--rtr, or another type",
+            Hint(Action.ALLOW_RTR, why="{}, or another type"),
         )
     timed = want.event_timer and (want.event_timer, want.transmission_type) != (now.event_timer, now.transmission_type)
     kind = want.transmission_type

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE, Step, plan_pdo
@@ -55,20 +56,31 @@ def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEn
         return
     if not entry.access.readable:
         text = f"{name} of {proposal.pdo.label} is {entry.access} in {where}: what it holds then cannot be read back"
-        yield error("parameter-unreadable", place, text, None, "choose another PDO (pdo --all)")
+        yield error(
+            "parameter-unreadable", place, text, None, Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
+        )
         return
     size = None if entry.data_type is None else entry.data_type.size
     if size is not None and size != len(step.after):
         code = Abort.TOO_LONG if len(step.after) > size else Abort.TOO_SHORT
         text = f"{name} of {proposal.pdo.label} has {8 * size} bits in {where}, CiA 301 has {8 * len(step.after)}"
-        yield error("parameter-length", place, text, code, "where the file is wrong, mend it or give another --eds")
+        yield error(
+            "parameter-length",
+            place,
+            text,
+            code,
+            Hint(Action.GIVE_EDS, why="where the file is wrong, mend it, or give another one: {}"),
+        )
         return
     yield from _limit_findings(proposal, entry, step, where)
 
 
-def _fixed_hint(step: Step) -> str:
+def _fixed_hint(step: Step) -> Hint | str:
     if step.sub_index == COB_ID:
-        return "this device fixes it: what needs the PDO off or on cannot be changed; --off leaves one off"
+        return Hint(
+            Action.LEAVE_OFF,
+            why="this device fixes it: what needs the PDO off or on cannot be changed; {} leaves one off",
+        )
     return "this device fixes it; leave the option out"
 
 

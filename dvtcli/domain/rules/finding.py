@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.file_complaint import FileComplaint
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
@@ -25,7 +26,7 @@ class Finding:
     place: str
     text: str
     abort: int | None = None
-    hint: str | None = None
+    hint: Hint | str | None = None
     complaint: FileComplaint | None = field(default=None, compare=False)
 
     @property
@@ -98,12 +99,12 @@ def finding_of(rule: str, severity: Severity, place: str, text: str) -> Finding:
     return Finding(rule, severity, place, text)
 
 
-def error(rule: str, place: str, text: str, abort: int | None = None, hint: str | None = None) -> Finding:
+def error(rule: str, place: str, text: str, abort: int | None = None, hint: Hint | str | None = None) -> Finding:
     """A finding that stops the change unless it is forced."""
     return Finding(rule, Severity.ERROR, place, text, abort, hint)
 
 
-def warning(rule: str, place: str, text: str, hint: str | None = None) -> Finding:
+def warning(rule: str, place: str, text: str, hint: Hint | str | None = None) -> Finding:
     """A finding that is shown and stops nothing."""
     return Finding(rule, Severity.WARNING, place, text, None, hint)
 

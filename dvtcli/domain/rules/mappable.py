@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import count
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import PdoConfig
@@ -60,7 +61,7 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
             proposal.communication_place(1),
             f"{proposal.pdo.label} maps nothing: an empty PDO cannot be enabled",
             Abort.VALUE_RANGE,
-            f"map {proposal.pdo} OBJECT…, or --off",
+            Hint(Action.MAP, {"pdo": proposal.pdo}) + Hint(Action.LEAVE_OFF, why=", or {}"),
         )
     if not mapping_differs(proposal.now, want):
         return
@@ -78,7 +79,7 @@ def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
     """One note for all objects of which no EDS tells anything."""
     objects = [entry.object for entry in proposal.want.mapping if not entry.is_dummy]
     if proposal.dictionary is None and objects:
-        text = f"no EDS: nothing is known beforehand about {several(objects)}; --eds FILE gives one"
+        text = f"no EDS: nothing is known beforehand about {several(objects)}: an EDS of the device tells"
         yield note("no-dictionary", proposal.mapping_place(0), text)
 
 
@@ -95,9 +96,10 @@ def _static_findings(proposal: Proposal) -> Iterator[Finding]:
                 f"the mapping of {proposal.pdo.label} is static: {proposal.mapping_place(sub_index)} is "
                 f"{entry.access} in {dictionary.place(entry)}",
                 Abort.READ_ONLY,
-                "this device fixes what the PDO carries; choose another PDO (pdo --all)"
+                Hint(Action.SHOW_PDOS, {"all": True}, "this device fixes what the PDO carries; choose another PDO ({})")
                 if sub_index
-                else "choose another PDO (pdo --all); if only the count is fixed, a profile's `filler` helps",
+                else Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
+                + "if only the count is fixed, a profile's `filler` helps",
             )
             return
 
@@ -123,7 +125,8 @@ def _count_findings(proposal: Proposal) -> Iterator[Finding]:
     subs = _entry_sub_indices(proposal)
     limit = min(MAX_ENTRIES, proposal.profile.max_entries or MAX_ENTRIES)
     text = f"{wanted} entries are wanted, {label} of this device takes {limit if subs is None else min(limit, subs)}"
-    hint = "spread the objects over more PDOs" if subs != 0 else "choose another PDO (pdo --all)"
+    spread = "spread the objects over more PDOs"
+    hint = spread if subs != 0 else Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
     if subs is not None and wanted > subs:
         yield error("entry-count", proposal.mapping_place(subs + 1), text, Abort.NO_SUB_INDEX, hint)
     elif wanted > limit:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort, abort_text
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
 from dvtcli.domain.profile import DeviceProfile, Severity
@@ -77,14 +78,18 @@ def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> I
 def _absent_object(proposal: Proposal, place: str, entry: PdoMappingEntry, abort: int) -> Finding:
     """The finding for an object without a file of which the device refused the upload; it may map it all the same."""
     text = f"0x{entry.index:04X}:{entry.sub_index:02X} cannot be read from node {proposal.node_id}: {abort_text(abort)}"
-    return error("object-exists", place, f"{text} (0x{abort:08X})", abort, "--eds FILE names its objects")
+    return error(
+        "object-exists", place, f"{text} (0x{abort:08X})", abort, Hint(Action.GIVE_EDS, why="names its objects")
+    )
 
 
 def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_index: int) -> Finding:
     """The finding for an object that *dictionary* does not have, with what it has instead."""
     if index not in dictionary:
         text = f"0x{index:04X} is not in {dictionary.source}"
-        return error("object-exists", place, text, Abort.NO_OBJECT, "objects TEXT searches the dictionary")
+        return error(
+            "object-exists", place, text, Abort.NO_OBJECT, Hint(Action.FIND_OBJECTS, why="searches the dictionary")
+        )
     known = dictionary[index]
     subs = ", ".join(f"{sub:02X}" for sub in list(known.entries)[:12])
     text = f'0x{index:04X}:{sub_index:02X} is not in {dictionary.source}; {index:04X} "{known.name}" has {subs}'
@@ -99,6 +104,10 @@ def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> st
     return None
 
 
+def _mappable(proposal: Proposal) -> Hint:
+    return Hint(Action.SHOW_MAPPABLE, {"direction": proposal.pdo.direction}, "shows what can be")
+
+
 def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
     name = proposal.name(found.index, found.sub_index)
     tpdo = proposal.pdo.is_tpdo
@@ -109,7 +118,7 @@ def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, fou
             place,
             f"{name} is {found.access} in {dictionary.place(found)}: it cannot {role}",
             Abort.NOT_MAPPABLE,
-            f"objects --mappable {proposal.pdo.direction}",
+            _mappable(proposal),
         )
     elif found.pdo_mapping is None and not dictionary.tells_mappability:
         yield warning("mappable-unknown", place, f"{dictionary.source} does not say whether {name} can be mapped")
@@ -119,7 +128,7 @@ def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, fou
             place,
             f"{name} is not mappable: {dictionary.place(found)} has PDOMapping=0",
             Abort.NOT_MAPPABLE,
-            f"objects --mappable {proposal.pdo.direction}",
+            _mappable(proposal),
         )
 
 
@@ -134,7 +143,7 @@ def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str,
     if severity is Severity.ERROR:
         where = "an RPDO" if tpdo else "a TPDO"
         text = f"{name} is {found.access} in {dictionary.place(found)}: a {profile.title} takes it in {where} only"
-        hint = f"objects --mappable {proposal.pdo.direction}"
+        hint = _mappable(proposal)
         yield error("read-write-object", place, text, Abort.NOT_MAPPABLE, hint)
     elif severity is not None:
         text = f"{name} is {found.access} ({dictionary.place(found)}): it may hold what the host wrote, not what is"

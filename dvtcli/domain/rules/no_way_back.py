@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.domain.request import cleared
@@ -14,7 +15,7 @@ from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
 
 RULES = (
     Rule("way-back", WARNING,
-         "a PDO holds what a device does not take: `undo` leaves it off, or off and empty, where that is refused",
+         "a PDO holds what a device does not take: an undo leaves it off, or off and empty, where that is refused",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS; the family"),
     Rule("no-way-back", ERROR, "after the change a PDO could neither be put back nor be switched off and emptied",
          "ours; the EDS; the family"),
@@ -41,10 +42,12 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
     taken = next((one for one in _weaker(back) if not _refusals(replace(back, want=one))), None)
     if taken is None:
         text = f"{pdo.label} could not be put back after this, nor be switched off and emptied: {reason.text}"
-        return before, error("no-way-back", reason.place, text, None, "choose another PDO (pdo --all)")
+        return before, error(
+            "no-way-back", reason.place, text, None, Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
+        )
     text = f"{pdo.label} is {_state(before, taken)} now, and a device may not take that back ({reason.text})"
     return taken, warning(
-        "way-back", reason.place, f"{text}: where it does not, `undo` leaves it {left_as(before, taken)}"
+        "way-back", reason.place, f"{text}: where it does not, an undo leaves it {left_as(before, taken)}"
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.rules.finding import Finding, warning
@@ -33,7 +34,7 @@ def producer_findings(
         if change.pdo.is_tpdo or not after.valid or before == after or _identifier(after) in sent:
             continue
         text = f"{change.label} waits for {after}, which no node that dvtcli has looked at sends: {consequence}"
-        hint = "map it into a TPDO of another node, or `disable` the RPDO"
+        hint = Hint(Action.DISABLE, {"pdo": change.pdo}, "map it into a TPDO of another node, or {}")
         yield warning("rpdo-producer", f"0x{change.pdo.communication_index:04X}:01", text, hint)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.command_object import answers_with_state
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
@@ -34,7 +35,7 @@ RULES = (
     Rule("mapping-while-valid", ERROR, "`write` to a mapping while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
     Rule("write-only", WARNING,
-         "what is written cannot be read back: nothing shows that the device took it, and `undo` does not put it back",
+         "what is written cannot be read back: nothing shows that the device took it, and an undo does not put it back",
          "the EDS, AccessType (CiA 306); CiA 301, 7.5.2.13 and 7.5.2.14; CiA 302-2, CiA 302-3"),
     Rule("entry-while-counted", ERROR, "`write` to an entry while the count is not 0",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
@@ -79,7 +80,11 @@ def _write_findings(dictionary: ObjectDictionary, index: int, sub_index: int, da
     entry = dictionary.entry(index, sub_index)
     if entry is None:
         code = Abort.NO_SUB_INDEX if index in dictionary else Abort.NO_OBJECT
-        hint = decimal_hint(dictionary, index, sub_index) if index in dictionary else "objects TEXT searches"
+        hint = (
+            decimal_hint(dictionary, index, sub_index)
+            if index in dictionary
+            else Hint(Action.FIND_OBJECTS, why="searches")
+        )
         yield error("object-exists", place, f"{place} is not in {dictionary.source}", code, hint)
         return
     if not entry.access.writable:
@@ -151,7 +156,7 @@ def _communication(
         wanted = CobId.from_raw(write.value)
         if parameter.cob_id.valid and wanted.valid and parameter.cob_id != wanted:
             yield error("cob-id-while-valid", write.place, "bits 0…30 of a COB-ID are frozen while the PDO is enabled",
-                        Abort.VALUE_RANGE, f"{_set(write)} --cob-id {wanted} does it in order")  # fmt: skip
+                        Abort.VALUE_RANGE, _in_order(write, "cob_id", wanted))  # fmt: skip
             return
         want = replace(now, communication=replace(parameter, cob_id=wanted))
         proposal = proposal_for(want)
@@ -162,14 +167,16 @@ def _communication(
         return
     if now.enabled and write.sub_index in _FROZEN:
         yield error("frozen-while-valid", write.place, f"the {_FROZEN[write.sub_index]} cannot change while the PDO is "
-                    "enabled", Abort.VALUE_RANGE, f"{_set(write)} does it in order")  # fmt: skip
+                    "enabled", Abort.VALUE_RANGE,
+                    _in_order(write, "inhibit", write.value / 10) if write.sub_index == 3
+                    else _in_order(write, "sync_start", write.value))  # fmt: skip
     proposal = proposal_for(replace(now, communication=with_raw(parameter, write.sub_index, write.value)))
     yield from communication_findings(proposal)
     yield from can_id_findings(proposal)
 
 
-def _set(write: ParameterWrite) -> str:
-    return f"set {Pdo.at(write.index)}"
+def _in_order(write: ParameterWrite, parameter: str, value: object) -> Hint:
+    return Hint(Action.SET_PDO, {"pdo": Pdo.at(write.index), parameter: value}, "does it in order")
 
 
 def _mapping(
@@ -181,7 +188,7 @@ def _mapping(
     pdo = Pdo.at(write.index)
     if now.enabled:
         yield error("mapping-while-valid", write.place, "a mapping cannot change while the PDO is enabled",
-                    Abort.UNSUPPORTED_ACCESS, f"map {pdo} OBJECT… does it in order")  # fmt: skip
+                    Abort.UNSUPPORTED_ACCESS, Hint(Action.MAP, {"pdo": pdo}, "does it in order"))  # fmt: skip
         return
     if write.sub_index == 0:
         if write.value in (0xFE, 0xFF):
@@ -189,13 +196,13 @@ def _mapping(
         elif write.value > len(active := entries()):
             place = f"0x{write.index:04X}:{len(active) + 1:02X}"
             yield error("entry-count", write.place, f"the count would be {write.value}, but {place} cannot be read",
-                        Abort.PDO_LENGTH, f"map {pdo} OBJECT… sets the entries and the count")  # fmt: skip
+                        Abort.PDO_LENGTH, Hint(Action.MAP, {"pdo": pdo}, "sets the entries and the count"))  # fmt: skip
         elif write.value:
             yield from mapping_findings(proposal_for(_with_mapping(now, active)))
         return
     if now.count:
         yield error("entry-while-counted", write.place, f"an entry cannot change while the count is {now.count}",
-                    Abort.UNSUPPORTED_ACCESS, f"map {pdo} OBJECT… does it in order")  # fmt: skip
+                    Abort.UNSUPPORTED_ACCESS, Hint(Action.MAP, {"pdo": pdo}, "does it in order"))  # fmt: skip
         return
     single = PdoMappingEntry.from_raw(write.value)
     for finding in mapping_findings(proposal_for(_with_mapping(now, (single,)))):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO
 
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import InputFileError
@@ -69,7 +70,9 @@ def read_csv(path: Path) -> ValuesRead:
     first = 1 if head[:1] == [SECONDS] else 2
     if head[:2] != [TIME, FRAME] and first == 2:
         raise InputFileError(
-            f"{path.name} begins with no time", place=f"{path}:1", hint="log --decode and read --every write such files"
+            f"{path.name} begins with no time",
+            place=f"{path}:1",
+            hint=Hint(Action.LOG_VALUES, why="{} writes such files") + Hint(Action.READ_VALUES, why=", and so does {}"),
         )
     columns = [column_of(name) for name in head[first:]]
     return ValuesRead(columns, _rows(path, lines, first, len(head)))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.domain.datatypes import Kind, Value
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
@@ -102,7 +103,7 @@ def read_parquet(path: Path) -> ValuesRead:
     """What `log run.parquet --decode` wrote; InputFileError where it is none of these, or has no end."""
     arrow = extra("pyarrow", "parquet", "a .parquet file")
     if not path.is_file():
-        raise UsageError(f"{path}: no such file", hint="`log FILE --decode` records one")
+        raise UsageError(f"{path}: no such file", hint=Hint(Action.LOG_VALUES, {"file": path}, "records one"))
     try:
         file = extra("pyarrow.parquet", "parquet", "a .parquet file").ParquetFile(str(path))
     except (arrow.ArrowException, OSError) as wrong:

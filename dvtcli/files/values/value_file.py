@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.values.value_rows import ValuesRead, ValueWriter
@@ -25,7 +26,10 @@ def checked_form(path: Path) -> str:
     form = path.suffix.lower()
     if form not in FORMS:
         known = ", ".join(f"{suffix} ({what})" for suffix, what in FORMS.items())
-        raise UsageError(f"{path.name}: values are written as {known}", hint="log run.csv --decode")
+        raise UsageError(
+            f"{path.name}: values are written as {known}",
+            hint=Hint(Action.LOG_VALUES, {"file": path.with_suffix(".csv")}, "writes values"),
+        )
     if form == ".parquet":
         from dvtcli.files.values.parquet_values import needed
 

@@ -12,8 +12,10 @@ from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.rules.finding import Finding
 from dvtcli.errors import DvtcliError, RuleError
+from dvtcli.operations.api.called_hints import called
 from dvtcli.operations.api.python_hints import hint_in_python, in_python
 
 T = TypeVar("T")
@@ -54,12 +56,21 @@ def answer_in_python(answer: T) -> T:
 def _worded(name: str, value: Any) -> Any:
     if name == "keep":
         return {node: in_python(one) for node, one in value.items()} if isinstance(value, dict) else in_python(value)
-    is_findings = isinstance(value, tuple) and bool(value) and isinstance(value[0], Finding)
-    return tuple(map(_finding, value)) if is_findings else value
+    if isinstance(value, tuple) and value and isinstance(value[0], Finding):
+        return tuple(map(_finding, value))
+    if isinstance(value, tuple) and any(isinstance(getattr(row, "hint", None), Hint) for row in value):
+        return tuple(replace(row, hint=_hint(row.hint)) for row in value)
+    if isinstance(value, tuple) and any(isinstance(line, Hint) for line in value):
+        return tuple(called(line) if isinstance(line, Hint) else line for line in value)
+    return called(value) if isinstance(value, Hint) else value
 
 
 def _finding(one: Finding) -> Finding:
-    return replace(one, text=in_python(one.text), hint=None if one.hint is None else hint_in_python(one.hint))
+    return replace(one, text=in_python(one.text), hint=_hint(one.hint))
+
+
+def _hint(hint: Hint | str | None) -> str | None:
+    return called(hint) if isinstance(hint, Hint) else hint and hint_in_python(hint)
 
 
 def _in_this_programs_words(raised: DvtcliError, *, others: bool) -> None:
@@ -69,7 +80,8 @@ def _in_this_programs_words(raised: DvtcliError, *, others: bool) -> None:
     raised.text = mine(in_python(raised.text))
     raised.args = (raised.text,)
     raised.why = None if raised.why is None else mine(in_python(raised.why))
-    raised.hint = None if raised.hint is None else mine(hint_in_python(raised.hint))
+    hint = _hint(raised.hint)
+    raised.hint = hint and mine(hint)
     raised.details = [(label, in_python(said)) for label, said in raised.details]
     if isinstance(raised, RuleError):
         raised.findings = tuple(map(_finding, raised.findings))
@@ -83,7 +95,7 @@ def _further(raised: DvtcliError) -> Iterator[tuple[str, str]]:
             also = "" if one.text in raised.text else f"{one.text}; "
             yield "rule", f"{also}{one.rule} at {one.place}" + (f"; {one.hint}" if one.hint else "")
     else:
-        yield from ((label, said) for label, said in (("why", raised.why), ("hint", raised.hint)) if said)
+        yield from ((label, str(said)) for label, said in (("why", raised.why), ("hint", raised.hint)) if said)
     if raised.exit_code not in (2, 4) or raised.state != "unchanged":
         said = in_python(raised.state_text or "")
         for screen in ("LEFT CHANGED: see above; ", f"{raised.state}: "):  # it stands in front, and nothing above it

@@ -14,6 +14,7 @@ from dvtcli.device.change.course import combined
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
 from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
 from dvtcli.errors import (
@@ -248,6 +249,7 @@ class Course:
         left = not_taken_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
         path = node.keeper.open_journal() if node.keeper is not None else None
         if path is not None:
-            first = f"{BUS_BACK}; then " if isinstance(failed, BusUnavailable) else ""
-            left.place, left.hint = str(path), f"{first}recover finishes it, from {path}"
+            finish = Hint(Action.RECOVER, why=f"finishes it, from {path}")
+            left.place = str(path)
+            left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
         return left

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.seen_state import STATUSWORDS
 from dvtcli.domain.drive_state import drive_state
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.rules.finding import warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.errors import SafetyRefusal, SdoAborted
@@ -23,26 +24,31 @@ RULES = (
     Rule("power-stage-on", WARNING, "a file is to be written to a drive whose power stage is on: `apply` refuses",
          "the statusword of each axis; CiA 402-2, 8.4.2"),
 )  # fmt: skip
-_HINT = "bring the machine to a stand, then 6040 = 0; a file is written to a drive that cannot move"
+#: a controlword stands before its statusword (CiA 402-2), also of further axes
+_CONTROLWORD = -1
 
 
 def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
     """SafetyRefusal where the statusword of an axis of *node_ids* (0x6041, 0x6841, …) says its power stage to be on."""
     for node_id in node_ids:
-        for _, state in _powered(session, node_id):
-            raise SafetyRefusal(f"the power stage of node {node_id} is {state}", node=node_id, hint=_HINT)
+        for index, _, state in _powered(session, node_id):
+            off = Hint(
+                Action.WRITE, {"object": f"{index + _CONTROLWORD:04X}", "value": 0},
+                "bring the machine to a stand, then {}; a file is written to a drive that cannot move",
+            )  # fmt: skip
+            raise SafetyRefusal(f"the power stage of node {node_id} is {state}", node=node_id, hint=off)
 
 
 def powered_findings(session: Session, node_id: int) -> tuple[Finding, ...]:
     """What `refuse_powered` would refuse, said while a plan is made: of each axis whose power stage is on."""
     return tuple(
         warning("power-stage-on", place, f"the power stage is {state}: apply refuses to write until it is off")
-        for place, state in _powered(session, node_id)
+        for _, place, state in _powered(session, node_id)
     )
 
 
-def _powered(session: Session, node_id: int) -> Iterator[tuple[str, str]]:
-    """Each statusword of the node that says that a power stage is on, and what it says."""
+def _powered(session: Session, node_id: int) -> Iterator[tuple[int, str, str]]:
+    """Each statusword of the node that says that a power stage is on: its index, its place, and what it says."""
     for index, sub_index in STATUSWORDS:
         try:
             data = session.bus.sdo(node_id).upload(index, sub_index)
@@ -51,4 +57,4 @@ def _powered(session: Session, node_id: int) -> Iterator[tuple[str, str]]:
         statusword = int.from_bytes(data, "little")
         state = drive_state(statusword)
         if state in _ON:
-            yield f"0x{index:04X}:{sub_index:02X}", f"on: {state} (0x{index:04X} is 0x{statusword:04X})"
+            yield index, f"0x{index:04X}:{sub_index:02X}", f"on: {state} (0x{index:04X} is 0x{statusword:04X})"

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.canary import holds_test, put_test_back
 from dvtcli.device.change.accepted_state import refuse_other_device
-from dvtcli.device.change.failed_change import BUS_BACK
+from dvtcli.device.change.failed_change import brought_back_first
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.domain.several import several
@@ -47,11 +48,12 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     if one is not None and not may_finish(journals):
         raise UsageError(
             "several changes were interrupted: --finish goes on with one network at a time",
-            hint=f"-n {one.plan.node_id} recover --finish goes on with {one.part.name}",
+            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"goes on with {one.part.name}"),
         )
     if not may_finish(journals):
         raise UsageError(
-            "not all nodes had been verified: there is nothing to finish", hint="recover puts them back as they were"
+            "not all nodes had been verified: there is nothing to finish",
+            hint=Hint(Action.RECOVER_ALL, why="puts them back as they were"),
         )
     part = furthest(journals)
     nodes = {one.node_id: session.node(one.node_id) for one in (*part.stores, *part.equal)}
@@ -146,8 +148,9 @@ def _store(
                 keeper.own_journal.complete_whole()
         except LeftChanged as left:
             if not course.lost:
-                first = f"{BUS_BACK}; then " if (left.hint or "").startswith(BUS_BACK) else ""
-                left.hint = f"{first}recover --finish goes on with those that are missing; recover puts every node back"
+                finish = Hint(Action.FINISH_STORES, why="goes on with those that are missing")
+                back = Hint(Action.RECOVER_ALL, why="puts every node back")
+                left.hint = finish.after(brought_back_first(left.hint)) + back
             raise
         finally:
             session.whole.end()
@@ -171,7 +174,8 @@ def _refuse_unlike(verified: Verified, node_id: int) -> None:
             f"node {node_id} does not hold any more what was verified: nothing is stored",
             node=node_id,
             why=other.why,
-            hint="recover puts every node back as it was before; then apply again",
+            hint=Hint(Action.RECOVER_ALL, why="puts every node back as it was before")
+            + Hint(Action.APPLY, why="then {} again"),
         ) from other
 
 

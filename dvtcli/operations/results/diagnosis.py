@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from dvtcli.domain.hint import Hint, next_step
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 Verdict = Literal["ok", "warn", "FAIL"]
@@ -17,12 +18,18 @@ class Check(Short):
     name: str
     verdict: Verdict
     text: str
-    hint: str | None = None
+    hint: Hint | str | None = None
     code: int = 1
 
     def document(self) -> Document:
         """One check of `dvtcli.doctor/1`."""
-        return {"check": self.name, "verdict": self.verdict.lower(), "text": self.text, "hint": self.hint}
+        return {
+            "check": self.name,
+            "verdict": self.verdict.lower(),
+            "text": self.text,
+            "hint": self.hint,
+            "next": next_step(self.hint),
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, overload
 
 from dvtcli.domain.datatypes import CanopenTime, Value
+from dvtcli.domain.hint import next_step
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import Lacked
@@ -153,6 +154,7 @@ def finding_document(finding: Finding) -> Document:
         "text": finding.text,
         "abort": None if finding.abort is None else f"0x{finding.abort:08X}",
         "hint": finding.hint,
+        "next": next_step(finding.hint),
         "file": None if finding.complaint is None else finding.complaint.file,
         "line": None if finding.complaint is None else finding.complaint.line,
         "column": None if finding.complaint is None else finding.complaint.column,
@@ -168,6 +170,7 @@ def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
             "object": one.object if one.pdo is None else None,
             "text": one.finding.text,
             "hint": one.finding.hint,
+            "next": next_step(one.finding.hint),
         }
         for one in lacking
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.results.documents import Answer, Document, finding_document
 
@@ -18,7 +19,7 @@ class Facts(Answer):
 
     schema: str
     rows: tuple[tuple[str, Any], ...]
-    text: tuple[str, ...]
+    text: tuple[Hint | str, ...]
     exit_code: int = 0
     #: warnings and notes that belong to them
     findings: tuple[Finding, ...] = ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from dvtcli.domain.hint import Hint, next_step
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short
 
 ADDED, THERE, REPLACED, REFUSED = "added", "already there", "replaced", "refused"
@@ -27,7 +28,7 @@ class AddedFile(Short):
     note: str = ""
     why: str = ""
     place: str = ""
-    hint: str = ""
+    hint: Hint | str = ""
 
     def document(self) -> Document:
         """One file of `dvtcli.eds-added/1`."""
@@ -42,6 +43,7 @@ class AddedFile(Short):
             "why": self.why,
             "place": self.place,
             "hint": self.hint,
+            "next": next_step(self.hint),
         }
 
 

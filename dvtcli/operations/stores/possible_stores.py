@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import STORE, chosen
+from dvtcli.domain.hint import Hint, as_hint
 from dvtcli.domain.rules.finding import Finding, error
 from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import DeviceRefused, RuleError, SdoAborted
@@ -84,9 +85,9 @@ def _finding(node: Node, word: str) -> Finding | None:
     return None
 
 
-def _hint(node: Node, word: str, refused: DeviceRefused) -> str:
+def _hint(node: Node, word: str, refused: DeviceRefused) -> Hint | str:
     """What to say in the file instead, and how the device keeps its settings where that is known."""
     others = node.profile.store.sub_indices
     if word != "all" and others and store_group(word) not in others:
         return f"store: true takes what the device has (0x{STORE:04X}:{others[0]:02X}), store: false stores nothing"
-    return f"store: false stores nothing; {refused.hint}"
+    return "store: false stores nothing" + as_hint(refused.hint or "")

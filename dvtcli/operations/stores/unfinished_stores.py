@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BUS_BACK, beside
+from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
 
 #: What helps where a node lost what was set, and there is no journal.
-_AGAIN = "`apply` again sets what is missing, and stores it"
+_AGAIN = Hint(Action.APPLY, why="{} again sets what is missing, and stores it")
+
+_ALL_BACK = Hint(Action.RECOVER_ALL, why=", {} puts every node back")
 
 
 @dataclass(slots=True)
@@ -45,14 +48,15 @@ def not_all_stored(course: Stores) -> LeftChanged:
     """What is told where stores came to nothing, and every node holds what was planned all the same."""
     first, fault = next(iter(course.failed.items()))
     stored = "whether node {} stored it is not known" if _is_unsure(fault) else "node {} did not store it"
-    again = ",".join(str(one.node_id) for one in course.states.values() if not one.is_done)
+    missing = tuple(one.node_id for one in course.states.values() if not one.is_done)
     left = LeftChanged(
         f"every node holds what was planned, and {stored.format(first)}",
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
         why=str(fault) or "interrupted",
-        hint=f"`-n {again} store` finishes; `undo --all` goes back to what was before, then "
-        "`store` on each that stored",
+        hint=Hint(Action.STORE, {"node": missing}, "finishes")
+        + Hint(Action.UNDO, {"all": True}, "goes back to what was before")
+        + Hint(Action.STORE, why=", then {} on each that stored"),
         state="left_changed",
     )
     _say_who(course, left)
@@ -101,19 +105,17 @@ def lost_settings(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
         node=first.node if isinstance(first, DvtcliError) else None,
         place=first.place if isinstance(first, DvtcliError) else None,
         why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
-        hint="recover puts every node back as it was before; then `apply` again",
+        hint=Hint(Action.RECOVER_ALL, why="puts every node back as it was before")
+        + Hint(Action.APPLY, why="then {} again"),
         state="left_changed",
     )
     is_gone = isinstance(first, BusUnavailable)
     if is_gone or (course.are_all_done() and not isinstance(first, DvtcliError)):
         goes_on = "looks at every node once more" if course.are_all_done() else "goes on with the stores"
-        start = f"{BUS_BACK}; then " if is_gone else ""
-        left.hint = f"{start}`recover --finish` {goes_on}, `recover` puts every node back"
+        left.hint = Hint(Action.FINISH_STORES, why=goes_on).after(BUS_BACK if is_gone else None) + _ALL_BACK
     if isinstance(first, LeftChanged):
-        start = f"{BUS_BACK}; then " if (first.hint or "").startswith(BUS_BACK) else ""
-        left.hint = (
-            f"{start}`recover --finish` puts that back and goes on with the stores, `recover` puts every node back"
-        )
+        finish = Hint(Action.FINISH_STORES, why="puts that back and goes on with the stores")
+        left.hint = finish.after(brought_back_first(first.hint)) + _ALL_BACK
         left.details += first.details
     left.details += beside(left, others)
     _say_who(course, left)
@@ -146,8 +148,8 @@ def _is_unsure(fault: BaseException) -> bool:
     return lost or fault.state in ("unknown", "left_changed")
 
 
-def hint_without_journal(lost: BaseException) -> str | None:
+def hint_without_journal(lost: BaseException) -> Hint | str | None:
     """What helps where *lost* is why a node does not hold what was set, and nothing else remembers that."""
     if isinstance(lost, LeftChanged):
         return lost.hint
-    return f"{BUS_BACK}; then {_AGAIN}" if isinstance(lost, BusUnavailable) else _AGAIN
+    return _AGAIN.after(BUS_BACK if isinstance(lost, BusUnavailable) else None)

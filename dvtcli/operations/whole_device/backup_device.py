@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.scan_objects import AREAS, scan_objects
 from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural, several
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import UsageError
@@ -104,10 +104,8 @@ def _kept(one: ReadObject) -> KeptObject:
 
 
 def _answer(file: str, node: Node, count: int, out: Mapping[str, str]) -> Facts:
-    said = [
-        f"{file}: node {node.node_id}, {plural(count, 'object')} as read just now. "
-        f"What differs from it: dvtcli compare {shlex.quote(file)}"
-    ]
+    kept = f"{file}: node {node.node_id}, {plural(count, 'object')} as read just now. What differs from it: {{}}"
+    said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, kept)]
     if out:
         said.append(f"note: left out: {several(f'{place} ({why})' for place, why in out.items())}")
     rows = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -12,6 +11,7 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.read_whole import ReadObject, values_of
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
@@ -121,10 +121,11 @@ def why_unread(one: ReadObject) -> str:
 def _answer(file: str, whole: WholeDevice, text: DcfText, eds: Path) -> Facts:
     node, out = whole.node, left_out(whole, text)
     others = _other_than_default(whole, text)
-    said = [
+    written = (
         f"{file}: node {node.node_id}, {plural(len(text.said), 'object')}, {len(others)} of them not as {eds.name} "
-        f"says by default. Look again: dvtcli compare {shlex.quote(file)}"
-    ]
+        "says by default. Look again: {}"
+    )
+    said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, written)]
     if out:
         said.append(f"note: left out: {several(f'{place} ({why})' for place, why in out.items())}")
     rows = (

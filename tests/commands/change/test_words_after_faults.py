@@ -48,26 +48,31 @@ def test_a_node_that_restarts_instead_of_storing_is_not_told_to_store_what_is_lo
     with Bench(("generic",), {"fault": ("reset@1",), "yes": True, "profile": impatient()}) as bench:
         ran = bench.run("store")
     assert ran.code == 5
-    assert "it restarted instead: what was not stored is lost; set it again, then store" in ran.stderr
+    assert "it restarted instead: what was not stored is lost; set it again, then `dvtcli --sim generic" in ran.stderr
 
 
 def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(tmp_path: Path) -> None:
     with sim("silent@3") as bench:
         ran = bench.run(MAP)
     assert ran.code == 7
-    assert "hint    bring the node back first (power, wiring, `scan`)" in ran.stderr
+    assert "hint    bring the node back first (power, wiring, `dvtcli --sim gen4 scan`)" in ran.stderr
     options = {"yes": True, "timeout": 0.2, "journal": str(tmp_path), "node": 1}
     with Bench((), options, beside([device("generic")], "silent@3")) as bench:
         ran = bench.run("map tpdo1 6064")
     assert ran.code == 7
-    assert "bring the node back first (power, wiring, `scan`); then `recover` finishes it, from " in ran.stderr
+    assert "bring the node back first (power, wiring, `dvtcli " in ran.stderr
+    assert " scan`); then `dvtcli " in ran.stderr
+    assert " recover` finishes it, from " in ran.stderr
 
 
 def test_a_bus_that_failed_is_to_be_brought_back_first() -> None:
     with sim("bus-error@3") as bench:
         ran = bench.run(MAP)
     assert ran.code == 7
-    assert "hint    bring the bus back first (`doctor` looks at it); then look at it with `pdo --all`" in ran.stderr
+    assert (
+        "hint    bring the bus back first (`dvtcli --sim gen4 doctor` looks at it); then look at it with `dvtcli --sim"
+        in ran.stderr
+    )
 
 
 def test_answers_that_are_none_get_the_next_step() -> None:

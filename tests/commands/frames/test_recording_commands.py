@@ -14,6 +14,7 @@ from pathlib import Path
 import can
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.dbc import read_dbc
@@ -265,7 +266,7 @@ def test_names_in_files_steer_no_terminal(tmp_path: Path) -> None:
 def test_an_extra_that_is_missing_is_named() -> None:
     with pytest.raises(UsageError, match="drawing a picture needs no_such_package") as caught:
         extra("no_such_package.figure", "plot", "drawing a picture")
-    assert caught.value.hint == "pip install 'canopen-dvtcli[plot]'"
+    assert typed(caught.value.hint) == "pip install 'canopen-dvtcli[plot]'"
 
 
 def test_without_cantools_only_a_dbc_file_misses_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,4 +280,4 @@ def test_without_cantools_only_a_dbc_file_misses_it(tmp_path: Path, monkeypatch:
     with pytest.raises(UsageError, match=r"^reading all\.dbc, a DBC file, needs cantools$") as caught:
         read_dbc(str(dbc))
     assert caught.value.hint is not None
-    assert caught.value.hint.startswith("pip install 'canopen-dvtcli[dbc]'; a network file (-d net.yaml)")
+    assert typed(caught.value.hint).startswith("pip install 'canopen-dvtcli[dbc]'; a network file (-d net.yaml)")

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.bus.bit_rate_setter import BitRateSetter
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.lss_services import BIT_TIMINGS, REQUEST_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -393,4 +394,4 @@ def test_a_can_link_of_linux_is_refused_with_the_lines_for_a_bus_whose_nodes_run
     with pytest.raises(SafetyRefusal) as caught:
         setter.require(NEW, listen_only=False)
     assert "together with the nodes'" in str(caught.value.why)
-    assert str(caught.value.hint).startswith("where the nodes run at it already: sudo ip link set can9 down;")
+    assert typed(caught.value.hint).startswith("where the nodes run at it already: sudo ip link set can9 down;")

@@ -56,7 +56,7 @@ def test_what_writes_says_so_and_a_forced_plan_names_what_carries_it_out(file: P
     with Bench(("gen4@5",)) as bench:
         ran = bench.run(f"apply {file} --yes")
         assert (ran.code, "nothing was written; --force sends it anyway" in ran.stderr) == (1, True)
-        assert f"Next: dvtcli apply {file} --force" in bench.run(f"plan {file} --force").stdout
+        assert f"Next: dvtcli --sim gen4@5 apply {file} --force" in bench.run(f"plan {file} --force").stdout
         refused = bench.script(f"plan {file}")
         assert "and writes nothing" in refused.stderr
         assert "--force sends it anyway" in bench.script("map tpdo1 1018:1").stderr

@@ -203,7 +203,7 @@ def test_a_reset_logs_out(tmp_path: Path) -> None:
 def test_a_raw_write_of_a_passcode_is_refused(line: str) -> None:
     with Bench((LOCKED,)) as bench:
         ran = bench.run(f"{line} --json")
-        assert (ran.code, ran.document["hint"]) == (6, "login asks for it without echo")
+        assert (ran.code, ran.document["hint"]) == (6, "`dvtcli --sim gen4-locked login` asks for it without echo")
         assert bench.run("read 5000:1 --json").document["value"] == 0
 
 

@@ -85,7 +85,7 @@ def test_a_warning_of_the_way_back_claims_no_more_than_undo_does() -> None:
         before = row(one.run("pdo --all --json"), "tpdo1")
         said = " ".join(one.run("disable tpdo1").stderr.split())
         assert "a device may not take that back" in said
-        assert "where it does not, `undo` leaves it off" in said
+        assert "where it does not, an undo leaves it off" in said
         assert one.run("undo").code == 0
         assert row(one.run("pdo --all --json"), "tpdo1") == before
 
@@ -100,7 +100,8 @@ def test_it_is_not_enabled_as_it_stands() -> None:
     with bench(count_above(cob_id=0x80000181)) as one:
         ran = one.run("enable tpdo1")
         assert ran.code == 1
-        assert "map tpdo1 OBJECT… or clear tpdo1 repairs it" in ran.stderr
+        assert "map tpdo1 OBJECT…` or `dvtcli --sim " in ran.stderr
+        assert " clear tpdo1` repairs it" in ran.stderr
         (said,) = one.run("enable tpdo1 --json").document["findings"]
         assert (said["rule"], said["place"], said["abort"]) == ("inconsistent-pdo", "0x1A00:00", "0x06040042")
         assert row(one.run("pdo --all --json"), "tpdo1")["enabled"] is False

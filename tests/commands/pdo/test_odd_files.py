@@ -151,7 +151,7 @@ def test_a_pdo_that_is_enabled_and_empty(direction: str) -> None:
         name = direction.upper()
         assert ran.code == 0
         assert f"{name}1 is enabled and empty now, and a device may not take that back" in ran.stderr
-        assert "`undo` leaves it off and empty" in ran.stderr
+        assert "an undo leaves it off and empty" in ran.stderr
         back = one.run("undo")
         assert back.code == 1
         assert (
@@ -177,7 +177,7 @@ def test_a_mapping_that_the_file_itself_forbids() -> None:
     eds.variable(0x6001, var("Status", U8, 0, "ro", 0))
     with bench(eds) as one:
         ran = one.run("map tpdo1 6000:2")
-        assert (ran.code, "`undo` leaves it off and empty" in ran.stderr) == (0, True)
+        assert (ran.code, "an undo leaves it off and empty" in ran.stderr) == (0, True)
         assert one.run("undo").code == 1
         assert one.run("pdo tpdo1 --json").document["pdos"][0]["mapping"] == []
 

@@ -654,7 +654,9 @@ def test_a_file_of_the_library_that_was_damaged_says_what_to_do() -> None:
         (stored,) = folder().glob("*made.eds")
         stored.write_text("no EDS any more", "ascii")
         ran = bench.run("read 1017")
-        assert (ran.code, "`eds remove`" in ran.stderr, "--eds FILE" in ran.stderr) == (4, True, True), ran.stderr
+        assert (ran.code, "`dvtcli eds remove FILE`" in ran.stderr, "--eds FILE" in ran.stderr) == (4, True, True), (
+            ran.stderr
+        )
         scanned = bench.run("scan")
         assert scanned.code == 0
         assert "made.eds is not an EDS or DCF file" in scanned.stdout

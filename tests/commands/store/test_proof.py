@@ -124,7 +124,7 @@ def test_a_device_that_says_that_it_saves_by_itself_is_not_told_to_store_for_a_p
         downloads = [m for m in wire.frames() if m.arbitration_id == 0x601 and m.data[0] >> 5 == 1]
     assert ran.code == 1
     assert "0x1010:01 is 3: the device saves by itself, too" in ran.stderr
-    assert "hint    store --prove power" in ran.stderr
+    assert "store --prove power` finds out" in ran.stderr
     assert downloads == []
 
 
@@ -444,7 +444,7 @@ def test_a_change_that_could_not_be_put_back_holds_a_restore_back_in_its_own_wor
         ran = bench.run("restore")
         assert ran.code == 6
         assert "node 1 is not restored: TPDO1 could not be put back" in ran.stderr
-        assert "then restore" in ran.stderr
+        assert "then `dvtcli --sim generic restore`" in ran.stderr
         assert "store;" not in ran.stderr
 
 

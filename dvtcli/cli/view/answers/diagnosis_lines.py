@@ -16,6 +16,7 @@ def diagnosis_lines(result: Diagnosis, _width: int) -> Iterator[Line]:
     for check in result.checks:
         yield [Cell(f"{check.verdict:<4}", _STYLES[check.verdict]), Cell(f"  {check.name:<11} {check.text}")]
         if check.hint:
-            yield [Cell(f"{'':<18}{check.hint}", "dim")]
+            hint = check.hint
+            yield [Cell(" " * 18), Cell(hint, "dim") if isinstance(hint, str) else hint]
     count = {verdict: sum(check.verdict == verdict for check in result.checks) for verdict in _STYLES}
     yield f"{count['ok']} ok, {plural(count['warn'], 'warning')}, {count['FAIL']} failed"

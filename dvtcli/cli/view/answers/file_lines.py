@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 from dvtcli.cli.view.lines import Line
+from dvtcli.domain.hint import Hint
 from dvtcli.operations.results.dvt import DvtAnswer
 
 
@@ -13,7 +14,7 @@ class Said(Protocol):
     """An answer that says its lines itself."""
 
     @property
-    def text(self) -> Sequence[str]:
+    def text(self) -> Sequence[Hint | str]:
         """A line each."""
         ...
 

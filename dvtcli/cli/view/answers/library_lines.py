@@ -25,7 +25,7 @@ def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
     for row in result.rows:
         yield from _remarks(row)
     hints = dict.fromkeys(row.hint for row in result.rows if row.hint)
-    yield from ([Cell(f"  {hint}", "dim")] for hint in hints)
+    yield from ([Cell("  "), Cell(hint, "dim") if isinstance(hint, str) else hint] for hint in hints)
     counts = ", ".join(f"{number} {outcome}" for outcome, number in result.count().items() if number)
     others = f"; {plural(result.others, 'other file')} left out: no EDS, DCF, XDD or XDC" if result.others else ""
     dry = Cell(" (dry run: nothing was written)" if result.dry_run else "", "cyan")

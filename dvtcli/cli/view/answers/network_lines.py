@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.answers.node_plan_lines import node_plan_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.configuration import NotWritten
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import STAMP, PdoChange
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.several import plural, several
@@ -52,13 +53,17 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
         return
     saved = f" Saved: {result.saved}." if result.saved else ""
     runs = result.saved.lower().endswith(".309")
-    to_manager = f" --to-manager {result.plan.manager}" if result.plan.manager and not result.saved else ""
-    forced = " --force" if any(errors_in(node.findings) for node in result.plan.nodes) else ""
-    after = f"dvtcli {'run' if runs else 'apply'} {result.saved or result.plan.file}{to_manager}{forced}"
     if result.interrupted:
         nodes = ", ".join(map(str, result.interrupted))
-        after = f"dvtcli recover, since a change of node {nodes} was interrupted; then plan again"
-    yield f"Nothing was written.{saved} Next: {after}"
+        why = f"Nothing was written.{saved} Next: {{}}, since a change of node {nodes} was interrupted; then plan again"
+        yield Hint(Action.RECOVER_ALL, why=why)
+        return
+    arguments = {
+        "file": result.saved or result.plan.file,
+        "to_manager": None if result.saved else result.plan.manager,
+        "force": any(errors_in(node.findings) for node in result.plan.nodes),
+    }
+    yield Hint(Action.RUN if runs else Action.APPLY, arguments, f"Nothing was written.{saved} Next: {{}}")
 
 
 def _remaining(plan: NetworkPlan) -> Iterator[Line]:
@@ -124,7 +129,8 @@ def _aside(plan: NetworkPlan) -> Iterator[Line]:
     """That the file says more than what is written of it."""
     if count := sum(len(_not_written(node)) for node in plan.nodes):
         more = "1 more is" if count == 1 else f"{count} more are"
-        yield [Cell("  ! ", "yellow"), Cell(f"{more} not written, and may differ: dvtcli compare {plan.file} --all")]
+        compare = Hint(Action.COMPARE, {"file": plan.file, "all": True}, f"{more} not written, and may differ: {{}}")
+        yield [Cell("  ! ", "yellow"), compare]
 
 
 def _not_written(node: NodePlan) -> list[str]:

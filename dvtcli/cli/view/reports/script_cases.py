@@ -11,6 +11,7 @@ from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.github_case_lines import workflow_command
 from dvtcli.cli.view.reports.github_lines import as_data
 from dvtcli.cli.view.reports.junit_lines import suites_text
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 
@@ -49,7 +50,12 @@ def _failure(case: ET.Element, line: LineRan) -> None:
     kind = "interrupted" if line.error is None else line.error.slug
     failure = ET.SubElement(case, "failure", {"type": kind, "message": safe(_why(line))})
     if line.error is not None:
-        rows = [("why", line.error.why), ("hint", line.error.hint), ("state", line.error.state), *line.error.details]
+        rows = [
+            ("why", line.error.why),
+            ("hint", typed(line.error.hint)),
+            ("state", line.error.state),
+            *line.error.details,
+        ]
         failure.text = "\n".join(safe(f"{label}: {text}") for label, text in rows if text)
 
 

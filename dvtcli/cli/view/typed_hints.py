@@ -1,0 +1,189 @@
+"""Hints as they are typed: each action as a command line with the bus and the node of this call, or as an option."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dvtcli.domain.hint import Action, Hint, filled, sentence
+
+#: Actions that are commands; a command that names no node takes `-n` (`_OF_THE_BUS` does not).
+COMMANDS: dict[Action, str] = {
+    Action.SHOW_PDOS: "pdo {pdo} {all?--all}",
+    Action.SHOW_NODE: "node {node}",
+    Action.FIND_NODES: "scan",
+    Action.FIND_OBJECTS: "objects {text|TEXT}",
+    Action.SHOW_MAPPABLE: "objects --mappable {direction}",
+    Action.SHOW_FAULTS: "faults",
+    Action.VERIFY: "verify",
+    Action.MONITOR: "monitor",
+    Action.MAP: "map {pdo} {objects|OBJECT…} {off?--off}",
+    Action.CLEAR: "clear {pdo}",
+    Action.DISABLE: "disable {pdo}",
+    Action.SET_PDO: "set {pdo} {cob_id?--cob-id} {cob_id} {inhibit?--inhibit} {inhibit} "
+    "{sync_start?--sync-start} {sync_start}",
+    Action.WRITE: "write {object|OBJECT} {value|VALUE}",
+    Action.LINK: "link {producer} {consumer}",
+    Action.UNDO: "undo {all?--all} {backup?--backup} {force?--force}",
+    Action.RECOVER: "recover {accept?--accept} {discard?--discard}",
+    Action.RECOVER_ALL: "recover",
+    Action.FINISH_STORES: "recover --finish",
+    Action.STORE: "store {what} {force?--force}",
+    Action.RESTORE: "restore {what}",
+    Action.PROVE_STORE: "store {what} --prove",
+    Action.PROVE_RESTORE: "restore {what} --prove",
+    Action.PROVE_POWER: "store --prove power {within?--within} {within}",
+    Action.RESET_NODE: "nmt reset-node {node}",
+    Action.ENTER_PRE_OPERATIONAL: "nmt preop {node}",
+    Action.CHECK_LIVE: "check --live",
+    Action.SHOW_LOAD: "load",
+    Action.CHECK_SYNC: "sync --check",
+    Action.CHECK_SETUP: "doctor",
+    Action.LISTEN_BIT_RATE: "bitrate",
+    Action.SERVE: "sim NODE… --listen {address|HOST:PORT}",
+    Action.RUN: "run {file|FILE}",
+    Action.CHECK: "check {file|FILE}",
+    Action.PLAN: "plan {file|FILE}",
+    Action.APPLY: "apply {file|FILE} {to_manager?--to-manager} {to_manager} {force?--force}",
+    Action.COMPARE: "compare {file|FILE} {all?--all}",
+    Action.LSS_SCAN: "lss scan {wait?--wait} {wait}",
+    Action.LSS_SELECT: "lss select ADDRESS",
+    Action.LSS_STORE: "lss store",
+    Action.LSS: "lss",
+    Action.LOG_IN: "login",
+    Action.LEARN: "learn",
+    Action.CHECK_EDS: "eds check {file|FILE}",
+    Action.REMOVE_EDS: "eds remove {file|FILE}",
+    Action.LOG: "log {file|FILE}",
+    Action.LOG_VALUES: "log {file|FILE} --decode",
+    Action.READ_VALUES: "read OBJECT… --every TIME",
+    Action.SAVE_PLAN: "plan FILE -o PLAN.json",
+    Action.SHOW_HABITS: "profiles habits",
+    Action.FORGET_HABITS: "profiles forget",
+    Action.DOWNLOAD: "download {file|FILE}",
+    Action.FORGET_DOWNLOAD: "download --forget",
+}
+#: Actions that are an option of the line that was typed.
+OPTIONS: dict[Action, str] = {
+    Action.SELECT_CAN_ID: "--cob-id {can_id|auto}",
+    Action.LEAVE_OFF: "--off",
+    Action.EXTEND: "--extended",
+    Action.FORBID_RTR: "--no-rtr",
+    Action.ALLOW_RTR: "--rtr",
+    Action.GIVE_EDS: "--eds {file|FILE}",
+    Action.GIVE_PROFILE: "-p NAME",
+    Action.GIVE_USER: "--user",
+    Action.GIVE_CHANNEL: "-c/--channel {channel}",
+    Action.GIVE_INTERFACE: "-i/--interface {interface}",
+    Action.GIVE_BIT_RATE: "-b/--bitrate {rate}",
+    Action.GIVE_BUS: "--bus {bus|NAME}",
+    Action.GIVE_SIMULATED: "--sim {what|WHAT}",
+    Action.GIVE_SETTING: "--bus-kwargs {setting|KEY=VALUE}",
+    Action.GIVE_JOURNAL: "--journal DIR",
+    Action.GIVE_TIMEOUT: "--timeout S",
+    Action.GIVE_EMCY_TIME: "--emcy MS",
+    Action.GIVE_NAME: "--save",
+    Action.GIVE_DBC: "-d {file}",
+    Action.AGREE: "--yes",
+    Action.FORCE: "--force",
+    Action.SHOW_FRAMES: "-vv",
+    Action.ISOLATE: "--isolated",
+    Action.ALLOW_STORE: "--with-store",
+}
+#: commands that are about no node, or about all
+_OF_THE_BUS = frozenset(
+    {
+        Action.FIND_NODES, Action.LINK, Action.CHECK_LIVE, Action.SHOW_LOAD, Action.CHECK_SYNC, Action.CHECK_SETUP,
+        Action.SERVE, Action.LSS_SCAN, Action.LSS_SELECT, Action.LSS_STORE, Action.LSS, Action.CHECK_EDS, Action.CHECK,
+        Action.REMOVE_EDS, Action.LOG, Action.SHOW_HABITS, Action.FORGET_HABITS, Action.LISTEN_BIT_RATE,
+    }
+)  # fmt: skip
+#: commands that need no bus
+_WITHOUT_BUS = frozenset(
+    {Action.SERVE, Action.CHECK, Action.CHECK_EDS, Action.REMOVE_EDS, Action.SHOW_HABITS, Action.FORGET_HABITS}
+)
+#: a word that stands for another one, which only the user knows
+_PLACEHOLDER = re.compile(r"[A-Z]{2,}(?:[:/=][A-Z]+)?…?|[A-Z]")
+
+
+@dataclass(frozen=True, slots=True)
+class TypedCall:
+    """The call that a hint follows: the options that chose its bus, those of `-n`, and the node that these select.
+
+    *alone*: the next command is typed at a shell, not at the prompt.
+    """
+
+    bus: tuple[str, ...] = ()
+    node: tuple[str, ...] = ()
+    selected: int | None = None
+    alone: bool = False
+
+
+@dataclass(slots=True)
+class TypedHints:
+    """Writes hints for the user of one call; *node* is the node that the failure is about."""
+
+    call: Callable[[], TypedCall] = field(default=TypedCall)
+    node: int | None = None
+
+    def text(self, hint: Hint | str) -> str:
+        """*hint* in one line, its commands between marks."""
+        return hint if isinstance(hint, str) else sentence(hint, self._marked)
+
+    def words(self, hint: Hint) -> list[str] | None:
+        """The first command of *hint* that runs as it is, word by word; None without one."""
+        lines = (self._line(step) for step in hint if step.action in COMMANDS)
+        return next((line for line in lines if not any(map(_PLACEHOLDER.fullmatch, line))), None)
+
+    def _marked(self, step: Hint) -> str:
+        assert step.action is not None  # noqa: S101 - `sentence` asks for actions only
+        if step.action in OPTIONS:
+            option, *value = filled(OPTIONS[step.action], step.arguments)
+            return " ".join([option.split("/")[0] if value else option, *value])
+        return f"`{shell_line(self._line(step))}`"
+
+    def _line(self, step: Hint) -> list[str]:
+        """The command of a *step*, as it is typed behind this call."""
+        action = step.action
+        assert action is not None  # noqa: S101 - as above
+        said, call = COMMANDS[action], self.call()
+        node = step.arguments.get("node", None if action in _OF_THE_BUS else self.node)
+        if action is Action.DISABLE and "node" in step.arguments:  # it may be one that this call is not about
+            return self._in_call(call, action, ["disable", f"{node}:{step.arguments['pdo']}"])
+        words = filled(said, {"node": node, **step.arguments} if "{node}" in said else step.arguments)
+        others = _of_node(call, node) if action not in _OF_THE_BUS and "{node}" not in said else ()
+        return self._in_call(call, action, [*others, *words])
+
+    def _in_call(self, call: TypedCall, action: Action, words: list[str]) -> list[str]:
+        """*words* behind those that choose the bus of this *call*."""
+        return ["dvtcli", *(() if action in _WITHOUT_BUS else call.bus), *words] if call.alone else words
+
+
+def _of_node(call: TypedCall, node: Any) -> Sequence[str]:
+    """What selects *node*, or the node of the *call* itself."""
+    if node is None or node == call.selected or (isinstance(node, int) and call.node == ("-n", str(node))):
+        return call.node if call.alone else ()
+    return ("-n", ",".join(map(str, node)) if isinstance(node, tuple | list) else str(node))
+
+
+def typed(hint: Hint | str | None) -> str:
+    """*hint* as it is typed at the prompt, empty without one."""
+    return TypedHints().text(hint) if hint else ""
+
+
+def shell_line(words: Sequence[str]) -> str:
+    """*words* as a line that a shell takes apart into them again."""
+    if sys.platform == "win32":
+        from subprocess import list2cmdline
+
+        return list2cmdline(words)
+    from shlex import quote
+
+    return " ".join(word if _PLAIN.fullmatch(word) else quote(word) for word in words)
+
+
+#: what a shell takes as it is, and placeholders
+_PLAIN = re.compile(r"[\w@%+=:,./…-]+")

@@ -1,0 +1,194 @@
+"""What the user can do next, as data: an action, its arguments and its sense; no word of a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any
+
+
+class Action(Enum):
+    """What can be done next, whichever way dvtcli is used; the value says it in words."""
+
+    # looking at a node
+    SHOW_PDOS = "show the PDOs"
+    SHOW_NODE = "show the node"
+    FIND_NODES = "find the nodes"
+    FIND_OBJECTS = "search the objects"
+    SHOW_MAPPABLE = "show what can be mapped"
+    SHOW_FAULTS = "show the faults"
+    VERIFY = "compare with what was set"
+    MONITOR = "watch the values"
+    # changing PDOs
+    MAP = "map objects into the PDO"
+    SET_PDO = "set the PDO's parameters"
+    CLEAR = "clear the PDO"
+    DISABLE = "disable the PDO"
+    SELECT_CAN_ID = "take a free CAN-ID"
+    LEAVE_OFF = "leave the PDO off"
+    EXTEND = "take a CAN-ID of 29 bits"
+    FORBID_RTR = "forbid remote frames"
+    ALLOW_RTR = "allow remote frames"
+    WRITE = "write the object"
+    LINK = "link the PDOs"
+    # going back
+    UNDO = "undo the last change"
+    RECOVER = "recover the node"
+    RECOVER_ALL = "recover every node"
+    FINISH_STORES = "finish the stores"
+    # keeping
+    STORE = "store the parameters"
+    RESTORE = "restore the defaults"
+    PROVE_STORE = "store, and compare after a reset"
+    PROVE_RESTORE = "restore, and compare after a reset"
+    PROVE_POWER = "store, and compare after a power cycle"
+    # the network
+    RESET_NODE = "reset the node"
+    ENTER_PRE_OPERATIONAL = "enter PRE-OPERATIONAL"
+    CHECK_LIVE = "check the network on the bus"
+    SHOW_LOAD = "show the bus load"
+    CHECK_SYNC = "compare with the SYNC producer"
+    CHECK_SETUP = "check bus and computer"
+    LISTEN_BIT_RATE = "listen for the bit rate"
+    SERVE = "serve simulated nodes"
+    RUN = "run the script"
+    CHECK = "check the file"
+    PLAN = "plan the network"
+    APPLY = "apply the file"
+    COMPARE = "compare with the file"
+    LSS_SCAN = "find the nodes without node-ID"
+    LSS_SELECT = "select a node by its LSS address"
+    LSS_STORE = "store the node-ID"
+    LSS = "change node-ID or bit rate"
+    LOG_IN = "log in"
+    LEARN = "learn the device"
+    # files
+    CHECK_EDS = "check the device file"
+    REMOVE_EDS = "remove the file from the library"
+    LOG = "record the frames"
+    LOG_VALUES = "record the values"
+    READ_VALUES = "read the values again and again"
+    SAVE_PLAN = "save the plan"
+    SHOW_HABITS = "show what is remembered of devices"
+    FORGET_HABITS = "forget what is remembered of devices"
+    DOWNLOAD = "download the program"
+    FORGET_DOWNLOAD = "forget the download"
+    # options of the same call
+    GIVE_EDS = "name the EDS"
+    GIVE_PROFILE = "name the profile"
+    GIVE_USER = "name the user"
+    GIVE_CHANNEL = "name the channel"
+    GIVE_INTERFACE = "name the interface"
+    GIVE_BIT_RATE = "name the bit rate"
+    GIVE_BUS = "name the bus"
+    GIVE_SIMULATED = "simulate a node"
+    GIVE_SETTING = "give a setting of the interface"
+    GIVE_JOURNAL = "name the folder of journals"
+    GIVE_TIMEOUT = "wait longer"
+    GIVE_EMCY_TIME = "name the time between emergencies"
+    GIVE_NAME = "save it under another name"
+    GIVE_DBC = "name the DBC file"
+    AGREE = "answer yes"
+    FORCE = "do it all the same"
+    SHOW_FRAMES = "show the frames"
+    ISOLATE = "say that the device is isolated"
+    ALLOW_STORE = "allow the store"
+
+
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """A next step: *action* with its *arguments* (`node` is a node-ID), and *why*, what it brings.
+
+    The action stands where *why* has `{}`, without marks if that ends it behind a colon; else in front of it. Without
+    an action *why* is advice. `+` puts several steps in a row.
+    """
+
+    action: Action | None
+    arguments: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    why: str = ""
+    then: Hint | None = None
+
+    def __iter__(self) -> Iterator[Hint]:
+        """Each of the steps, in order."""
+        yield self
+        if self.then is not None:
+            yield from self.then
+
+    def __add__(self, other: Hint | str) -> Hint:
+        """This step, then the *other* one."""
+        return replace(self, then=as_hint(other) if self.then is None else self.then + other)
+
+    def __radd__(self, other: str) -> Hint:
+        """Advice, then this step."""
+        return as_hint(other) + self
+
+    def after(self, first: Hint | None) -> Hint:
+        """This step, once *first* is done."""
+        if first is None:
+            return self
+        return first + replace(self, why=f"then {self.why if '{}' in self.why else f'{{}} {self.why}'.rstrip()}")
+
+    def begins_with(self, other: Hint) -> bool:
+        """Whether its first step is that of *other*."""
+        return replace(self, then=None) == replace(other, then=None)
+
+    def words(self) -> str:
+        """The hint for somebody who neither types commands nor calls functions."""
+        return sentence(self, lambda step: step.action.value if step.action else "")
+
+    __str__ = words
+
+
+def as_hint(hint: Hint | str) -> Hint:
+    """*hint*, a text of which is advice."""
+    return Hint(None, why=hint) if isinstance(hint, str) else hint
+
+
+def sentence(hint: Hint, write: Any) -> str:
+    """All steps of *hint* in one line; *write* gives the words for the action of one."""
+    text = ""
+    for step in hint:
+        said = step.why if step.action is None else _placed(step.why, write(step))
+        text += said if not text or said[:1] in (",", " ") else f"; {said}"
+    return text
+
+
+def _placed(why: str, action: str) -> str:
+    if why.endswith(": {}"):
+        return why.replace("{}", action.strip("`"))
+    if "{}" in why:
+        return why.replace("{}", action, 1)
+    return f"{action} {why}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class NextStep:
+    """What a document has as `next`: the words of the first step of *hint* that can be run as it is."""
+
+    hint: Hint
+
+
+def next_step(hint: Hint | str | None) -> NextStep | None:
+    """What a document has as `next` beside *hint*."""
+    return NextStep(hint) if isinstance(hint, Hint) else None
+
+
+def filled(template: str, arguments: Mapping[str, Any]) -> list[str]:
+    """The words of *template* with the *arguments*.
+
+    `{name}` is an argument's value, the word is left out without it; `{name?word}` is the word if the argument is
+    true; `{name|WORD}` is the value, or the placeholder WORD.
+    """
+    found: list[str] = []
+    for word in template.split():
+        name, mark, other = word.strip("{}").partition("?") if "?" in word else word.strip("{}").partition("|")
+        if word[:1] != "{":
+            found.append(word)
+        elif mark == "?":
+            found += [other] if arguments.get(name) not in (None, False) else []
+        elif (value := arguments.get(name)) is not None:
+            found.append(str(value))
+        elif mark:
+            found.append(other)
+    return found
