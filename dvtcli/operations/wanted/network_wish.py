@@ -87,7 +87,7 @@ def _why_no_profile(name: str) -> str:
     try:
         profile_path(name)
     except UsageError as wrong:
-        hint = wrong.hint or ""
+        hint = str(wrong.hint or "")
         return f"{wrong.text}; {hint if hint.startswith('did') else f'known are {hint}'}"
     return ""
 
