@@ -67,6 +67,10 @@ def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcW
 
 
 def _format_of(file: str) -> ExportFormat:
-    """The format of *file*; a network file's, which says what there is, where nobody knows the suffix."""
+    """The format of *file*; UsageError, which names all formats, if no format has its suffix."""
     known, name = export_formats(), file.lower()
-    return next((one for suffix, one in known.items() if name.endswith(suffix)), known[".yaml"])
+    found = next((one for suffix, one in known.items() if name.endswith(suffix)), None)
+    if found is None:
+        hint = f"a name that ends in {', '.join(sorted(known))}; `save FILE.dvt --all` writes a script"
+        raise UsageError(f"{file}: what format is that?", hint=hint)
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -26,12 +27,13 @@ def decode_recording(
 ) -> Iterator[FrameSeen]:
     """The frames of the recording at *path* that have *text* (small letters) in their names; see `decoder_for`.
 
-    UsageError for a suffix that is no format, InputFileError where the file is none of it.
+    UsageError for a suffix that is no format, and at the end if nothing has *text* in its name; InputFileError if the
+    file is none of its format.
     """
     check_readable(path)
     decoder = decoder_for(session, nodes, dbc, path)
     misfits = Misfits(decoder.layout, session.tell.warning)
-    return _fitting(misfits.passing(read_recording(path)), decoder, text)
+    return _fitting(session, path, misfits.passing(read_recording(path)), decoder, text)
 
 
 def write_values(
@@ -100,6 +102,19 @@ def _write(rows: SignalRows, frames: Iterable[Frame], target: TextIO | Path, tex
         raise DvtcliError(f"{target}: {failed.strerror or failed}", place=str(target)) from failed
 
 
-def _fitting(frames: Iterable[Frame], decoder: Decoder, text: str) -> Iterator[FrameSeen]:
-    seen = (frame_seen(frame, decoder) for frame in frames)
-    return (one.chosen(text) for one in seen if one.matches(text))
+def _fitting(session: Session, path: Path, frames: Iterable[Frame], decoder: Decoder, text: str) -> Iterator[FrameSeen]:
+    count = 0
+    for frame in frames:
+        one = frame_seen(frame, decoder)
+        if one.matches(text):
+            count += 1
+            yield one.chosen(text)
+    if text and not count:
+        if not SignalRows(decoder, text).columns:
+            raise _unnamed(text, path)
+        session.tell.note(f"{path}: no frame in it carries a signal with {text!r} in its name")
+
+
+def _unnamed(text: str, path: Path) -> UsageError:
+    said = f"nothing in {path} has {text!r} in its name"
+    return UsageError(said, hint=f"without --filter, decode {shlex.quote(str(path))} shows what is in it")

@@ -27,6 +27,8 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
     if dbc is not None:
         from dvtcli.operations.frames.file_layouts import file_layouts
 
+        if base.eds is not None:
+            session.tell.note(f"--eds {base.eds} is not used: {dbc} says what the frames carry")
         return Decoder(file_layouts(dbc, session.tell))
     if base.eds is not None:
         return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile)

@@ -302,10 +302,9 @@ def _finding(
     is_aside: bool = False,
 ) -> NetworkFinding:  # fmt: skip
     pdo = None if spot is None else spot.pdo
-    what = (
-        pdo.label if pdo is not None and not text.startswith(pdo.label) else f"0x{about}" if about and not pdo else ""
-    )
-    who = "" if node is None else f"node {node}{what and f' {what}'}: "
+    what = pdo.label if pdo is not None else f"0x{about}" if about else ""
+    what = "" if text.startswith(what) else f" {what}"
+    who = "" if node is None or (not what and text.startswith(f"node {node} ")) else f"node {node}{what}: "
     line, column, width = (mark.line, mark.column, mark.width) if mark is not None and mark.line else (1, 0, 0)
     end = column + max(width, 1) - 1 if column else 0
     return NetworkFinding(

@@ -161,6 +161,15 @@ def test_an_identity_that_the_node_does_not_have_is_said_at_its_key(
     assert f"its {name} is" in row["text"]
 
 
+def test_no_finding_names_its_node_or_object_twice(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    for keys in ("tpdo: {9: {event_timer: 5}}", "sdo: [{index: 0x1018, sub_index: 1, value: 3}]"):
+        path.write_text(f"a: {{node_id: 1, dcf: gen4, {keys}}}\n")
+        for _, _, text in found_complaints(both.run(f"check {path} --json")):
+            assert text.count("node 1") <= 1, text
+            assert text.count("1018:01") <= 1, text
+
+
 def test_a_dcf_is_found_beside_the_file_by_the_name_of_its_folder(both: Bench, tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"
     path.write_text('a: {node_id: 5, dcf: "@BUS_CONFIG_PATH@/own.eds", tpdo: {1: {event_timer: 50}}}\n')

@@ -21,6 +21,7 @@ from dvtcli.files.dbc import read_dbc
 from dvtcli.files.extras import extra
 from dvtcli.files.recorder import Recorder
 from dvtcli.simulator.network.family_file import family_eds
+from tests.commands.bench import Bench
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served, wait_for
@@ -281,3 +282,28 @@ def test_without_cantools_only_a_dbc_file_misses_it(tmp_path: Path, monkeypatch:
         read_dbc(str(dbc))
     assert caught.value.hint is not None
     assert typed(caught.value.hint).startswith("pip install 'canopen-dvtcli[dbc]'; a network file (-d net.yaml)")
+
+
+def test_a_filter_that_nothing_has_in_its_name_is_an_error_in_each_form(tmp_path: Path) -> None:
+    log, dbc = tmp_path / "run.log", tmp_path / "a.dbc"
+    log.write_text("(1.0) can0 281#44FFFFFF780088FF\n(2.0) can0 701#05\n", "ascii")
+    with Bench(("gen4@1",)) as bench:
+        assert bench.run(f"export {dbc}").code == 0
+    with Bench(()) as bench:
+        for form in ("", " --json", " --csv", f" -o {tmp_path / 'x.csv'}"):
+            ran = bench.run(f"decode {log} -d {dbc} --filter nosuch{form}")
+            assert (ran.code, "'nosuch' in its name" in ran.stderr + ran.stdout) == (2, True), form
+        for there in ("velocity", "heartbeat"):
+            assert bench.run(f"decode {log} -d {dbc} --filter {there}").code == 0
+        quiet = bench.run(f"decode {log} -d {dbc} --filter statusword")  # in a frame that was not recorded
+        assert (quiet.code, "no frame in it carries" in quiet.stderr) == (0, True)
+
+
+def test_an_eds_beside_a_dbc_is_said_not_to_be_used(tmp_path: Path) -> None:
+    log, dbc = tmp_path / "run.log", tmp_path / "a.dbc"
+    log.write_text("(1.0) can0 281#44FFFFFF780088FF\n", "ascii")
+    with Bench(("gen4@1",)) as bench:
+        assert bench.run(f"export {dbc}").code == 0
+    with Bench((), {"eds": "generic"}) as bench:
+        ran = bench.run(f"decode {log} -d {dbc}")
+        assert (ran.code, f"--eds generic is not used: {dbc} says" in ran.stderr) == (0, True)

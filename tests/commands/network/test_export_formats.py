@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.operations.exports.export_file import export_formats
 from dvtcli.operations.exports.export_format import ExportFormat
+from tests.commands.bench import Bench
 from tests.process import documents, dvtcli
 
 PLACE = "dvtcli/cli/commands/export.py"
@@ -35,3 +36,10 @@ def test_a_format_lacks_no_suffix() -> None:
 
         class Nameless(ExportFormat):
             """One that nobody finds."""
+
+
+def test_a_suffix_that_is_no_format_is_said_with_all_that_are(tmp_path: Path) -> None:
+    with Bench(("gen4@1",)) as bench:
+        ran = bench.run(f"export {tmp_path / 'y.foo'}")
+    assert (ran.code, "what format is that?" in ran.stderr) == (2, True)
+    assert all(suffix in ran.stderr for suffix in (".yaml", ".dcf", ".xdc", ".cpj", ".dbc"))

@@ -230,6 +230,16 @@ def test_what_is_wrong_in_a_file_is_said(text: str, line: int, says: str) -> Non
     assert any(place == line and says in found for place, _, found in wrong(text)), wrong(text)
 
 
+def test_a_time_of_the_other_direction_is_left_alone_and_its_key_is_named() -> None:
+    notes = [
+        read(in_node(text)).notes[0].text for text in ("rpdo: {1: {event_timer: 5}}", "tpdo: {1: {event_deadline: 5}}")
+    ]
+    assert notes == [
+        "event_timer is left alone: set on a TPDO only; event_deadline is the time of an RPDO",
+        "event_deadline is left alone: set on an RPDO only; event_timer is the time of a TPDO",
+    ]
+
+
 def test_absent_keys_leave_everything_alone() -> None:
     wish = PdoWish(TPDO1, inhibit_time=400, event_timer=50)
     assert only("tpdo: {1: {inhibit_time: 400, event_timer: 50}}") == NodeWish("one", 5, pdos=(wish,))
