@@ -13,6 +13,7 @@ from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.senders import Senders
 from dvtcli.device.virtual_pdos import tie_findings
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.hint import Action, Hint, sentence
 from dvtcli.domain.network.consumers import Id, Sent, left_findings, length_findings, moved_tpdos, sent_by_id
 from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
@@ -85,9 +86,41 @@ def placed_in(wish: NetworkWish, log: FileLog) -> Placed:
         mark = wish.mark_of(node_id, finding.place)
         if finding.complaint is not None or not mark.line:
             return finding
-        return replace(finding, complaint=log.shown(mark, finding.text))
+        return replace(finding, complaint=log.shown(mark, finding.text), hint=_in_keys(finding.hint))
 
     return placed
+
+
+#: by the action of a hint, the key of a network file that does the same
+_KEYS = {
+    Action.SELECT_CAN_ID: "`cob_id: auto`",
+    Action.EXTEND: "bit 29 of `cob_id` (0x20000000)",
+    Action.MAP: "`mapping:` of {}",
+    Action.DISABLE: "`enabled: false` of {}",
+    Action.LEAVE_OFF: "`enabled: false`",
+    Action.ALLOW_RTR: "`rtr_allowed: true`",
+    Action.FORBID_RTR: "`rtr_allowed: false`",
+    Action.GIVE_EDS: "`dcf: FILE`",
+}
+
+
+def _in_keys(hint: Hint | str | None) -> Hint | str | None:
+    """*hint* with the keys of a network file for the actions that it has keys for."""
+    if not isinstance(hint, Hint):
+        return hint
+    first, *others = (_step_in_keys(replace(step, then=None)) for step in hint)
+    return sum(others, start=first)
+
+
+def _step_in_keys(step: Hint) -> Hint:
+    key = None if step.action is None else _KEYS.get(step.action)
+    if key is None:
+        return step
+    node, pdo = step.arguments.get("node"), step.arguments.get("pdo")
+    words = key.format(f"{node}:{pdo}" if node else pdo)
+    why = step.why if "{}" in step.why else f"{{}} {step.why}".rstrip()
+    why = why.replace("{} first", "{}")  # what a file says is carried out together
+    return Hint(None, why=sentence(replace(step, why=why), lambda _step: words))
 
 
 def _doubted(node: Node, planned: NodePlan, *, force: bool) -> NodePlan:

@@ -170,6 +170,26 @@ def test_no_finding_names_its_node_or_object_twice(both: Bench, tmp_path: Path) 
             assert text.count("1018:01") <= 1, text
 
 
+@pytest.mark.parametrize(
+    ("keys", "hints"),
+    [
+        ("tpdo: {1: {cob_id: 0x1A5, enabled: true}, 2: {cob_id: 0x1A5, enabled: true}}",
+         ["`enabled: false` of tpdo2, take another CAN-ID, or `cob_id: auto`",
+          "`enabled: false` of tpdo1, take another CAN-ID, or `cob_id: auto`"]),
+        ("tpdo: {1: {cob_id: 0x601, enabled: true}}",
+         ["take one within 0x181..0x57F or 0x680..0x6DF, or `cob_id: auto`"]),
+        ("tpdo: {1: {mapping: [], enabled: true}}", ["`mapping:` of tpdo1, or `enabled: false`"]),
+        ("tpdo: {1: {transmission: 253, rtr_allowed: false}}", ["`rtr_allowed: true`, or another type"]),
+    ],
+)  # fmt: skip
+def test_what_helps_is_said_in_keys_of_the_file(keys: str, hints: list[str], both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(f"a: {{node_id: 5, dcf: generic, {keys}}}\n")
+    for judge in ON_THE_WAY:
+        ran = both.run(f"{judge} {path}")
+        assert re.findall(r"^  hint    (.*)$", ran.stderr, re.MULTILINE) == hints
+
+
 def test_a_dcf_is_found_beside_the_file_by_the_name_of_its_folder(both: Bench, tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"
     path.write_text('a: {node_id: 5, dcf: "@BUS_CONFIG_PATH@/own.eds", tpdo: {1: {event_timer: 50}}}\n')
