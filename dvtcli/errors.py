@@ -24,11 +24,13 @@ The number is the exit code. Does not know how errors look on a screen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.hint import Hint
+    from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.who_stored import WhoStored
 
@@ -215,15 +217,41 @@ def stopped_node(node_id: int) -> SafetyRefusal:
     return SafetyRefusal(f"node {node_id} is STOPPED: it answers no SDO", node=node_id, hint=f"nmt preop {node_id}")
 
 
+@dataclass(frozen=True, slots=True)
+class LeftObject:
+    """What node *node_id* holds otherwise than before: *label* is its PDO or object, *place* the object (`1800:05`).
+
+    *place* is None if the PDO could not be read; *holds* and *before* are None if they are not known. *text* is all of
+    it in words.
+    """
+
+    node_id: int
+    label: str
+    place: str | None
+    holds: bytes | None
+    before: bytes | None
+    text: str
+    #: whether the node told what it holds, or is known never to tell that
+    is_known: bool = True
+
+
 class LeftChanged(DvtcliError):
     """Roll-back failed too: the device is left changed.
 
-    *stores* says which nodes of a network have stored, where they did not all.
+    *stores* says which nodes of a network have stored, where they did not all. *left* are the objects that are not as
+    before, *as_before* the PDOs and objects of each node that are, all read after the last write; *guarded* are the
+    changes that were to be rolled back, by node-ID.
     """
 
     exit_code = 7
     slug = "left_changed"
     stores: WhoStored | None = None
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.left: tuple[LeftObject, ...] = ()
+        self.as_before: dict[int, tuple[str, ...]] = {}
+        self.guarded: dict[int, tuple[Change, ...]] = {}
 
 
 class Bug(DvtcliError):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.after_change import left_open
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.failed_change import BUS_BACK
+from dvtcli.device.change.left_behind import Guarded, name_left
 from dvtcli.device.change.put_back import first_difference, restore_patiently
 from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import raw_write_findings
@@ -355,6 +356,8 @@ def put_test_back(node: Node, changes: Sequence[Change], text: str) -> None:
             hint=reset.after(BUS_BACK if isinstance(failed, BusUnavailable) else None),
             state="left_changed",
         )
+        guarded = Guarded(node.node_id, node.sdo, node.witness, changes)
+        name_left(left, [guarded], stopped=isinstance(failed, KeyboardInterrupt))
         left_open(node, left)
         raise left from failed
     finally:

@@ -143,7 +143,7 @@ def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: B
     assert error.place == str(bench.journal)
     assert typed(error.hint) == f"{typed(BRING_BACK)}; then `recover` finishes it, from {bench.journal}"
     assert bench.journal.exists()
-    assert bench.node.pending.suspicions == {CHANGE: "1017:00, 1006:00 of node 1 could not be put back"}
+    assert bench.node.pending.suspicions == {CHANGE: "1017:00 of node 1 could not be put back"}
     assert bench.node.last_seen == {}, "nobody knows what it holds, so nothing is shown of it"
 
 

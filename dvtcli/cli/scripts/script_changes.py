@@ -13,10 +13,12 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from dvtcli.cli.scripts.script_way_back import NodeTakenBack
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.device.node import Node
-    from dvtcli.domain.plan import Plan
+    from dvtcli.domain.plan import Change, Plan
     from dvtcli.operations.session.session import Session
 
 #: What stands for a line that is not known, as one of a Tcl script.
@@ -152,22 +154,33 @@ class ScriptChanges:
             return []
         return [node.keeper.own_journal for node in self._session.met_nodes() if node.keeper is not None]
 
-    def take_back(self, cause: str) -> None:
-        """Undo everything, on all nodes, newest first, each verified; LeftChanged where some of it stays.
+    def take_back(self, cause: str, failed: LeftChanged | None = None) -> None:
+        """Undo everything, on all nodes, newest first, each verified; LeftChanged if some of it stays.
 
-        *cause* is why: what the line that failed said.
+        *cause* is why: what the line that failed said; *failed* is its error, if its own roll-back failed.
         """
         self.ended = True
+        made = {node.node_id: (node, self._made(node)) for node in self._session.met_nodes()}
         if self.final is not None:
-            raise self._committed(cause)
+            left = self._committed(cause)
+            self._name_left(left, made.values(), failed)
+            raise left
         for journal in self._journals():
             journal.final("")
         with self._session.cancellation.way_back(), self._session.agreed():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for one in tried if (failure := one.settled(cause)) is not None]
         if failures:
-            failures[0].details += [("also", failure.text) for failure in failures[1:]]
-            raise failures[0]
+            from dvtcli.device.change.left_behind import could_not
+
+            first, *others = failures
+            self._name_left(first, [made[one.node] for one in failures if one.node in made], failed)
+            for failure in failures:
+                failure.text = could_not(first, failure.node or 0, "taken back") or failure.text
+            first.details += [("also", failure.text) for failure in others]
+            raise first
+        if failed is not None:
+            self._name_left(failed, made.values(), failed)
         self._leave_stopped()
         self._others.clear()
         del self._session.record.lines[self._executed :]
@@ -196,6 +209,29 @@ class ScriptChanges:
         except (DvtcliError, KeyboardInterrupt) as failed:
             tried.failure = left_of(node, made, cause, failed)
         return tried
+
+    def _name_left(
+        self, left: LeftChanged, made: Iterable[tuple[Node, Sequence[Plan]]], failed: LeftChanged | None
+    ) -> None:
+        """Let *left* name what the nodes hold otherwise than before the script, and before the line that *failed*."""
+        from dvtcli.device.change.course import combined
+        from dvtcli.device.change.left_behind import Guarded, name_left
+        from dvtcli.domain.plan import Plan
+
+        changes: dict[int, tuple[Node, tuple[Change, ...]]] = {}
+        for node, plans in made:
+            changes[node.node_id] = node, combined(node.node_id, plans).changes
+        for node in self._session.met_nodes():
+            if failed is not None and node.node_id in failed.guarded:
+                _, own = changes.get(node.node_id, (node, ()))
+                parts = (Plan(node.node_id, some) for some in (own, failed.guarded[node.node_id]))
+                changes[node.node_id] = node, combined(node.node_id, parts).changes
+        stopped = isinstance(left.__cause__, KeyboardInterrupt)
+        name_left(
+            left,
+            [Guarded(node.node_id, node.sdo, node.witness, some) for node, some in changes.values() if some],
+            stopped=stopped,
+        )
 
     def _committed(self, cause: str) -> LeftChanged:
         return LeftChanged(

@@ -78,7 +78,7 @@ def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseExcept
     undone = changes.changed_anything()
     with session.cancellation.guard():
         try:
-            changes.take_back(str(failed) or "interrupted")
+            changes.take_back(str(failed) or "interrupted", failed if isinstance(failed, LeftChanged) else None)
         except LeftChanged as left:
             if session.dry_run:
                 raise _of_twins(left) from None

@@ -57,8 +57,23 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "stays": list(error.stays),
         "also": [text for label, text in error.details if label == "also"],
     }
-    if isinstance(error, LeftChanged) and error.stores is not None:
-        document["stores"] = error.stores.document()
+    if isinstance(error, LeftChanged):
+        document["left"] = [
+            {
+                "node": row.node_id,
+                "changed": row.label,
+                "object": row.place,
+                "holds": None if row.holds is None else row.holds.hex(),
+                "before": None if row.before is None else row.before.hex(),
+                "text": row.text,
+            }
+            for row in error.left
+        ]
+        document["as_before"] = [
+            {"node": node_id, "changed": list(labels)} for node_id, labels in error.as_before.items()
+        ]
+        if error.stores is not None:
+            document["stores"] = error.stores.document()
     if isinstance(error, RuleError):
         document["findings"] = [finding_document(finding) for finding in error.findings]
     if isinstance(error, InputFileError | RuleError) and error.complaints:
@@ -87,7 +102,8 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     if isinstance(error, RuleError):
         yield from _rule_lines(error, at)
         return
-    rows: list[tuple[str, str | Hint]] = [*error.details]
+    left = _left_rows(error) if isinstance(error, LeftChanged) else ()
+    rows: list[tuple[str, str | Hint]] = [*left, *error.details]
     file = _file(error)
     if error.exit_code == 4 and file and file != at and _LINE.search(file) and file not in error.text:
         rows.append(("file", file))
@@ -113,6 +129,15 @@ def _rows(rows: Iterable[tuple[str, str | Hint]]) -> Iterator[Line]:
 
 def _part(text: str | Hint) -> Cell | Hint:
     return Cell(text) if isinstance(text, str) else text
+
+
+def _left_rows(error: LeftChanged) -> Iterator[tuple[str, str]]:
+    """What is not as before, a line each PDO or object."""
+    texts: dict[tuple[int, str], list[str]] = {}
+    for row in error.left:
+        texts.setdefault((row.node_id, row.label), []).append(row.text)
+    for (node_id, label), some in texts.items():
+        yield "left", f"{label} of node {node_id}: {several(some)}"
 
 
 def _state(error: DvtcliError, at: str | None) -> str:

@@ -48,6 +48,7 @@ def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_j
     except KeyboardInterrupt as torn:
         left = left_changed(plan, torn, torn)
         left.text, left.why = f"stopped before {labels_of(plan)} of node {plan.node_id} was complete", None
+        left.state_text = f"LEFT CHANGED: {set_words(plan)}; it is not complete without its NMT state"
         left_open(node, left)
         raise left from torn
     except DvtcliError as failed:  # it may have restarted since it was read back

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.accepted_state import refuse_other_device
+from dvtcli.device.change.left_behind import Guarded, could_not, name_left
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
@@ -161,15 +162,19 @@ class Recovery:
             node.forget()
 
     def _left(self, fault: BaseException) -> LeftChanged:
-        labels = several(self.journal.labels)
-        return LeftChanged(
-            f"{labels} of node {self.node.node_id} could not be put back",
-            node=self.node.node_id,
+        node, labels = self.node, several(self.journal.labels)
+        left = LeftChanged(
+            f"{labels} of node {node.node_id} could not be put back",
+            node=node.node_id,
             place=str(self.journal.path),
             why=_reason(fault),
-            hint=_next_step(self.node, fault, self.journal),
+            hint=_next_step(node, fault, self.journal),
             state="left_changed",
         )
+        guarded = Guarded(node.node_id, node.sdo, node.witness, self.changes)
+        name_left(left, [guarded], stopped=isinstance(fault, KeyboardInterrupt))
+        left.text = could_not(left, node.node_id, "put back") or left.text
+        return left
 
 
 def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Change, ...]:

@@ -14,7 +14,7 @@ from dvtcli.device.change.put_back import altered_cob_ids, first_difference
 from dvtcli.device.read_pdos import WHATEVER, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange, writes_cob_id
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 
@@ -64,6 +64,14 @@ class OtherPdos:
         """The PDOs that are not as they were when the way back began, each with what differs, in words."""
         altered = altered_of(sdo, (PdoChange(pdo, before, before, ()) for pdo, before in self._before.items()))
         return {change.pdo: difference for change, difference in altered.items()}
+
+    def unchanged(self) -> Iterator[Change]:
+        """Each of the PDOs, or its COB-ID where nothing else of it was read, as a change to what it was before."""
+        yield from as_they_are(self.wholes)
+        for pdo, cob_id in self.cob_ids.items():
+            if pdo not in self.wholes:
+                raw = cob_id.raw.to_bytes(4, "little")
+                yield ValueChange(Step(pdo.communication_index, 1, raw, raw, "as before"))
 
     def changes(self, sdo: SdoTransport, pdos: Iterable[Pdo]) -> tuple[PdoChange, ...]:
         """What puts *pdos* back to what they held before the plan.

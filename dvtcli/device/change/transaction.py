@@ -40,6 +40,7 @@ from dvtcli.errors import (
     DeviceRefused,
     DvtcliError,
     Interrupted,
+    LeftChanged,
     NoAnswer,
     SdoAborted,
     SdoProtocolError,
@@ -227,7 +228,7 @@ class Transaction:
         try:
             otherwise = self._put_back()
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
-            raise left_changed(self.plan, fault, second) from fault
+            raise self._left_changed(fault, second) from fault
         if isinstance(fault, DvtcliError):
             self._say_unreadable(fault)
             fault.details += [("put back", finding.text) for finding in put_back_findings(otherwise)]
@@ -246,11 +247,26 @@ class Transaction:
                     Action.SHOW_FRAMES, why="two nodes with one node-ID, or another SDO client? {} shows the frames"
                 )
 
+    def _left_changed(self, fault: BaseException, second: BaseException) -> LeftChanged:
+        """The error of a roll-back that failed with *second*: it names what is not as before, as read now."""
+        from dvtcli.device.change.left_behind import Guarded, could_not, name_left
+
+        left = left_changed(self.plan, fault, second)
+        beside = tuple(self.others.unchanged())
+        guarded = Guarded(self.plan.node_id, self.sdo, self.witness, self.plan.changes, beside)
+        name_left(left, [guarded], stopped=isinstance(second, KeyboardInterrupt))
+        left.text = could_not(left, self.plan.node_id, "put back") or left.text
+        return left
+
     def _say_unreadable(self, fault: DvtcliError) -> None:
         """All that can be read is as it was; LeftChanged where the device took what nobody can read or put back."""
         unreadable = Plan(self.plan.node_id, tuple(self._started)).unreadable
         if taken := [change for change in unreadable if self._acknowledged.was_taken(change)]:
-            raise unreadable_left(self.plan, taken, fault) from fault
+            from dvtcli.device.change.left_behind import Guarded, name_left
+
+            left = unreadable_left(self.plan, taken, fault)
+            name_left(left, [Guarded(self.plan.node_id, self.sdo, self.witness, self.plan.changes)])
+            raise left from fault
         refusal = isinstance(fault, DeviceRefused)
         fault.state = "unknown" if unreadable and not refusal else "rolled_back"
         if unreadable and refusal:

@@ -159,7 +159,15 @@ class Course:
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """The first of *failures*, with what became of the other nodes."""
+        from dvtcli.device.change.left_behind import Guarded, could_not, merge_left, name_left
+
         first, *others = failures.values()
+        for node_id, failure in failures.items():
+            node = self.nodes[node_id]
+            changes = combined(node_id, [self.guarded(node_id)]).changes
+            name_left(failure, [Guarded(node_id, node.sdo, node.witness, changes)])
+            failure.text = could_not(failure, node_id, "taken back") or failure.text
+        merge_left(first, others)
         first.details += [("also", failure.text) for failure in others]
         first.details += other_nodes(*self._others(failures))
         return first

@@ -242,7 +242,7 @@ def test_a_script_that_fails_behind_its_store_does_not_say_that_nothing_was_stor
     with Bench(("generic",), {"yes": True}) as bench:
         ran = bench.run(f"run {script} --atomic")
     assert ran.code == 7
-    assert "LEFT CHANGED: see above; what " in ran.stderr
+    assert "LEFT CHANGED: TPDO1 of node 1; what " in ran.stderr
     assert "nothing was stored" not in ran.stderr
 
 

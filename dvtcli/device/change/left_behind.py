@@ -1,0 +1,167 @@
+"""What a device holds that is not as it was before a change, read once its roll-back has failed.
+
+Reads only; an answer that does not come is told as what is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.put_back import held_otherwise
+from dvtcli.device.observe import MOST_LOOKS, Witness
+from dvtcli.device.read_pdos import read_pdo
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
+from dvtcli.domain.several import several, value_text
+from dvtcli.errors import DvtcliError, LeftChanged, LeftObject, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import SdoReader
+
+_RESTARTS = f"the node restarted, or lost an answer, each of {MOST_LOOKS} times that it was read"
+
+
+@dataclass(frozen=True, slots=True)
+class Guarded:
+    """What a change of *node_id* was to leave as before: the *before* of *changes*, read through *sdo*.
+
+    Of *beside*, of which only a part may be known, nothing is told but what differs.
+    """
+
+    node_id: int
+    sdo: SdoReader
+    witness: Witness
+    changes: Sequence[Change]
+    beside: Sequence[Change] = ()
+
+    @property
+    def all(self) -> tuple[Change, ...]:
+        """All that is read."""
+        return (*self.changes, *self.beside)
+
+
+def name_left(left: LeftChanged, guarded: Iterable[Guarded], *, stopped: bool = False) -> None:
+    """Let *left* name the objects that are not as before, and the PDOs and objects that are, as read now.
+
+    With *stopped* nobody waits for an answer: nothing is read, and all is told as not known.
+    """
+    objects: list[LeftObject] = []
+    as_before: dict[int, list[str]] = {}
+    for one in guarded:
+        left.guarded[one.node_id] = one.all
+        found = list(_unread(one, one.changes, "stopped before it was read")) if stopped else _look(one)
+        objects += found
+        others = {_label(change) for change in one.changes} - {row.label for row in found}
+        as_before[one.node_id] = [label for label in dict.fromkeys(map(_label, one.changes)) if label in others]
+    left.left = tuple(objects)
+    left.as_before = {node_id: tuple(labels) for node_id, labels in as_before.items() if labels}
+    left.state_text = _state_text(left)
+
+
+def merge_left(left: LeftChanged, others: Iterable[LeftChanged]) -> None:
+    """Let *left* also name what *others* name, which are of other nodes."""
+    for other in others:
+        left.left += other.left
+        left.as_before |= other.as_before
+        left.guarded |= other.guarded
+    left.state_text = _state_text(left)
+
+
+def could_not(left: LeftChanged, node_id: int, done: str) -> str | None:
+    """That what *left* names of a node could not be *done* ("put back"); None if nothing of it is left."""
+    labels = _labels(left, node_id)
+    return f"{labels} of node {node_id} could not be {done}" if labels else None
+
+
+def _labels(left: LeftChanged, node_id: int) -> str:
+    return several(dict.fromkeys(row.label for row in left.left if row.node_id == node_id))
+
+
+def _state_text(left: LeftChanged) -> str | None:
+    """The state in words; None if nothing was to be as before."""
+    nodes = dict.fromkeys([*(row.node_id for row in left.left), *left.as_before])
+    texts = []
+    for node_id in nodes:
+        rows = [row for row in left.left if row.node_id == node_id]
+        if changed := several(dict.fromkeys(row.label for row in rows if row.is_known)):
+            texts.append(f"{changed} of node {node_id}")
+        if unknown := several(dict.fromkeys(row.label for row in rows if not row.is_known)):
+            texts.append(f"what node {node_id} holds of {unknown} is not known")
+    same = [f"{several(labels)} of node {node_id} is as it was" for node_id, labels in left.as_before.items()]
+    if not texts:
+        if not same:
+            return None
+        return f"{'; '.join(same)}, read last; but the roll-back did not end: look at it again"
+    return "; ".join([f"LEFT CHANGED: {'; '.join(texts)}", *(f"{text}, read back equal" for text in same)])
+
+
+def _look(guarded: Guarded) -> list[LeftObject]:
+    """The rows of a node, all of them read in one life of it."""
+    for _ in range(MOST_LOOKS):
+        try:
+            upsets = guarded.witness.upsets()
+            rows = list(_rows(guarded))
+            if guarded.witness.upsets() == upsets:
+                return rows
+        except DvtcliError as dead:
+            return list(_unread(guarded, guarded.changes, dead.text))
+    return list(_unread(guarded, guarded.changes, _RESTARTS))
+
+
+def _rows(guarded: Guarded) -> Iterator[LeftObject]:
+    for number, change in enumerate(guarded.all):
+        try:
+            differing = list(_differing(guarded.sdo, change))
+        except SdoAborted as refused:
+            if change in guarded.changes:
+                yield from _unread(guarded, (change,), refused.text)
+        except DvtcliError as silent:  # it answers nothing about the others either
+            yield from _unread(guarded, guarded.changes[number:], silent.text)
+            return
+        except KeyboardInterrupt:
+            yield from _unread(guarded, guarded.changes[number:], "stopped before it was read")
+            return
+        else:
+            for place, held, before, text in differing:
+                yield LeftObject(guarded.node_id, _label(change), place, held, before, text)
+
+
+def _differing(sdo: SdoReader, change: Change) -> Iterator[tuple[str, bytes | None, bytes | None, str]]:
+    """Each object of *change* that is not as before, with what it holds and held, also in words."""
+    if isinstance(change, ValueChange):
+        step = change.step
+        if step.before is None:
+            text = f"0x{step.object} was written, and cannot be read: what it held before is not known"
+            yield step.object, None, None, text
+        elif (found := held_otherwise(sdo, change, wanted_before=True)) is not None:
+            yield step.object, *found, _words(step.object, *found)
+        return
+    held = read_pdo(sdo, change.pdo)
+    steps: dict[str, list[Step]] = {}
+    for step in plan_pdo(change.pdo, held, change.before).steps:
+        steps.setdefault(step.object, []).append(step)
+    for place, written in steps.items():
+        is_held, was = written[0].before, written[-1].after
+        if is_held != was and (is_held is not None or len(steps) == 1):  # beyond the count an entry means nothing
+            yield place, is_held, was, _words(place, is_held, was)
+
+
+def _words(place: str, held: bytes | None, before: bytes) -> str:
+    return f"0x{place} is {'unset' if held is None else value_text(held)}, was {value_text(before)}"
+
+
+def _unread(guarded: Guarded, changes: Iterable[Change], why: str) -> Iterator[LeftObject]:
+    for change in changes:
+        place = None if isinstance(change, PdoChange) else change.step.object
+        text = f"what it holds is not known: {why}"
+        yield LeftObject(guarded.node_id, _label(change), place, None, None, text, is_known=False)
+
+
+def _label(change: Change) -> str:
+    """The PDO that *change* is of, also where it is of a single object of it."""
+    if isinstance(change, PdoChange):
+        return change.label
+    pdo = Pdo.at(change.step.index)
+    return change.label if pdo is None else pdo.label
