@@ -373,7 +373,12 @@ class Life:
 @pytest.mark.parametrize(
     ("why", "restarts", "told", "hint"),
     [
-        (None, False, "it answers again: an answer, or its request, was lost or late", "try again; where that repeats"),
+        (
+            None,
+            False,
+            "it answers again: an answer or request may be lost or late, or it restarted unheard",
+            "try again; where that repeats",
+        ),
         ("no acknowledgement", False, "no acknowledgement", "try again; where that repeats"),
         (None, True, "it restarted meanwhile: its boot-up message was heard", "look at its supply, then try again"),
     ],

@@ -294,7 +294,9 @@ class Transaction:
         if self._restarted():
             silent.why, silent.hint = "it restarted meanwhile: its boot-up message was heard", TRY_AGAIN
         else:
-            silent.why = silent.why or "it answers again: an answer, or its request, was lost or late"
+            silent.why = (
+                silent.why or "it answers again: an answer or request may be lost or late, or it restarted unheard"
+            )
             silent.hint = Hint(
                 Action.GIVE_TIMEOUT,
                 why="try again; where that repeats, a longer {}, or look at the wiring and the bus load",
