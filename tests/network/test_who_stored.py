@@ -39,6 +39,12 @@ def test_who_has_stored_is_in_the_document(tmp_path: Path, fault: str, stores: d
     assert (code, told["exit_code"], told["stores"]) == (7, 7, stores)
 
 
+def test_a_node_that_does_not_keep_what_it_stores_is_not_among_those_that_stored(tmp_path: Path) -> None:
+    code, told = error(tmp_path, "9:stores-nothing", "apply", "net.yaml", "--prove")
+    assert (code, told["node"]) == (7, 9)
+    assert told["stores"] == {"stored": [5], "not_stored": [], "unknown": [], "not_held": [9]}
+
+
 @pytest.mark.parametrize("fault", ["9:bus-error@1", "9:refuse@1=0x08000000"])
 def test_where_nothing_is_stored_yet_the_document_has_none(tmp_path: Path, fault: str) -> None:
     code, told = error(tmp_path, fault, "apply", "net.yaml")

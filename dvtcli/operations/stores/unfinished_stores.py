@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.who_stored import WhoStored
-from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.whole import Storing
@@ -136,7 +136,9 @@ def _say_who(course: Stores, left: LeftChanged) -> None:
     done = tuple(one.node_id for one in course.states.values() if one.is_done)
     unsure = tuple(node_id for node_id, one in course.failed.items() if _is_unsure(one))
     missing = tuple(node_id for node_id in course.states if node_id not in {*done, *unsure})
-    left.stores = WhoStored(done, missing, unsure)
+    lost = {fault.node for fault in course.lost if isinstance(fault, DeviceRefused)}
+    not_held = tuple(node_id for node_id in done if node_id in lost)
+    left.stores = WhoStored(tuple(node_id for node_id in done if node_id not in lost), missing, unsure, not_held)
     left.details += left.stores.rows()
 
 
