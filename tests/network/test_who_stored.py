@@ -43,6 +43,7 @@ def test_a_node_that_does_not_keep_what_it_stores_is_not_among_those_that_stored
     code, told = error(tmp_path, "9:stores-nothing", "apply", "net.yaml", "--prove")
     assert (code, told["node"]) == (7, 9)
     assert told["stores"] == {"stored": [5], "not_stored": [], "unknown": [], "not_held": [9]}
+    assert "store --prove` shows whether the node keeps what it stores" in told["hint"]
 
 
 @pytest.mark.parametrize("fault", ["9:bus-error@1", "9:refuse@1=0x08000000"])

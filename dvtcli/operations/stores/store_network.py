@@ -63,7 +63,8 @@ def store_network(
             _close(course.journals(), fault)
             _end_stamps(session, on_way, verified, fault)
         elif isinstance(fault, LeftChanged) and not course.journals():
-            fault.hint = hint_without_journal(on_way.lost[0])
+            done = [one.node_id for one in on_way.states.values() if one.is_done]
+            fault.hint = hint_without_journal(on_way.lost[0], done)
         for journal in course.journals():
             journal.is_over()
         raise

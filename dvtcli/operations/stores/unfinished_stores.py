@@ -5,7 +5,7 @@ Asks no node. Does not know how stores are carried out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -150,8 +150,11 @@ def _is_unsure(fault: BaseException) -> bool:
     return lost or fault.state in ("unknown", "left_changed")
 
 
-def hint_without_journal(lost: BaseException) -> Hint | str | None:
+def hint_without_journal(lost: BaseException, acknowledged: Collection[int] = ()) -> Hint | str | None:
     """What helps where *lost* is why a node does not hold what was set, and nothing else remembers that."""
     if isinstance(lost, LeftChanged):
         return lost.hint
+    if isinstance(lost, DeviceRefused) and lost.node is not None and lost.node in acknowledged:
+        why = "{} shows whether the node keeps what it stores: its manual says how it stores"
+        return Hint(Action.PROVE_STORE, {"node": (lost.node,)}, why)
     return _AGAIN.after(BUS_BACK if isinstance(lost, BusUnavailable) else None)
