@@ -30,7 +30,13 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
 #: the standard library's doors out of the process, and its ways past the seams
 DOORS: dict[str, tuple[str, ...]] = {
     "socket": ("bus/", "simulator/network/hub.py", "simulator/network/hub_client.py"),
-    "subprocess": ("bus/discover.py", "bus/transports.py", "cli/dvt/tcl_process.py", "cli/prompt/redirect.py"),
+    "subprocess": (
+        "bus/discover.py",
+        "bus/transports.py",
+        "cli/dvt/tcl_process.py",
+        "cli/prompt/redirect.py",
+        "cli/view/typed_hints.py",  # how Windows takes words apart
+    ),
     "logging": ("bus/python_can_settings.py", "operations/api/told.py"),
     "traceback": ("cli/crash.py",),
     "warnings": ("cli/passcode.py",),
