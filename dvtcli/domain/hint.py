@@ -174,6 +174,15 @@ def next_step(hint: Hint | str | None) -> NextStep | None:
     return NextStep(hint) if isinstance(hint, Hint) else None
 
 
+def plain_json(value: object) -> str | None:
+    """What JSON that is kept has for a hint: its words; and null for a command, which is of one call only."""
+    if isinstance(value, NextStep):
+        return None
+    if isinstance(value, Hint):
+        return value.words()
+    raise TypeError(f"{type(value).__name__} is not JSON")
+
+
 def filled(template: str, arguments: Mapping[str, Any]) -> list[str]:
     """The words of *template* with the *arguments*.
 

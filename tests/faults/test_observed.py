@@ -78,12 +78,16 @@ def test_one_that_does_so_each_time_is_left_changed_and_says_so(tmp_path: Path) 
     assert {change.label for change in left.plan.changes} == {"TPDO1", "TPDO2"}, "both have to be put back"
 
 
-def test_an_event_timer_moves_no_other_pdo_and_reads_none(tmp_path: Path) -> None:
+def test_an_event_timer_moves_no_other_pdo_and_reads_only_their_cob_ids(tmp_path: Path) -> None:
+    """They are compared with that of the PDO, which stays enabled."""
     run = bench(tmp_path)
-    read: set[int] = set()
-    run.bus.tap(lambda frame, sent: read.add(int.from_bytes(frame.data[1:3], "little")) if sent else None)
+    read: set[tuple[int, int]] = set()
+    run.bus.tap(
+        lambda frame, sent: read.add((int.from_bytes(frame.data[1:3], "little"), frame.data[3])) if sent else None
+    )
     assert run.session(["set tpdo1 --timer 250"])[0] == 0
-    assert not {index for index in read if Pdo.at(index) not in (TPDO1, None)}
+    others = {(index, sub_index) for index, sub_index in read if Pdo.at(index) not in (TPDO1, None)}
+    assert {sub_index for _, sub_index in others} == {1}
 
 
 @pytest.mark.parametrize(

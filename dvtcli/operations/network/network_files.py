@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heard_producers import heard_ids
+from dvtcli.domain.hint import plain_json
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
@@ -75,7 +76,7 @@ def _saved_text(session: Session, answer: NetworkPlanned, saved: str) -> str:
         from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
 
         return plan_as_lines(session, answer.plan)
-    return json.dumps(answer.document(), indent=1) + "\n"
+    return json.dumps(answer.document(), indent=1, default=plain_json) + "\n"
 
 
 def applied(
