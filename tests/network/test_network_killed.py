@@ -73,7 +73,7 @@ def test_every_node_is_recovered(nodes: Killable, kill_at: int) -> None:
     refused = nodes.dvtcli("--yes", "apply", str(nodes.folder / "net.yaml"))
     assert refused.returncode == 6
     assert "recover" in refused.stderr
-    next_line = " recover, since a change of node 1"
+    next_line = " recover`, since a change of node 1"
     assert next_line in nodes.dvtcli("plan", str(nodes.folder / "net.yaml")).stdout
     (nodes.folder / "same.yaml").write_text("nodes: {a: {node_id: 1}}\n", "utf-8")
     same = nodes.dvtcli("diff", str(nodes.folder / "same.yaml"))
