@@ -93,7 +93,7 @@ class CutWhereAsked(Cut):
             self.cut = not self.left
 
 
-@pytest.mark.parametrize("requests", [133, 205, 358])
+@pytest.mark.parametrize("requests", [133, 205, 370])
 def test_a_bus_that_is_gone_for_every_node_is_said_once(home: Path, requests: int) -> None:
     folder, path = home.parent / "files", home.parent / "net.yaml"
     folder.mkdir()
@@ -105,7 +105,7 @@ def test_a_bus_that_is_gone_for_every_node_is_said_once(home: Path, requests: in
         chain.apply(path)
     assert "the bus is gone" in f"{raised.value} {raised.value.why}"
     assert ("also", "the bus is gone") not in raised.value.details
-    if requests == 358:  # the first request that writes
+    if requests == 370:  # the first request that writes
         assert (raised.value.node, raised.value.details) == (5, [("others", "node 7, 9: nothing was written to it")])
 
 
