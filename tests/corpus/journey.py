@@ -194,7 +194,7 @@ class _Trip:
             return
         ran = self.bench.run("undo")
         after = self._one(pdo)
-        said = "`undo` leaves it" in changed.stderr
+        said = "an undo leaves it" in changed.stderr
         if ran.code not in (0, 1) or (ran.code == 0) is not (after == before):
             self.journey.note(f"undo of {line}", WRONG, f"exit {ran.code}, {before} became {after}: {ran.stderr}")
         elif after == before:

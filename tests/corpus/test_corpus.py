@@ -110,7 +110,7 @@ def test_the_first_pdo_is_mapped_verified_stored_and_proved_or_refused_with_the_
         check_proof(bench, path)
         assert bench.run(f"verify {pdo}").code == 0
         undone = bench.run("undo --all")
-        if "`undo` leaves it" in mapped.stderr:
+        if "an undo leaves it" in mapped.stderr:
             assert undone.code == 1
             assert "does not take that back" in undone.stderr
             assert not node.pdo(pdo).enabled
