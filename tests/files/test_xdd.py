@@ -235,12 +235,14 @@ def test_an_xdd_is_taken_wherever_an_eds_is(tmp_path: Path, monkeypatch: pytest.
         assert bench.run("verify pump.xdd --json").code == 0
         assert bench.run("map rpdo1 6000").code == 1
         assert bench.run("map tpdo1 6000").code == 0
+        assert bench.run("plan net.yaml --json").code == 0, "what it holds against its family, and keeps, is no error"
+        text = Path("net.yaml").read_text()
+        Path("net.yaml").write_text(text + "    rpdo:\n      1: {rtr_allowed: true, transmission: 1}\n")
         ran = bench.run("plan net.yaml --json")
         assert (ran.code, [(one["rule"], one["place"]) for one in ran.document["findings"]]) == (
             1, [("rtr-bit", "0x1400:01")],
         )  # fmt: skip
-        with Path("net.yaml").open("a") as file:
-            file.write("    rpdo:\n      1: {rtr_allowed: false}\n")
+        Path("net.yaml").write_text(text + "    rpdo:\n      1: {transmission: 1, rtr_allowed: false}\n")
         assert bench.run("plan net.yaml --json").code == 0
     with Bench(("generic@1",), {"eds": "pump.xdd"}) as bench:
         assert bench.run("objects 6200 --json").document["objects"][0]["name"] == "main valve (Output)"
