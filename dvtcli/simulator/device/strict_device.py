@@ -226,7 +226,7 @@ class StrictDevice:
             if self.loader.take(index, data, self.state):
                 self._reset(communication_only=False)
             return
-        held = self._memory.read(index, sub_index) if self._clears_stamp_for(index, sub_index) else data
+        held = self._known(index, sub_index) if self._clears_stamp_for(index, sub_index) else data
         self._memory.write(index, sub_index, data)
         if held != data:
             for part in (1, 2):
@@ -234,6 +234,13 @@ class StrictDevice:
         self.areas.keep_written(index)
         self.services.written(index)
         self.state = self._gates.granted(self._gates.forced_state(index, sub_index), self.state)
+
+    def _known(self, index: int, sub_index: int) -> bytes | None:
+        """What an object holds; None if the node behind a twin does not let it be read, as a write-only object."""
+        try:
+            return self._memory.read(index, sub_index)
+        except Refusal:
+            return None
 
     def _clears_stamp_for(self, index: int, sub_index: int) -> bool:
         """Whether a write to the object ends what 0x1020 says: it is configuration, and no process value."""

@@ -151,3 +151,13 @@ def test_each_dry_line_has_a_twin_of_its_own_and_a_dry_script_one_for_all_its_li
     with Bench(("gen4",), {"dry_run": True}) as bench:
         writes = [document["writes"] for document in bench.script(f"{line} --json", f"{line} --json").documents]
         assert writes == [1, 0]
+
+
+@pytest.mark.parametrize("line", ["write 2004 5", "write 2004 0"])
+def test_a_write_only_object_is_written_to_the_twin_as_to_the_node(line: str) -> None:
+    """The twin asked the node what it held, which is what a write-only object does not tell."""
+    answers = []
+    for dry in (True, False):
+        with Bench(("generic@5",), {"yes": True, "dry_run": dry}) as bench:
+            answers.append(bench.run(line))
+    assert [ran.code for ran in answers] == [0, 0], answers
