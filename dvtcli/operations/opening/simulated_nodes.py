@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.errors import InputFileError, UsageError
@@ -253,8 +254,9 @@ def read_dictionary(path: Path) -> ObjectDictionary:
         from dvtcli.files.device_library.stored_files import folder
 
         if not wrong.hint and path.parent == folder():
-            wrong.hint = (
-                "it lies in the library: `eds add` the file again, or `eds remove` it; --eds FILE names another"
+            wrong.hint = Hint(
+                Action.REMOVE_EDS,
+                why="it lies in the library: `eds add` the file again, or {} takes it out; --eds FILE names another",
             )
         raise
 
