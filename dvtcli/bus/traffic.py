@@ -19,7 +19,7 @@ from dvtcli.domain.ports import Frame
 #: frames that arrive after one of ours was sent are kept for a `receive` that follows within this time (s)
 ANSWERS_KEPT_S = 1.0
 #: how many of our own frames, and of those that answer them, are remembered
-REMEMBERED = 256
+REMEMBERED = 1024
 
 Tap = Callable[[Frame, bool], None]
 M = TypeVar("M")

@@ -22,8 +22,8 @@ from dvtcli.files.user_folders import user_folder
 #: the value of a frame that was a passcode
 LEFT_OUT = " (value not kept)"
 _ARROWS = {"->": True, "<-": False}
-#: 256 frames, each a short line
-_LONGEST = 64 * 1024
+#: 1024 frames, each a short line
+_LONGEST = 256 * 1024
 
 
 def keep_exchange(lines: Sequence[str]) -> bool:

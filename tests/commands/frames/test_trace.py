@@ -79,7 +79,7 @@ def test_the_exchange_of_a_run_that_failed_is_kept_for_another_one() -> None:
         assert "trace last" not in bench.run("write 1018:1 5 --force --json").stdout
     if os.name == "posix":
         assert stat.S_IMODE(kept.stat().st_mode) == 0o600
-    ran = Bench().run("trace last --count 200")
+    ran = Bench().run("trace last --count 1000")
     assert (ran.code, "of a run that failed" in ran.stderr) == (0, True)
     assert "attempt to write a read-only object" in ran.stdout
     with Bench(in_real_time=True) as bench:
@@ -153,6 +153,6 @@ def test_an_error_at_the_prompt_names_it() -> None:
         assert "trace last" not in bench.run("map tpdo1 606C:x").stderr, "nothing was sent"
         ran = bench.run("map tpdo1 606C 6041")
         assert (ran.code, ran.stderr.splitlines()[-1]) == (1, "  frames  trace last")
-        assert "object cannot be mapped" in bench.run("trace last --count 200").stdout
+        assert "object cannot be mapped" in bench.run("trace last --count 1000").stdout
         assert "trace last" in bench.run("read 5FFF").stderr
         assert "trace last" not in bench.run("read 5FFF --json").stdout
