@@ -109,7 +109,7 @@ def _stopped(session: Conversation) -> int:
         stopped = Interrupted(word, state=state)
         stopped.exit_code, stopped.state_text = code, said
         return _shown(session, stopped)
-    left = f": what {several(staying)} changed stays" if staying else ""
+    left = f": what {several(staying)} changed is not taken back" if staying else ""
     session.output.lines([word + left])
     return code
 

@@ -167,7 +167,7 @@ def test_another_script_keeps_them_and_says_so(bench: Bench, tmp_path: Path) -> 
     before = start(bench)
     code, stderr = stopped(bench, signal.SIGINT, (), STEPS + 1, "run", str(script))
     assert code == 130, stderr
-    assert f"what {script}:2 changed stays" in stderr
+    assert f"what {script}:2 changed is not taken back" in stderr
     after = held(bench)
     assert after[0x1800, 1] == bytes.fromhex("01020000")
     assert after[0x1801, 5] == before[0x1801, 5]

@@ -145,7 +145,7 @@ def _state(error: DvtcliError, at: str | None) -> str:
     text = error.state_text or _STATES[error.state]
     if at and error.state_text is None and (error.stays or error.state == "unchanged"):
         text = _BY_THIS_LINE.get(error.state, text)
-    return f"{text}; what {several(error.stays)} changed stays" if error.stays else text
+    return f"{text}; what {several(error.stays)} changed is not taken back" if error.stays else text
 
 
 def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:

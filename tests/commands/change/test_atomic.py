@@ -227,7 +227,9 @@ def test_a_line_with_dry_run_gets_a_fresh_twin() -> None:
         assert bench.run("pdo tpdo1 --dry-run --json").document["pdos"] == before["pdos"]
 
 
-@pytest.mark.parametrize(("options", "told"), [((), "what <stdin>:1 changed stays"), (("--atomic",), "rolled back")])
+@pytest.mark.parametrize(
+    ("options", "told"), [((), "what <stdin>:1 changed is not taken back"), (("--atomic",), "rolled back")]
+)
 def test_a_line_that_turns_out_wrong_as_it_runs_says_in_which_state_the_device_is(
     options: tuple[str, ...], told: str
 ) -> None:

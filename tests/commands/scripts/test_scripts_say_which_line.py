@@ -20,7 +20,7 @@ def test_a_verify_that_differs_says_its_line() -> None:
         ran = bench.script("set tpdo1 --timer 20", f"verify tpdo1 {EDS}", "pdo")
         assert ran.code == 3
         assert f"test.dvt:2: error: TPDO1 differs from {EDS}" in ran.stderr
-        assert rows(ran.stderr)["state"] == "read back, nothing was written; what test.dvt:1 changed stays"
+        assert rows(ran.stderr)["state"] == "read back, nothing was written; what test.dvt:1 changed is not taken back"
         assert "COB-ID" not in ran.stdout, "it ends there"
 
 
