@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import threading
 from collections.abc import Callable
@@ -167,7 +168,7 @@ def test_a_link_set_down_in_the_middle_of_a_change_leaves_a_journal_and_recover_
             ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
             assert ran.code == 7, ran.stderr
             assert "Network is down" in ran.stderr
-            assert "bring the bus back first (`doctor` looks at it)" in ran.stderr
+            assert re.search(r"bring the bus back first \(`dvtcli .*doctor` looks at it\)", ran.stderr), ran.stderr
         ip("set", ours, "up")
         with Bench((), options) as bench:
             ran = bench.run("recover --yes")
