@@ -239,7 +239,9 @@ class StrictDevice:
         """What an object holds; None if the node behind a twin does not let it be read, as a write-only object."""
         try:
             return self._memory.read(index, sub_index)
-        except Refusal:
+        except Refusal as refusal:
+            if refusal.code not in (Abort.WRITE_ONLY, Abort.UNSUPPORTED_ACCESS):
+                raise
             return None
 
     def _clears_stamp_for(self, index: int, sub_index: int) -> bool:
