@@ -17,7 +17,7 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.profile.toml import builtin_path
-from tests.commands.bench import Bench
+from tests.commands.bench import Bench, Ran
 from tests.small_eds import U16, U32, communication, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
@@ -396,18 +396,23 @@ def makes_equal(what: str, folder: Path, draw: Callable[[st.SearchStrategy[Any]]
         held = bench.run(f"diff {file}")
         assert held.code == 0, held.stdout + held.stderr
     with Bench((what,)) as bench:
-        line = f"apply {file} {EVERYTHING} --yes"
-        applied = bench.run(line)
-        if applied.code == 1:  # what a device takes, the rules of networks may refuse
-            assert re.search(r"\n  rule +[a-z-]+ at 0x", applied.stderr), applied.stderr
-            assert "unchanged: nothing was written; --force sends it anyway" in applied.stderr
-            line += " --force"
-            applied = bench.run(line)
+        applied, line = run_or_force(bench, f"apply {file} {EVERYTHING} --yes")
         assert applied.code == 0, applied.stdout + applied.stderr
         compared = bench.run(f"compare {file} --json").document
         assert compared["differences"] == []
         assert bench.run(f"{line} --json").document["writes"] == 0
     return taken
+
+
+def run_or_force(bench: Bench, line: str) -> tuple[Ran, str]:
+    """Run *line*, forced if the rules refuse what the device takes: return its result and the line that was run."""
+    ran = bench.run(line)
+    if ran.code == 1:
+        assert re.search(r"\n  rule +[a-z-]+ at 0x", ran.stderr), ran.stderr
+        assert "unchanged: nothing was written; --force " in ran.stderr
+        line += " --force"
+        ran = bench.run(line)
+    return ran, line
 
 
 def _lines(bench: Bench) -> st.SearchStrategy[str]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.bus.devices import dictionary
 from tests.commands.bench import Bench, beside
 from tests.simulator.bench import booted
-from tests.whole_device.test_apply_file import EVERYTHING, _lines
+from tests.whole_device.test_apply_file import EVERYTHING, _lines, run_or_force
 from tests.whole_device.test_export_dcf import FAMILIES
 
 
@@ -38,8 +38,9 @@ def applied(family: str, file: Path) -> tuple[Any, ...]:
     if dictionary(family).entry(0x6041, 0):
         device.set_value(0x6041, 0, b"\x31\2")  # ready to switch on: it cannot move
     with Bench((), {"journal": file.with_suffix("")}, beside([device])) as bench:
-        planned = bench.run(f"plan {file} {EVERYTHING} --json").document
-        ran = bench.run(f"apply {file} {EVERYTHING} --yes --json")
+        _, plan = run_or_force(bench, f"plan {file} {EVERYTHING}")
+        planned = bench.run(f"{plan} --json").document
+        ran = bench.run(f"{plan.replace('plan', 'apply', 1)} --yes --json")
         assert ran.code == 0, ran.stdout + ran.stderr
         assert ran.document["changed"] is bool(planned["changed"])
         assert bench.run(f"verify {file} --json").code == 0
