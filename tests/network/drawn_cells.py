@@ -723,15 +723,23 @@ class Judge:
                 found.append(
                     f"exit code 0, but {_at(place)} is {_hex(self.ran.after.get(place))}, expected {_hex(data)}"
                 )
-            elif self.job.law and self._is_claimed(place[0]) and not self.record.looked(place, None):
+            elif self.job.law and self._is_claimed(place) and not self.record.looked(place, None):
                 found.append(f"law: nothing read {_at(place)} behind {self.record.last_change(place[0])}")
         found += self._stores()
         return found
 
-    def _is_claimed(self, node_id: int) -> bool:
-        """Whether the answer speaks of the node: what is taken back is taken back on the nodes that it names."""
+    def _is_claimed(self, place: Place) -> bool:
+        """Whether the answer speaks of *place*: taken back is what was changed, on the nodes that are named."""
         last = self.documents[-1] if self.documents else {}
-        return not self.job.takes_back or node_id in {last.get("node"), *(one["node"] for one in last.get("nodes", ()))}
+        if not self.job.takes_back:
+            return True
+        node_id, index, _ = place
+        pdo = Pdo.at(index)
+        own = {
+            one.place for one in self.record.events if one.kind == "download" and one.ours and one.node_id == node_id
+        }
+        is_changed = any(place[1:] == one or (pdo is not None and Pdo.at(one[0]) == pdo) for one in own)
+        return is_changed and node_id in {last.get("node"), *(one["node"] for one in last.get("nodes", ()))}
 
     def _stores(self) -> list[str]:
         """Nodes that were said to store, and hold other values after a power cycle."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.restarts import held_plans
+from dvtcli.device.restarts import held_plans, refuse_after_restarts
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -127,6 +127,22 @@ class ScriptChanges:
                     why=several(f"{label} {text}" for label, text in lost[1:]) or None,
                     hint="a later line altered it with what it wrote, or the node restarted and nobody heard it",
                 )
+
+    def return_nodes(self) -> None:
+        """Bring the nodes to the NMT state they were found in; Restarted if one has lost by then what was set.
+
+        Nothing is done behind a line that cannot be taken back.
+        """
+        if self.final is not None:
+            return
+        nodes = list(self._session.met_nodes())
+        for node in nodes:
+            node.gate.leave()
+        try:
+            refuse_after_restarts(nodes)
+        except Restarted:
+            self._lost = True
+            raise
 
     def complete(self) -> None:
         """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""

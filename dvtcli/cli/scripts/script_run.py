@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.scripts.atomic import does_other, final
-from dvtcli.errors import DvtcliError, LeftChanged, TakenBack
+from dvtcli.errors import DvtcliError, LeftChanged, Restarted, TakenBack
 
 if TYPE_CHECKING:
     import click
@@ -54,11 +54,16 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
 
 
 def look_again(session: Conversation, changes: ScriptChanges) -> None:
-    """All lines of an atomic script have worked: it fails all the same where a node lost what one of them had set."""
+    """All lines of an atomic script have worked: it fails all the same if a node lost what one of them had set.
+
+    The outermost script looks once more when its nodes are in the NMT state in which they were found.
+    """
     if not changes.atomic or changes.ended:
         return
     try:
         changes.look_again()
+        if len(session.scripts) == 1:
+            changes.return_nodes()
     except BaseException as failed:
         _take_back(session, changes, failed)
         raise
@@ -88,7 +93,9 @@ def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseExcept
             raise
     if not undone or session.dry_run:
         return
-    if isinstance(failed, DvtcliError) and failed.state in ("unchanged", "rolled_back"):
+    if isinstance(failed, Restarted) or (
+        isinstance(failed, DvtcliError) and failed.state in ("unchanged", "rolled_back")
+    ):
         failed.state, failed.state_text = "rolled_back", _ALL_BACK
 
 

@@ -186,3 +186,36 @@ def test_nodes_that_are_as_they_were_do_not_count_one_that_restarted_before_the_
             assert timer == 9 or "every node is as it was" not in text, (at, text)
             told.add("node 1 restarted: what else it held in RAM only is lost" in text)
     assert told == {True}
+
+
+class RestartsAtStart(StrictDevice):
+    """A device that restarts instead of going back to OPERATIONAL, when it is *armed*, once."""
+
+    armed = False
+
+    def nmt(self, command: int) -> None:
+        if self.armed and command == NmtCommand.START:
+            self.armed, command = False, NmtCommand.RESET_NODE
+        super().nmt(command)
+
+
+def test_an_atomic_script_whose_node_restarts_on_its_way_back_to_operational_is_taken_back(tmp_path: Path) -> None:
+    """All its lines have worked and were read back by then; the other node does not keep its half of the script."""
+    made = booted("gen4")
+    first = RestartsAtStart(made.dictionary, made.family, 1)
+    second = StrictDevice(made.dictionary, made.family, 2)
+    for one in (first, second):
+        one.boot_up()
+        one.nmt(NmtCommand.START)
+    before = [read_pdo(DirectSdo(one), TPDO1) for one in (first, second)]
+    first.armed = True
+    script = tmp_path / "x.dvt"
+    script.write_text("set 1:tpdo1 --timer 70\nset 2:tpdo1 --timer 80\n")
+    bus = VirtualTimeBus([first, second], timeout_s=0.3, simulated=False)
+    with Bench((), {"yes": True, "eds": str(family_eds("gen4"))}, bus) as one:
+        ran = ended(one, f"run {script} --atomic")
+    assert ran.code == 1, ran.stderr
+    assert "node 1 restarted: what was not stored is lost (TPDO1)" in ran.stderr
+    assert "rolled back: what the script changed is as it was, read back equal" in ran.stderr
+    assert [read_pdo(DirectSdo(one), TPDO1) for one in (first, second)] == before
+    assert [one.state for one in (first, second)] == [NmtState.OPERATIONAL] * 2
