@@ -15,6 +15,13 @@ for _logger in ("can", "seeedbus"):
     logging.getLogger(_logger).addHandler(logging.NullHandler())
 
 _ADDRESS = re.compile(r"(.+):([0-9]{1,5})")
+#: interfaces whose frames go to hardware of this machine, or stay in it
+_LOCAL = frozenset(
+    {
+        "canalystii", "cantact", "etas", "gs_usb", "iscan", "ixxat", "kvaser", "neousys", "neovi", "nican", "nixnet",
+        "pcan", "robotell", "seeedstudio", "serial", "slcan", "socketcan", "usb2can", "vector", "virtual",
+    }
+)  # fmt: skip
 #: what a server's bus is called, where nobody says it
 _SERVED = "can0"
 
@@ -68,6 +75,16 @@ def bus_name(config: Mapping[str, object]) -> str:
     if "host" in config:
         where = f"{config['host']}:{config.get('port')}"
     return f"{config['interface']}:{where}" if where is not None else str(config["interface"])
+
+
+def is_network(interface: str | None, channel: str | None, extra: Mapping[str, object]) -> bool:
+    """Whether the frames of a bus may leave this machine, by the settings as they were asked for.
+
+    They do not where the interface is an adapter's, or of this machine, and its channel and *extra* are no address.
+    """
+    asked = interface or library_settings().get("interface", ("", ""))[0]
+    addressed = any("://" in str(value) for value in (channel or "", *extra.values()))
+    return asked not in _LOCAL or addressed
 
 
 def bit_rate_of(config: Mapping[str, object]) -> int | None:

@@ -10,6 +10,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     "Begin": {
         "tour": "Take a guided tour on a simulated node: each step is explained, and really run.",
         "doctor": "Check the set-up: packages, settings, interfaces, bus, node, and what is kept.",
+        "trust": "Let all that a project's dvtcli.toml says count, as the file is now.",
         "help": "Show all commands by task, one command with its examples, or a topic.",
         "exit": "Leave the prompt, or end a script here.",
     },

@@ -136,6 +136,11 @@ class Conversation(Session):
         self.settings.read_files()
         self.settings.variables = {name: (value, f"DVTCLI_{name.upper()}") for name, value in variables.items()}
 
+    def require_settings(self) -> None:
+        """As in `Said`, with the line that does what is to be done."""
+        for said in self.settings.required():
+            self.output.warning(said)
+
     def start(self, given: dict[str, Any], where: str = "option") -> None:
         """Take the options of the program's start, which were said in *where*."""
         found = self.settings.start(given, where)

@@ -10,10 +10,12 @@ import sys
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import parse_number
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.user.settings import File
 
 VARIABLE = "DVTCLI_PASSCODE"
 _SOURCES = f"{VARIABLE} in the environment, or `passcode` in your config.toml (`doctor` says where)"
@@ -23,6 +25,9 @@ def passcode(session: Conversation, node_id: int, level: int) -> int:
     """The passcode (0..0xFFFF) for *level* of a node; SafetyRefusal where nobody can be asked for it."""
     if session.dry_run:
         return 1  # a twin believes any, and none is spent on it
+    project = session.settings.project_bus()
+    if project is not None:
+        _agreed(session, project, node_id)
     if given := os.environ.get(VARIABLE):
         return _number(given, f"{VARIABLE} in the environment")
     if (kept := session.settings.passcode) is not None:
@@ -32,6 +37,30 @@ def passcode(session: Conversation, node_id: int, level: int) -> int:
             f"nobody can be asked for the passcode of node {node_id}", node=node_id, hint=f"give it as {_SOURCES}"
         )
     return _number(_asked(session, f"passcode of node {node_id} for level {level}: ", node_id), "the passcode")
+
+
+def _agreed(session: Conversation, project: File, node_id: int) -> None:
+    """SafetyRefusal unless the user wants a passcode on the bus that the *project*'s file chose; no option says so."""
+    from dvtcli.bus.python_can_settings import is_network
+
+    bus = session.bus.name
+    options = session.options
+    if not project.trusted and is_network(options.interface, options.channel, options.adapter_settings):
+        raise SafetyRefusal(
+            f"no passcode is sent on {bus}, a network that {project.path} chose, which is not trusted",
+            node=node_id,
+            hint=Hint(Action.TRUST, why="once you have looked at the file; or choose the bus yourself")
+            + Hint(Action.GIVE_INTERFACE, why="as in {}"),
+        )
+    question = f"{project.path} chose the bus {bus}: send the passcode of node {node_id} there?"
+    with session.cancellation.released():
+        answer = session.tell.ask(question)
+    if answer is None:
+        raise SafetyRefusal(
+            f"nobody can answer: {question}", node=node_id, hint=Hint(Action.GIVE_INTERFACE, why="{} chooses the bus")
+        )
+    if not answer:
+        raise SafetyRefusal("not logged in: the answer was no", node=node_id)
 
 
 def _asked(session: Conversation, question: str, node_id: int) -> str:

@@ -50,6 +50,7 @@ class Action(Enum):
     SHOW_LOAD = "show the bus load"
     CHECK_SYNC = "compare with the SYNC producer"
     CHECK_SETUP = "check bus and computer"
+    TRUST = "trust the settings file"
     LISTEN_BIT_RATE = "listen for the bit rate"
     SERVE = "serve simulated nodes"
     RUN = "run the script"

@@ -22,6 +22,7 @@ from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_identity, read_pdo
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import Frame
@@ -90,8 +91,8 @@ class Record(Output):
     def error(self, error: DvtcliError, at: str | None = None, *, readable: bool = True) -> None:
         self.errors.append(error)
 
-    def warning(self, text: str) -> None:
-        self.warnings.append(text)
+    def warning(self, text: Hint | str) -> None:
+        self.warnings.append(str(text))
 
     def lines(self, lines: object) -> None:
         """Messages are not looked at."""

@@ -58,6 +58,7 @@ MAY_OPEN = {
     "operations/objects/watch_objects.py": "writes values",
     "operations/session/whole_file.py": "writes a file",
     "operations/user/settings_search.py": "settings, which it refuses if they are no file",
+    "operations/user/trusted_settings.py": "what is kept of settings, which nobody else can write",
 }
 
 

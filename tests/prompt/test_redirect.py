@@ -127,7 +127,8 @@ def test_aliases_are_commands_of_ones_own(open_terminal: Open, tmp_path: Path) -
 
 
 def test_an_alias_hides_no_command(open_terminal: Open, tmp_path: Path) -> None:
-    (tmp_path / "dvtcli.toml").write_text('[aliases]\nmap = "pdo"\n')
-    terminal = open_terminal("--sim", "gen4")
+    file = tmp_path / "dvtcli.toml"
+    file.write_text('[aliases]\nmap = "pdo"\n')
+    terminal = open_terminal("--sim", "gen4", environment={"DVTCLI_CONFIG": str(file)})
     assert terminal.ended() == 2
     assert "the alias 'map' is a command already" in terminal.text

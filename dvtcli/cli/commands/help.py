@@ -63,7 +63,13 @@ def _general(ctx: click.Context, *, everything: bool) -> str:
 
     if everything:
         return root(ctx).get_help(click.Context(root(ctx), info_name="dvtcli"))
-    return "\n".join(overview(ctx.obj.settings.aliases))
+    return "\n".join(overview(_usable(ctx)))
+
+
+def _usable(ctx: click.Context) -> dict[str, str]:
+    from dvtcli.cli.aliases import usable_aliases
+
+    return usable_aliases(ctx.obj.settings)
 
 
 def _subject(ctx: click.Context, name: str) -> str:
@@ -75,7 +81,7 @@ def _subject(ctx: click.Context, name: str) -> str:
         return found.get_help(click.Context(found, info_name=name))
     if name in TOPICS:
         return topic(name)
-    aliases = {word.lower(): text for word, text in ctx.obj.settings.aliases.items()}
+    aliases = {word.lower(): text for word, text in _usable(ctx).items()}
     if name in aliases:
         return f"{name}  at the prompt, an alias of: {aliases[name]}"
     raise click.UsageError(unknown_command(name, TOPICS), ctx)

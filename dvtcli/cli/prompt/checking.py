@@ -15,7 +15,7 @@ from prompt_toolkit.validation import ValidationError, Validator
 
 from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.lexer import split
-from dvtcli.cli.prompt.line import checked, cut, expanded, tcl_line
+from dvtcli.cli.prompt.line import checked, taken_apart, tcl_line
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.wrap import wrapped
@@ -70,7 +70,7 @@ class LineValidator(Validator):
         if (tcl is not None and tcl.on) or tcl_line(line, self._session.aliases) is not None:
             return None  # Tcl says itself what is wrong
         try:
-            command, destination = cut(expanded(line, self._session.aliases))
+            command, destination = taken_apart(line, self._session.aliases)
             if destination is not None:
                 checked(destination, programs=not self._session.options.no_shell)
             words = split(command)

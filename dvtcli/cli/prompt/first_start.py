@@ -14,6 +14,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import InputFileError
 from dvtcli.operations.user.settings_search import NAME, why_unusable
+from dvtcli.operations.user.trust_settings import trust_settings
 
 if TYPE_CHECKING:
     from dvtcli.bus.discover import Found
@@ -123,4 +124,6 @@ def _keep(session: Conversation, choice: Choice) -> None:
     if refused is not None:
         session.output.warning(f"{path} will not be taken: {refused.text}; {typed(refused.hint)}")
         return
+    if project is None or project.trusted:
+        trust_settings(str(path))  # all of it is the user's own choice
     session.output.note(f"{path} chooses it from now on; -i, -c or --sim on the command line win over it")

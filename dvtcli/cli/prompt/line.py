@@ -25,11 +25,30 @@ class Destination:
     target: str
 
 
+def taken_apart(line: str, aliases: Mapping[str, str]) -> tuple[str, Destination | None]:
+    """The command in *line*, and where its results go, as `cut`; an alias at its start stands for its own line.
+
+    The line is cut before the alias is put in, so that no alias changes what the typed signs and quotes mean: behind a
+    sign of the alias, all that was typed belongs to its destination.
+    """
+    command, destination = cut(line)
+    name = _first_word(command)
+    if name not in aliases:
+        return command, destination
+    meant, its_destination = cut(aliases[name])
+    if its_destination is None:
+        return meant + command.lstrip()[len(name) :], destination
+    return meant, Destination(its_destination.sign, its_destination.target + line.lstrip()[len(name) :])
+
+
+def _first_word(line: str) -> str:
+    return (line.split(maxsplit=1) or [""])[0]
+
+
 def expanded(line: str, aliases: Mapping[str, str]) -> str:
     """*line* with an alias at its start replaced by what it stands for."""
-    text = line.lstrip()
-    name = text.split(maxsplit=1)[0] if text else ""
-    return line if name not in aliases else aliases[name] + text[len(name) :]
+    name = _first_word(line)
+    return line if name not in aliases else aliases[name] + line.lstrip()[len(name) :]
 
 
 def tcl_line(line: str, aliases: Mapping[str, str]) -> str | None:

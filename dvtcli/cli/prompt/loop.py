@@ -9,13 +9,14 @@ import sys
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
+from dvtcli.cli.aliases import usable_aliases, withheld_aliases
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.typed_ahead import throw_away
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -42,7 +43,9 @@ def run_prompt(session: Conversation) -> int:
     session.comes_back = not session.options.no_reconnect
     first_start(session)
     session.started = session.at_prompt = True
-    session.aliases = _aliases(session.settings.aliases)
+    session.aliases = usable_aliases(session.settings)
+    if (withheld := withheld_aliases(session.settings)) is not None:
+        session.output.warning(withheld)
     session.output.pager = lambda text: not session.in_script and paged(text)
     _banner(session)
     for node in session.met_nodes():
@@ -58,14 +61,6 @@ def run_prompt(session: Conversation) -> int:
         life.stop()
         if session.tcl is not None:
             session.tcl.close()
-
-
-def _aliases(found: dict[str, str]) -> dict[str, str]:
-    """The user's words; UsageError for one that is a command already, which would hide it."""
-    hidden = sorted(found.keys() & set(command_names()))
-    if hidden:
-        raise UsageError(f"the alias {hidden[0]!r} is a command already", hint="[aliases] in dvtcli.toml: rename it")
-    return found
 
 
 class Prompt:
@@ -123,7 +118,7 @@ class Prompt:
 
     def _run(self, line: str) -> int:
         """Run one line; unless it left something changed, every node goes back to the state it was found in."""
-        from dvtcli.cli.prompt.line import checked, cut, expanded, tcl_line
+        from dvtcli.cli.prompt.line import checked, taken_apart, tcl_line
         from dvtcli.cli.prompt.redirect import sent
 
         session = self._session
@@ -135,7 +130,7 @@ class Prompt:
                 return session.tcl.typed(line)
             if (tcl := tcl_line(line, session.aliases)) is not None:
                 return run_words(["tcl", tcl], session)
-            command, destination = cut(expanded(line, session.aliases))
+            command, destination = taken_apart(line, session.aliases)
             words = split(command)
             if destination is not None:
                 destination = checked(destination, programs=not session.options.no_shell)

@@ -20,6 +20,7 @@ from dvtcli.operations.user.options import CASE_FORMATS
 if TYPE_CHECKING:
     from dvtcli.cli.view.lines import Cell, Line
     from dvtcli.cli.view.typed_hints import TypedCall, TypedHints
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Document, Result
@@ -216,11 +217,11 @@ class Output:
 
             self.lines([[Cell("note: ", "cyan"), Cell(text)]])
 
-    def warning(self, text: str) -> None:
+    def warning(self, text: Hint | str) -> None:
         """Print one warning to stderr, also where only errors are wanted."""
         from dvtcli.cli.view.lines import Cell
 
-        self.lines([[Cell("warning: ", "yellow"), Cell(text)]])
+        self.lines([[Cell("warning: ", "yellow"), Cell(text) if isinstance(text, str) else text]])
 
     def ask(self, question: str) -> bool:
         """Ask *question* at the terminal; anything but yes is no, and what was typed before it answers nothing.

@@ -42,6 +42,7 @@ COMMANDS: dict[Action, str] = {
     Action.SHOW_LOAD: "load",
     Action.CHECK_SYNC: "sync --check",
     Action.CHECK_SETUP: "doctor",
+    Action.TRUST: "trust",
     Action.LISTEN_BIT_RATE: "bitrate",
     Action.SERVE: "sim NODE… --listen {address|HOST:PORT}",
     Action.RUN: "run {file|FILE}",
@@ -98,13 +99,16 @@ _OF_THE_BUS = frozenset(
     {
         Action.FIND_NODES, Action.LINK, Action.CHECK_LIVE, Action.SHOW_LOAD, Action.CHECK_SYNC, Action.CHECK_SETUP,
         Action.SERVE, Action.LSS_SCAN, Action.LSS_SELECT, Action.LSS_STORE, Action.LSS, Action.CHECK_EDS, Action.CHECK,
-        Action.REMOVE_EDS, Action.LOG, Action.SHOW_HABITS, Action.FORGET_HABITS, Action.LISTEN_BIT_RATE,
+        Action.REMOVE_EDS, Action.LOG, Action.SHOW_HABITS, Action.FORGET_HABITS, Action.LISTEN_BIT_RATE, Action.TRUST,
     }
 )  # fmt: skip
 #: commands that need no bus
 _WITHOUT_BUS = frozenset(
-    {Action.SERVE, Action.CHECK, Action.CHECK_EDS, Action.REMOVE_EDS, Action.SHOW_HABITS, Action.FORGET_HABITS}
-)
+    {
+        Action.SERVE, Action.CHECK, Action.CHECK_EDS, Action.REMOVE_EDS, Action.SHOW_HABITS, Action.FORGET_HABITS,
+        Action.TRUST,
+    }
+)  # fmt: skip
 #: a word that stands for another one, which only the user knows
 _PLACEHOLDER = re.compile(r"[A-Z]{2,}(?:[:/=][A-Z]+)?…?|[A-Z]")
 

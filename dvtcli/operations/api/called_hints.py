@@ -39,6 +39,7 @@ CALLS: dict[Action, str] = {
     Action.SHOW_LOAD: "bus.load()",
     Action.CHECK_SYNC: "bus.check_sync()",
     Action.CHECK_SETUP: "dvtcli doctor",
+    Action.TRUST: "dvtcli trust",
     Action.LISTEN_BIT_RATE: "dvtcli bitrate",
     Action.SERVE: "dvtcli sim NODE… --listen HOST:PORT",
     Action.RUN: "dvtcli run FILE",

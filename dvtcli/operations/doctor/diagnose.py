@@ -76,7 +76,11 @@ def _settings(session: Session) -> Check:
     said += [f"{name} = {value} ({where})" for name, value, where in _library_settings(options)]
     found = f"; files: {', '.join(files)}" if files else ""
     text = ("; ".join(said) or "all as they come") + found
-    in_vain = session.settings.never_taken()
+    project, in_vain = session.settings.project, session.settings.never_taken()
+    if project is not None and not project.trusted:
+        text += " (not trusted)"
+    if in_vain is None and (withheld := session.settings.withheld()) is not None:
+        return Check("settings", "warn", text, withheld)
     if in_vain is None:
         return Check("settings", "ok", text)
     refused, _, cure = in_vain.partition("; ")

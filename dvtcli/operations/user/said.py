@@ -39,10 +39,9 @@ class Said:
         return Settings()
 
     def require_settings(self) -> None:
-        """Raise what is wrong with the settings; what a project's file says in vain is said once."""
-        said = self.settings.required()
-        if said is not None:
-            self.tell.warning(said)
+        """Raise what is wrong with the settings; what a project's file says in vain, or first, is said once."""
+        for said in self.settings.required():
+            self.tell.warning(str(said))
 
     def chosen_by(self) -> str:
         """Who chose the bus: an option, a variable or a file, for people."""

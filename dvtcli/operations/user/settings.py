@@ -6,13 +6,17 @@ python-can. Does not know how options are parsed, nor what they do.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import os
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.options import Options, checked, is_repeated
 from dvtcli.operations.user.settings_search import Found, content, project_file, user_file
+
+if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
 
 #: Who chose the bus where no option, variable or file did.
 NOBODY = "nobody"
@@ -29,6 +33,8 @@ PASSCODE = "passcode"
 ALIASES = "aliases"
 #: What somebody else's project must not decide.
 USERS_OWN = ("yes", "force", PASSCODE, "no_shell")
+#: What says where the frames of a bus go.
+_CHOOSES_BUS = ("interface", "channel", "bus_kwargs", "bus")
 
 
 def laid_over(weaker: Layer, stronger: Layer) -> Layer:
@@ -45,14 +51,24 @@ def laid_over(weaker: Layer, stronger: Layer) -> Layer:
 
 
 class File:
-    """What one settings file says; *ignored* names the keys that a project's file may not have."""
+    """What one settings file says; *ignored* names the keys that a project's file may not have.
 
-    def __init__(self, found: Found, *, users_own: bool) -> None:
-        """Read it; SafetyRefusal where it is not trusted, InputFileError where it is wrong."""
+    *trusted*: it is the user's own, DVTCLI_CONFIG names it, or the user trusts it as it is now; else what it could do
+    beyond choosing plain options does not count, and *withheld* names such keys. *digest* is the hash that trust
+    belongs to, *keys* all that the file sets.
+    """
+
+    def __init__(self, found: Found, *, users_own: bool, believed: bool = False) -> None:
+        """Read it, as a trusted file if *believed*; SafetyRefusal if others can write it, InputFileError if wrong."""
         from dvtcli.files.settings_file import MOST_BYTES, aliases, parsed, tables
+        from dvtcli.operations.user.trusted_settings import digest, is_trusted
 
-        self.path = found.path
-        keys = parsed(content(found, MOST_BYTES), self.path)
+        self.path, self.named = found.path, found.named
+        data = content(found, MOST_BYTES)
+        keys = parsed(data, self.path)
+        self.keys = tuple(name.replace("_", "-") for name in keys)
+        self.digest = digest(self.path, data)
+        self.trusted = users_own or believed or found.named or is_trusted(self.digest)
         self.ignored = () if users_own else tuple(name for name in USERS_OWN if name in keys)
         passcode = keys.pop(PASSCODE, None)
         self.passcode = None if passcode is None or not users_own else str(passcode)
@@ -62,6 +78,21 @@ class File:
         for name in self.ignored:
             self.layer.pop(name, None)
         self.buses = {name: self._bus(name, table) for name, table in described.items()}
+        self.withheld = () if self.trusted else tuple(self._withhold())
+
+    def chose(self, where: str) -> bool:
+        """Whether *where*, as a layer says it, is this file or one of its tables."""
+        return where == self.path or (where.startswith("[bus.") and where.endswith(f"] of {self.path}"))
+
+    def _withhold(self) -> Iterator[str]:
+        """Take away the folders of journals outside of the file's own one; their keys."""
+        own = os.path.realpath(os.path.dirname(self.path))  # noqa: PTH120
+        tables = {"journal": self.layer} | {f"bus.{name}.journal": layer for name, layer in self.buses.items()}
+        for key, layer in tables.items():
+            folder = os.path.realpath(layer["journal"][0]) if "journal" in layer else own
+            if os.path.commonpath([own, folder]) != own:
+                del layer["journal"]
+                yield key
 
     def _bus(self, name: str, table: Mapping[str, Any]) -> Layer:
         wrong = sorted(table.keys() & {*USERS_OWN, "bus"})
@@ -113,13 +144,48 @@ class Settings:
         self.sources = {name: said for name, (_, said) in found.items()}
         return {name: value for name, (value, _) in found.items()}
 
-    def required(self) -> str | None:
-        """Raise what is wrong where something is; once, what to say of keys that stand in a file in vain."""
+    def required(self) -> list[Hint | str]:
+        """Raise what is wrong where something is; once, what to say of keys in vain, and of an untrusted file."""
         if self._wrong is not None:
             raise self._wrong
-        said = None if self._warned else self.never_taken()
+        if self._warned:
+            return []
         self._warned = True
-        return said
+        said = [self.never_taken(), self.withheld(), self._first_use()]
+        return [line for line in said if line is not None]
+
+    def withheld(self) -> Hint | None:
+        """What to say of keys that do not count until the project's file is trusted; None where it has none."""
+        if self.project is None or not self.project.withheld:
+            return None
+        names = ", ".join(self.project.withheld)
+        return self.untrusted(f"{names}: a folder outside of the project does not count until the file is trusted")
+
+    def untrusted(self, what: str) -> Hint:
+        """*what* is to be said of the project's file, and how it is trusted."""
+        from dvtcli.domain.hint import Action, Hint
+
+        assert self.project is not None  # noqa: S101 - who asks has looked at it
+        return Hint(Action.TRUST, why=f"{self.project.path}: {what}; {{}}, once you have looked at it")
+
+    def _first_use(self) -> Hint | None:
+        """What to say when an untrusted file of a project is used for the first time, with all that it sets."""
+        file = self.project
+        if file is None or file.trusted or not file.keys:
+            return None
+        from dvtcli.operations.user.trusted_settings import is_used, note_use
+
+        if is_used(file.digest):
+            return None
+        note_use(file.digest, file.path)
+        return self.untrusted(f"first used now, and not trusted; it sets {', '.join(file.keys)}")
+
+    def project_bus(self) -> File | None:
+        """The project's file where it says where the frames of the bus go; None where the user's own words do."""
+        if self.project is None or self.project.named or "sim" in self.sources:
+            return None
+        chosen = (self.sources.get(name, "") for name in _CHOOSES_BUS)
+        return self.project if any(map(self.project.chose, chosen)) else None
 
     def chosen_by(self) -> str:
         """Who chose the bus: an option, a variable or a file, for people; `nobody` where none did."""
@@ -155,11 +221,6 @@ class Settings:
     def passcode(self) -> str | None:
         """What the user's own file has for `login`; no project's file can."""
         return None if self.user is None else self.user.passcode
-
-    @property
-    def aliases(self) -> dict[str, str]:
-        """The words of the prompt's user."""
-        return {word: text for file in self.files for word, text in file.aliases.items()}
 
     def never_taken(self) -> str | None:
         """What to say of keys that a project's file has in vain; None where it has none."""

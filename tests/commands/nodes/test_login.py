@@ -115,7 +115,7 @@ def test_the_passcode_may_stand_in_the_users_settings_and_in_no_projects(tmp_pat
     (tmp_path / "dvtcli.toml").write_text(f"passcode = {value}\n")
     ran = run(tmp_path, "login")
     assert (ran.returncode, "dvtcli.toml: passcode: never taken from a project's file" in ran.stderr) == (6, True)
-    kept_in(tmp_path).mkdir(mode=0o700, parents=True)
+    kept_in(tmp_path).mkdir(mode=0o700, parents=True, exist_ok=True)
     (tmp_path / "dvtcli.toml").rename(kept_in(tmp_path) / "config.toml")
     assert run(tmp_path, "login").returncode == 0
 

@@ -1,0 +1,82 @@
+"""The words of `[aliases]` that count at the prompt: what a file says that nobody trusts is no other word's meaning."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.catalogue import command_names
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
+    from dvtcli.operations.user.settings import Settings
+
+#: Words that people type because other programs have them: who types such a word expects no stranger's line.
+_COMMON = frozenset(
+    {
+        "about", "alias", "apt", "awk", "bash", "bg", "bye", "cal", "calc", "call", "candump", "cansend", "cat", "cd",
+        "chmod", "chown", "clear", "close", "cls", "cmd", "commit", "config", "configure", "connect", "copy", "cp",
+        "curl", "cut", "date", "dd", "debug", "del", "delete", "detach", "dir", "disconnect", "dmesg", "docker", "dump",
+        "echo", "edit", "emacs", "end", "env", "erase", "exec", "fg", "file", "find", "format", "get", "git", "grep",
+        "halt", "head", "hello", "hi", "history", "id", "ifconfig", "info", "init", "install", "ip", "jobs", "kill",
+        "less", "list", "ll", "logout", "ls", "lsusb", "make", "man", "mkdir", "modprobe", "more", "mount", "move",
+        "mv", "nano", "network", "new", "nodes", "off", "ok", "on", "open", "options", "pause", "ping", "pip",
+        "poweroff", "print", "ps", "put", "pwd", "python", "q", "query", "quit", "reboot", "redo", "refresh", "reload",
+        "remove", "rename", "reset", "resume", "rm", "rmdir", "sed", "settings", "setup", "sh", "shell", "show",
+        "shutdown", "sleep", "sort", "source", "ssh", "start", "stat", "state", "status", "stop", "su", "sudo",
+        "suspend", "tail", "tar", "tee", "test", "time", "top", "touch", "tty", "type", "uname", "unset", "up",
+        "update", "upload", "uptime", "usage", "ver", "version", "vi", "view", "vim", "w", "wc", "wget", "what",
+        "where", "which", "who", "whoami", "write", "x", "y", "yes", "n", "no",
+    }
+)  # fmt: skip
+_A_PDO = re.compile(r"(?i)(?:\d{1,3}:)?[tr]pdo\d{0,3}")
+
+
+def usable_aliases(settings: Settings) -> dict[str, str]:
+    """The words that count; UsageError for one of a trusted file that is a command already, which it would hide."""
+    found: dict[str, str] = {}
+    for file in settings.files:
+        if file.trusted:
+            hidden = sorted(word for word in file.aliases if word.lower() in command_names())
+            if hidden:
+                raise UsageError(
+                    f"{file.path}: the alias {hidden[0]!r} is a command already", hint="rename it in [aliases]"
+                )
+            found |= file.aliases
+    withheld = _withheld(settings)
+    if settings.project is not None and not settings.project.trusted:
+        found |= {word: text for word, text in settings.project.aliases.items() if word not in withheld}
+    return found
+
+
+def withheld_aliases(settings: Settings) -> Hint | None:
+    """What to say of the words that do not count since their file is not trusted; None where all do."""
+    withheld = _withheld(settings)
+    if not withheld:
+        return None
+    words, verb = ", ".join(withheld), "does" if len(withheld) == 1 else "do"
+    why = "an alias with | or >, or with the name of a command or a common word, needs a trusted file"
+    return settings.untrusted(f"{words} in [aliases] {verb} not count: {why}")
+
+
+def _withheld(settings: Settings) -> list[str]:
+    project = settings.project
+    if project is None or project.trusted:
+        return []
+    own = settings.user.aliases if settings.user is not None else {}
+    return [word for word, text in project.aliases.items() if word in own or _misleads(word, text)]
+
+
+def _misleads(word: str, text: str) -> bool:
+    """Whether *word* means something else to who types it, or its line sends results elsewhere."""
+    from dvtcli.cli.dvt.words import WORDS
+
+    known = word.lower()
+    return (
+        any(sign in text for sign in "|>")
+        or known in _COMMON
+        or known in command_names()
+        or known in {name.lower() for name in WORDS}
+        or _A_PDO.fullmatch(known) is not None
+    )

@@ -1,0 +1,34 @@
+"""Let all that a project's dvtcli.toml says count, as the file is now."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Facts
+    from dvtcli.operations.session.session import Session
+
+
+@click.command("trust", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.argument("file", type=FILE, required=False)
+@click.option("--remove", is_flag=True, help="Trust the file no longer.")
+@click.pass_obj
+def command(_session: Session, /, file: str | None, remove: bool) -> Facts:
+    """Trust FILE, or the project's dvtcli.toml here or above, until a byte of it changes. Look at it before.
+
+    Of a file that is not trusted, plain options count. No alias with | or > does, nor one with the name of a command or
+    a common word; no journal folder outside of the project; and no passcode is sent on a network that the file chose.
+
+    \b
+    trust
+    trust --remove
+    """
+    from dvtcli.operations.user.trust_settings import trust_settings
+
+    return trust_settings(file, remove=remove)

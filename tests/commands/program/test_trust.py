@@ -1,0 +1,169 @@
+"""What a project's dvtcli.toml may do before the user trusts it, and that trust ends with the first changed byte."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from dvtcli.cli.aliases import usable_aliases, withheld_aliases
+from dvtcli.cli.prompt.line import Destination, taken_apart
+from dvtcli.files.user_folders import user_folder
+from dvtcli.operations.user.settings import Settings
+from dvtcli.operations.user.trust_settings import trust_settings
+from tests.process import documents, environment, run
+from tests.serve.served import ANSWER_S, own_environment, served
+from tests.surroundings import homes
+
+RIGHT = "0x4444"
+
+
+def settings_here(text: str) -> Settings:
+    """The settings of a project with this file, in the test's own working folder."""
+    Path("dvtcli.toml").write_text(text)
+    found = Settings()
+    found.read_files()
+    assert found.unusable is None
+    found.start({}, "option")
+    return found
+
+
+def test_the_first_use_says_the_keys_and_how_to_trust_them(tmp_path: Path) -> None:
+    def said(*words: str) -> str:
+        return run(["--sim", "gen4", *words, "read", "6041"], cwd=tmp_path, env=environment() | homes(tmp_path)).stderr
+
+    file = tmp_path / "dvtcli.toml"
+    file.write_text('timeout = 0.4\nchannel = "can0"\n')
+    first = said("--json")
+    assert f"{file}: first used now, and not trusted; it sets timeout, channel; `dvtcli trust`" in first
+    assert said() == "", "it is said once"
+    file.write_text("timeout = 0.3\n")
+    assert "it sets timeout;" in said(), "another content is another file"
+    file.write_text("timeout = 0.2\n")
+    run(["trust"], cwd=tmp_path, env=environment() | homes(tmp_path))
+    assert said() == "", "a trusted file is no news"
+
+
+@pytest.mark.parametrize(
+    ("word", "text"),
+    [
+        ("ls", "read 6041"),
+        ("quit", "read 6041"),
+        ("status", "read 6041"),
+        ("MAP", "read 6041"),
+        ("tpdo1", "write 6040 15"),
+        ("force", "read 6041"),
+        ("v", "read 6041 | sh"),
+        ("v", "read 6041 > ~/.profile"),
+        ("v", "read 6041 >> x"),
+        ("v", 'read "6041" "|sh"'),
+    ],
+)
+def test_an_alias_that_misleads_needs_a_trusted_file(word: str, text: str) -> None:
+    content = f"[aliases]\n{word} = '{text}'\nspeed = \"read 606C\"\n"
+    found = settings_here(content)
+    if word == "force":  # no word of dvtcli, of a shell, or of another program
+        assert word in usable_aliases(found)
+        return
+    assert usable_aliases(found) == {"speed": "read 606C"}
+    withheld = withheld_aliases(found)
+    assert withheld is not None
+    assert f"{word} in [aliases] does not count" in str(withheld)
+    trust_settings()
+    trusted = settings_here(content)
+    assert withheld_aliases(trusted) is None
+    if word != "MAP":
+        assert usable_aliases(trusted)[word] == text
+    assert withheld_aliases(settings_here(content + "#")) is not None, "trust is of these bytes"
+
+
+def test_an_untrusted_alias_is_no_other_meaning_of_the_users_own() -> None:
+    own = user_folder("config") / "config.toml"
+    own.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    own.write_text('[aliases]\nsw = "read 6041"\n')
+    content = '[aliases]\nsw = "write 6040 15"\n'
+    assert usable_aliases(settings_here(content)) == {"sw": "read 6041"}
+    trust_settings()
+    assert usable_aliases(settings_here(content)) == {"sw": "write 6040 15"}
+
+
+@pytest.mark.parametrize(
+    ("line", "command", "destination"),
+    [
+        ('q "a | b"', 'read " "a | b"', None),
+        ("q 1 | wc", 'read " 1 ', Destination("|", "wc")),
+        ("g 181", "pdo ", Destination("|", "grep 181")),
+        ("g 181 | wc", "pdo ", Destination("|", "grep 181 | wc")),
+        ("  v  1 > f", "read  1 ", Destination(">", "f")),
+        ("x v | wc", "x v ", Destination("|", "wc")),
+    ],
+)
+def test_a_line_is_cut_before_its_alias_is_put_in(line: str, command: str, destination: Destination | None) -> None:
+    assert taken_apart(line, {"q": 'read "', "g": "pdo | grep", "v": "read"}) == (command, destination)
+
+
+@pytest.mark.parametrize("table", ["", "[bus.bench]\n"])
+@pytest.mark.parametrize(("folder", "counts"), [("../elsewhere", False), ("/elsewhere", False), ("kept/here", True)])
+def test_journals_stay_in_the_project(table: str, folder: str, *, counts: bool) -> None:
+    content = f'{table}journal = "{folder}"\n'
+
+    def journal(found: Settings) -> bool:
+        layers = [found.project.layer, *found.project.buses.values()] if found.project else []
+        return any("journal" in layer for layer in layers)
+
+    found = settings_here(content)
+    assert journal(found) == counts
+    assert (found.withheld() is None) == counts
+    trust_settings()
+    assert journal(settings_here(content))
+
+
+def test_trust_is_shown_and_taken_back(tmp_path: Path) -> None:
+    env = environment() | homes(tmp_path)
+    assert run(["trust"], cwd=tmp_path, env=env).returncode == 2, "there is none"
+    file = tmp_path / "dvtcli.toml"
+    file.write_text('node = 5\nyes = true\n[aliases]\nls = "pdo | sh"\n')
+    shown = run(["trust"], cwd=tmp_path, env=env)
+    for line in (
+        "is trusted until it changes",
+        "node = 5",
+        "alias ls = pdo | sh",
+        "never taken from a project's file: yes",
+    ):
+        assert line in shown.stdout
+    (again,) = documents(run(["--json", "trust"], cwd=tmp_path, env=env).stdout)
+    assert (again["trusted"], again["changed"], again["never_taken"]) == (True, False, ["yes"])
+    (back,) = documents(run(["--json", "trust", "--remove", str(file)], cwd=tmp_path, env=env).stdout)
+    assert (back["trusted"], back["changed"]) == (False, True)
+    assert "(not trusted)" in run(["doctor"], cwd=tmp_path, env=env).stdout
+    file.chmod(0o666)
+    if os.name == "posix":
+        assert run(["trust"], cwd=tmp_path, env=env).returncode == 6, "who could change it at any time?"
+
+
+def test_no_passcode_is_sent_where_a_project_s_file_says(tmp_path: Path) -> None:
+    with served(tmp_path, "gen4-locked@1") as nodes:
+        file = tmp_path / "dvtcli.toml"
+        words = f'interface = "socketcand"\nchannel = "127.0.0.1:{nodes.port}"\nnode = 1\ntimeout = {ANSWER_S}\n'
+        file.write_text(words)
+
+        def login(*options: str, **variables: str) -> tuple[int, str]:
+            env = own_environment(tmp_path) | {"DVTCLI_PASSCODE": RIGHT} | variables
+            ran = run(["-v", *options, "login"], cwd=tmp_path, env=env)
+            assert ran.returncode == 0 or "<-" not in ran.stderr, "nothing is written, not even the user ID"
+            return ran.returncode, ran.stderr
+
+        for options in ((), ("--yes",), ("--bus-kwargs", "x=1")):
+            code, error = login(*options)
+            assert code == 6
+            assert "a network that" in error
+        run(["trust"], cwd=tmp_path, env=own_environment(tmp_path))
+        code, error = login("--yes")
+        assert code == 6
+        assert f"nobody can answer: {file} chose the bus" in error
+        file.write_text("[bus.bench]\n" + words)
+        assert login("--bus", "bench")[0] == 6, "the name is the user's, the address is not"
+        assert login("--bus", "bench", DVTCLI_CONFIG=str(file))[0] == 0
+        file.write_text(words)
+        assert login("-i", "socketcand", "-c", f"127.0.0.1:{nodes.port}")[0] == 0, "the user's own words"
