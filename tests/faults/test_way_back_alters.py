@@ -129,3 +129,45 @@ def test_a_device_that_alters_another_pdo_each_time_is_named(name: str, tmp_path
     refused = [f"9:{REFUSED.format(1)}"] if name == "apply" else []
     found = ran(way, tmp_path / "run", *refused, f"{FIVE}:enable-alters=1801:5:0x0063")
     assert_told(found)
+
+
+@pytest.mark.parametrize("line", ["map 5:tpdo1 6041 606C", "set 5:tpdo1 --inhibit 5 --timer 250"])
+@pytest.mark.parametrize("altered", ["", *ALTERED[:2], ALTERED[3]])
+def test_the_only_change_of_a_program_claims_of_the_other_pdos_what_is_known_of_them(
+    line: str, altered: str, tmp_path: Path
+) -> None:
+    """It reads no other PDO before it writes: what a write alters before one is refused shows in the backup alone."""
+    one = device(FIVE, "generic")
+    before = snapshot(one)
+    bus = beside([one])
+    with Bench((), {"yes": True, "journal": str(tmp_path), "eds": "generic", "node": FIVE}, bus) as bench:
+        assert bench.run("set tpdo1 --timer 100").code == 0, "it makes the backup"
+        assert bench.run("undo").code == 0
+    assert snapshot(one) == before
+    faults = [f"{FIVE}:alters@1={altered}"] if altered else []
+    bus = beside([one], *faults, f"{FIVE}:{REFUSED.format(2)}")
+    with Bench((), {"yes": True, "journal": str(tmp_path), "eds": "generic", "node": FIVE}, bus) as bench:
+        bench.session.node(FIVE).only_one = lambda: True
+        done = bench.run(f"{line} --json")
+    error = done.documents[-1]
+    assert done.code == 1, done.stderr
+    assert error["state"] == ("unknown" if altered else "rolled_back")
+    assert (snapshot(one) == before) == (not altered)
+
+
+@pytest.mark.drawn(8)
+@pytest.mark.parametrize("altered", ALTERED)
+@pytest.mark.parametrize("at", [1, 2, 3])
+def test_the_other_pdos_are_as_before_behind_a_recovery(at: int, altered: str, tmp_path: Path) -> None:
+    """The change was left in its middle by a node that went silent; the device alters TPDO2 with a write of recover."""
+    one = device(FIVE, "generic")
+    before, options = snapshot(one), {"yes": True, "journal": str(tmp_path), "eds": "generic", "node": FIVE}
+    with Bench((), options, beside([one], f"{FIVE}:silent@4")) as bench:
+        assert bench.run("map tpdo1 6041 606C --cob-id 0x1A1 --sync 1").code == 7
+    assert snapshot(one) != before
+    with Bench((), options, beside([one], f"{FIVE}:alters@{at}={altered}")) as bench:
+        done = bench.run("recover")
+    if done.code == 7:
+        assert "TPDO2" in done.stderr
+    else:
+        assert (done.code, snapshot(one)) == (0, before), done.stderr

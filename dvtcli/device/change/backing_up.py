@@ -36,11 +36,25 @@ class BackingUp:
 
         SafetyRefusal where somebody else can write there.
         """
-        check_folder(self.folder)
-        made = [set(one.lines()) for one in backups(self.folder, self.bus, self.node_id, identity)]
-        made = [lines for lines in made if serial_line(identity) in lines]
+        made = self._made(identity)
         unlike = [(pdo, config) for pdo, config in held.items() if not _is_in(made, pdo, config)]
         return not made or (bool(unlike) and not self._remembered(identity) >= set(unlike))
+
+    def unlike_kept(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
+        """The PDOs *held* that are as no backup of this very device and no remembered change says.
+
+        SafetyRefusal if somebody else can write where the backups are.
+        """
+        made, remembered = self._made(identity), self._remembered(identity)
+        return [
+            pdo for pdo, config in held.items() if (pdo, config) not in remembered and not _is_in(made, pdo, config)
+        ]
+
+    def _made(self, identity: Identity) -> list[set[str]]:
+        """The backups of this very device, by their lines."""
+        check_folder(self.folder)
+        made = [set(one.lines()) for one in backups(self.folder, self.bus, self.node_id, identity)]
+        return [lines for lines in made if serial_line(identity) in lines]
 
     def _remembered(self, identity: Identity) -> set[tuple[Pdo, PdoConfig]]:
         """What PDOs held before and after the changes that `undo` remembers; nothing where their file is damaged."""

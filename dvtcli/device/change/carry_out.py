@@ -84,7 +84,10 @@ def _carry_out(
         untold = any(config.lacking for config in node.last_read.values())
         enter(node, found)
         node.refuse_restarted(found)
-        boot_ups = run(node, plan, OtherPdos(cob_ids, beside, partial(present_beside, node, plan)), found)
+        keeper, identity = node.keeper, node.identity()
+        unlike_kept = None if keeper is None else partial(keeper.unlike_kept, identity)
+        others = OtherPdos(cob_ids, beside, partial(present_beside, node, plan), unlike_kept)
+        boot_ups = run(node, plan, others, found)
     except LeftChanged as left:
         left_open(node, left)
         raise

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.left_behind import Guarded, could_not, name_left
+from dvtcli.device.change.other_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
@@ -60,6 +61,9 @@ class Recovery:
     as_taken: Plan
     #: what goes back, newest last: that of the journal, but for a stamp of ours, which ends
     changes: tuple[Change, ...]
+    #: the PDOs of which the journal says nothing, as they were before the way back, and boot-ups seen by then
+    others: tuple[PdoChange, ...]
+    boot_ups_read: int
     #: what was put back otherwise than it was, and boot-ups seen before it was put back
     _otherwise: tuple[PdoChange, ...] = ()
     _boot_ups: int = 0
@@ -71,8 +75,11 @@ class Recovery:
         if node.keeper is not None:
             node.keeper.lock.take()
         node.read_anew()
+        boot_ups = node.bus.boot_ups(node.node_id)
         plan, as_taken = plan_back(node, [journal.plan]), plan_back(node, [journal.plan], as_taken=True)
-        return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan))
+        present = present_beside(node, journal.plan) if is_of_pdo(journal.plan) else []
+        others = as_they_are({pdo: node.known_pdo(pdo) for pdo in present})
+        return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan), others, boot_ups)
 
     def ahead(self) -> Iterator[Plan]:
         """What goes ahead of `put_back` where other nodes are put back, too: one part for each phase but the last.
@@ -96,9 +103,26 @@ class Recovery:
             self._restore(tuple(change.reversed() for change in part.changes), given_up=_SILENT)
 
     def put_back(self) -> None:
-        """Put everything back and verify that, whatever the node holds; LeftChanged leaves the journal."""
-        self._boot_ups = self.node.bus.boot_ups(self.node.node_id)
-        self._otherwise = self._restore(self.changes, given_up=(DvtcliError, KeyboardInterrupt))
+        """Put everything back and verify that, whatever the node holds; LeftChanged leaves the journal.
+
+        Other PDOs that the device alters with that are put back, too, unless it restarted since they were read.
+        """
+        node, given_up = self.node, (DvtcliError, KeyboardInterrupt)
+        self._boot_ups = node.bus.boot_ups(node.node_id)
+        self._otherwise = self._restore(self.changes, given_up=given_up)
+        if altered := self._altered():
+            self._otherwise = self._restore((*self.changes, *altered), given_up=given_up)
+            if still := self._altered():
+                raise others_left(self.plan, still)
+
+    def _altered(self) -> dict[PdoChange, str]:
+        """The other PDOs that are not as they were, each with what differs; none if the node restarted since then."""
+        node = self.node
+        try:
+            altered = node.observed(lambda: altered_of(node.sdo, self.others))
+        except (DvtcliError, KeyboardInterrupt) as fault:
+            raise self._left(fault) from fault
+        return altered if node.bus.boot_ups(node.node_id) == self.boot_ups_read else {}
 
     def start(self) -> None:
         """Start the node where it was found OPERATIONAL; put back anew where it restarted since it was verified.

@@ -28,12 +28,15 @@ if TYPE_CHECKING:
 class OtherPdos:
     """The PDOs beside a plan: the *cob_ids* as they were before it, and *wholes*, those that were read whole.
 
-    *present* names all of them, for a way back: it may read the node.
+    *present* names all of them, for a way back: it may read the node. *unlike_kept* judges what was not read before the
+    plan, by what is kept of the device; None: nothing is.
     """
 
     cob_ids: Mapping[Pdo, CobId] = field(default_factory=dict)
     wholes: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
     present: Callable[[], Sequence[Pdo]] = tuple
+    #: those that hold what no backup and no remembered change of the device says
+    unlike_kept: Callable[[Mapping[Pdo, PdoConfig]], Sequence[Pdo]] | None = None
     #: what a way back leaves alone, as it was before the plan or, if nobody read that, when the way back began
     _before: dict[Pdo, PdoConfig] = field(default_factory=dict)
     #: those that were altered, of which nothing but the COB-ID could be put back
@@ -59,6 +62,10 @@ class OtherPdos:
         self._before = {change.pdo: change.before for change in as_they_are(held)}
         if not restarted:
             self._before = {pdo: self._as_before(pdo, config) for pdo, config in self._before.items()} | {**self.wholes}
+
+    def unread(self) -> dict[Pdo, PdoConfig]:
+        """The PDOs that were read whole when the way back began and not before the plan, as they were then."""
+        return {pdo: config for pdo, config in self._before.items() if pdo not in self.wholes}
 
     def altered_whole(self, sdo: SdoReader) -> dict[Pdo, str]:
         """The PDOs that are not as they were when the way back began, each with what differs, in words."""

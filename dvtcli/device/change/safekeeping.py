@@ -142,6 +142,11 @@ class Keeper:
                 self.say(f"backup of node {self.node_id}: {path}")
         self.own_journal.begin(plan, identity, nmt_state, asked, is_test=is_test)
 
+    def unlike_kept(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
+        """The PDOs *held* that are as no backup of the device and no remembered change says."""
+        with self._files("read"):
+            return self._backing_up.unlike_kept(identity, held)
+
     def remember(self, plan: Plan) -> None:
         """After *plan*, which `begin` was told of, was carried out and verified: a later `undo` can put it back."""
         self.past.add(plan, self.own_journal.identity, self.own_journal.entry)

@@ -19,7 +19,7 @@ from dvtcli.device.change.failed_change import (
     step_text,
     unreadable_left,
 )
-from dvtcli.device.change.other_pdos import OtherPdos, altered_too
+from dvtcli.device.change.other_pdos import OtherPdos, altered_too, is_of_pdo
 from dvtcli.device.change.put_back import (
     Clock,
     bytes_differ,
@@ -240,6 +240,8 @@ class Transaction:
                 self._say_left(fault)
             elif self._restarted():
                 self._say_lost(fault)
+            elif is_of_pdo(self.plan):
+                self._say_unread(fault)
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
@@ -288,6 +290,33 @@ class Transaction:
             "restarted without a boot-up message that was heard, and hold what it has stored; look at it"
         )
         fault.details.append(("left", several(self._left.values())))
+
+    def _say_unread(self, fault: DvtcliError) -> None:
+        """Claim of the other PDOs only what was read before the plan, or is as a backup or a remembered change says.
+
+        A write of the plan may have altered them before the way back read them first.
+        """
+        unread = self.others.unread()
+        if not unread or fault.state != "rolled_back" or fault.state_text is not None:
+            return
+        own, judge = several(change.label for change in self.plan.changes), self.others.unlike_kept
+        try:
+            unlike = list(unread) if judge is None else judge(unread)
+        except DvtcliError as failed:  # somebody else can write where the backups are: they prove nothing
+            fault.details.append(("also", failed.text))
+            unlike = list(unread)
+        if not unlike:
+            fault.state_text = (
+                f"rolled back: {own} is as it was, read back equal; the other PDOs, which were not read before it, are "
+                "as a backup or an earlier change left them; nothing was stored"
+            )
+            return
+        labels = several(pdo.label for pdo in unlike)
+        fault.state = "unknown"
+        fault.state_text = (
+            f"unknown: {own} is as it was, read back equal; {labels} was not read before it, and is as no backup and "
+            "no earlier change left it: this change altered it with its own, or another tool set it; look at it"
+        )
 
     def _explain_silence(self, silent: NoAnswer) -> None:
         """The node has answered the roll-back since: it is neither off nor STOPPED."""
