@@ -78,6 +78,8 @@ class DvtcliError(Exception):
         self.only_looked = False
         #: `FILE:LINE` of the script lines above it whose changes stay
         self.stays: tuple[str, ...] = ()
+        #: how the nodes differ from what those lines set, read behind the failure; None where that was not read
+        self.stays_differing: tuple[str, ...] | None = None
         #: what is typed to look at the frames of it, empty where there are none
         self.traced_by = ""
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")

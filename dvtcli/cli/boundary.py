@@ -14,6 +14,7 @@ import click
 from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import (
     Bug,
+    BusUnavailable,
     DeviceRefused,
     DvtcliError,
     Interrupted,
@@ -36,6 +37,8 @@ COMPLETING = "_DVTCLI_COMPLETE"
 SIGNALLED = frozenset({129, 130, 143})
 #: What frames tell more of: `trace last` shows them, at the prompt, where a line may follow, and as a run of its own.
 _OF_FRAMES = (SdoAborted, DeviceRefused, NoAnswer, SdoProtocolError, LeftChanged)
+#: Behind them nodes are not read once more: somebody waits, or nobody answers.
+_UNREAD = (BusUnavailable, Interrupted, NoAnswer, SdoProtocolError)
 #: What only writing ends with: a full disk, a file that may not grow, a terminal that went away.
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
@@ -79,6 +82,8 @@ def _ended(session: Conversation, raised: BaseException) -> int:
 
 def _shown(session: Conversation, error: DvtcliError) -> int:
     error.stays, error.only_looked = session.staying(), session.only_looks
+    if error.stays and not isinstance(error, _UNREAD):
+        error.stays_differing = session.stays_differing()
     if session.is_open and isinstance(error, _OF_FRAMES):
         error.traced_by = _traced_by(session)
     place = None if error.at_start else session.place

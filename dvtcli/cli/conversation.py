@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.errors import State, UsageError
+from dvtcli.errors import DvtcliError, State, UsageError
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import START_ONLY, Options
 
@@ -279,3 +279,12 @@ class Conversation(Session):
     def staying(self) -> tuple[str, ...]:
         """`FILE:LINE` of the lines of the script that runs whose changes the nodes hold; none under --dry-run."""
         return () if self.script_changes is None or self.dry_run else self.script_changes.staying()
+
+    def stays_differing(self) -> tuple[str, ...] | None:
+        """How nodes differ from what those lines set, read now; None where nothing is read, or a node cannot be."""
+        if self.script_changes is None or self.dry_run or self.cancellation.requested:
+            return None
+        try:
+            return self.script_changes.differing()
+        except DvtcliError:  # what failed is told; of this nothing is claimed
+            return None

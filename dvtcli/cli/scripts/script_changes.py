@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.restarts import held_plans, refuse_after_restarts
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted
 
@@ -85,6 +86,24 @@ class ScriptChanges:
         unknown = [ABOVE] if held - self._plans.keys() else []
         outer = self._outer._noted() if self._outer is not None else []  # noqa: SLF001 - one of ours
         return tuple(dict.fromkeys([*outer, *self._noted(), *unknown]))
+
+    def differing(self) -> tuple[str, ...] | None:
+        """How nodes differ from what this script's lines set and nobody took back, read now.
+
+        None if nothing was set, or if nothing differs and not all of it can be read again. Raises as reading does.
+        """
+        from dvtcli.device.change.expected import moves, no_longer_held
+
+        held, found, is_read = self._held(), [], []
+        for node in self._session.met_nodes():
+            changes = [change for plan in self._made(node) if id(plan) in held for change in plan.changes]
+            found += [f"{label} of node {node.node_id} {text}" for label, text in no_longer_held(node, changes)]
+            is_read += [
+                isinstance(change, PdoChange)
+                or (change.is_readable and not moves(node, change.step.index, change.step.sub_index))
+                for change in changes
+            ]
+        return tuple(found) if found or (is_read and all(is_read)) else None
 
     def _held(self) -> set[int]:
         """The ids of the plans that this script made and whose changes the nodes hold."""

@@ -55,6 +55,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "state": error.state,
         "at": at,
         "stays": list(error.stays),
+        "stays_differing": None if error.stays_differing is None else list(error.stays_differing),
         "also": [text for label, text in error.details if label == "also"],
     }
     if isinstance(error, LeftChanged):
@@ -145,7 +146,13 @@ def _state(error: DvtcliError, at: str | None) -> str:
     text = error.state_text or _STATES[error.state]
     if at and error.state_text is None and (error.stays or error.state == "unchanged"):
         text = _BY_THIS_LINE.get(error.state, text)
-    return f"{text}; what {several(error.stays)} changed is not taken back" if error.stays else text
+    if not error.stays:
+        return text
+    stays = f"what {several(error.stays)} changed is not taken back"
+    if error.stays_differing is not None:
+        is_held = not error.stays_differing
+        stays += ", read back equal" if is_held else f", and is not as it was set: {several(error.stays_differing)}"
+    return f"{text}; {stays}"
 
 
 def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:

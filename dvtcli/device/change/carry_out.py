@@ -20,7 +20,14 @@ from dvtcli.device.change.after_change import (
     settle_after,
 )
 from dvtcli.device.change.failed_change import TRY_AGAIN
-from dvtcli.device.change.other_pdos import OtherPdos, cob_ids_beside, is_of_pdo, present_beside, wholes_beside
+from dvtcli.device.change.other_pdos import (
+    OtherPdos,
+    cob_ids_beside,
+    is_of_pdo,
+    present_beside,
+    unlike_kept,
+    wholes_beside,
+)
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.transaction import Transaction
@@ -84,9 +91,7 @@ def _carry_out(
         untold = any(config.lacking for config in node.last_read.values())
         enter(node, found)
         node.refuse_restarted(found)
-        keeper, identity = node.keeper, node.identity()
-        unlike_kept = None if keeper is None else partial(keeper.unlike_kept, identity)
-        others = OtherPdos(cob_ids, beside, partial(present_beside, node, plan), unlike_kept)
+        others = OtherPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
         boot_ups = run(node, plan, others, found)
     except LeftChanged as left:
         left_open(node, left)

@@ -29,14 +29,14 @@ class OtherPdos:
     """The PDOs beside a plan: the *cob_ids* as they were before it, and *wholes*, those that were read whole.
 
     *present* names all of them, for a way back: it may read the node. *unlike_kept* judges what was not read before the
-    plan, by what is kept of the device; None: nothing is.
+    plan, by what is kept of the device.
     """
 
     cob_ids: Mapping[Pdo, CobId] = field(default_factory=dict)
     wholes: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
     present: Callable[[], Sequence[Pdo]] = tuple
-    #: those that hold what no backup and no remembered change of the device says
-    unlike_kept: Callable[[Mapping[Pdo, PdoConfig]], Sequence[Pdo]] | None = None
+    #: those of what it is given that hold what nothing that is kept of the device says
+    unlike_kept: Callable[[Mapping[Pdo, PdoConfig]], Sequence[Pdo]] = tuple
     #: what a way back leaves alone, as it was before the plan or, if nobody read that, when the way back began
     _before: dict[Pdo, PdoConfig] = field(default_factory=dict)
     #: those that were altered, of which nothing but the COB-ID could be put back
@@ -137,6 +137,14 @@ def wholes_beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoCo
         return {}
     own = set(_own(plan))
     return {pdo: config for pdo, config in movable(node.last_read).items() if pdo not in own}
+
+
+def unlike_kept(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[Pdo]:
+    """The PDOs *held* that are neither as this session saw them nor as a backup or a remembered change says."""
+    unlike = {pdo: config for pdo, config in held.items() if node.expected.pdos.get(pdo) != config}
+    if not unlike or node.keeper is None:
+        return tuple(unlike)
+    return node.keeper.unlike_kept(node.identity(), unlike)
 
 
 def movable(pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:

@@ -299,12 +299,12 @@ class Transaction:
         unread = self.others.unread()
         if not unread or fault.state != "rolled_back" or fault.state_text is not None:
             return
-        own, judge = several(change.label for change in self.plan.changes), self.others.unlike_kept
+        own = several(change.label for change in self.plan.changes)
         try:
-            unlike = list(unread) if judge is None else judge(unread)
+            unlike = self.others.unlike_kept(unread)
         except DvtcliError as failed:  # somebody else can write where the backups are: they prove nothing
             fault.details.append(("also", failed.text))
-            unlike = list(unread)
+            unlike = tuple(unread)
         if not unlike:
             fault.state_text = (
                 f"rolled back: {own} is as it was, read back equal; the other PDOs, which were not read before it, are "

@@ -67,7 +67,7 @@ def test_a_store_that_is_not_proved_says_that_the_test_value_was_put_back(fault:
         assert said["hint"].endswith(" store --prove power` finds out")
         assert "8 PDOs read back equal after the reset, and could be lost with the power" in said["state"]
         assert "0x1802:05 (event timer of TPDO3) is put back to 0, read back equal" in said["state"]
-        assert said["state"].endswith("what test.dvt:1 changed is not taken back")
+        assert said["state"].endswith("what test.dvt:1 changed is not taken back, read back equal")
 
 
 def test_a_group_that_has_no_pdos_gets_the_hint_of_the_one_that_has() -> None:

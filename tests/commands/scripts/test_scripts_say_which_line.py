@@ -20,7 +20,10 @@ def test_a_verify_that_differs_says_its_line() -> None:
         ran = bench.script("set tpdo1 --timer 20", f"verify tpdo1 {EDS}", "pdo")
         assert ran.code == 3
         assert f"test.dvt:2: error: TPDO1 differs from {EDS}" in ran.stderr
-        assert rows(ran.stderr)["state"] == "read back, nothing was written; what test.dvt:1 changed is not taken back"
+        assert (
+            rows(ran.stderr)["state"]
+            == "read back, nothing was written; what test.dvt:1 changed is not taken back, read back equal"
+        )
         assert "COB-ID" not in ran.stdout, "it ends there"
 
 
@@ -59,3 +62,24 @@ def test_after_a_restore_that_did_not_all_it_should_no_change_is_said_to_stay(li
         assert ran.code == 1
         assert "node 1 acknowledged the restore and does not hold its defaults" in ran.stderr
         assert "test.dvt:1" not in rows(ran.stderr)["state"]
+
+
+@pytest.mark.parametrize("form", ["", "--json"])
+def test_what_earlier_lines_set_is_read_behind_the_failure(form: str) -> None:
+    """A later line altered it with what it wrote; what cannot be read again is not said to be so."""
+    lines = ("set tpdo1 --timer 20", "write 1017 55", "map tpdo1 6041 5FFF")
+    for fault, differs in (("", []), ("alters@2=1800:5:0x55", ["TPDO1 of node 1 event timer is 85, expected 20"])):
+        with Bench(("generic",), {"format": "json" if form else "text", "fault": (fault,) if fault else ()}) as bench:
+            ran = bench.script(*lines)
+        assert ran.code == 1
+        if form:
+            assert (ran.documents[-1]["stays"], ran.documents[-1]["stays_differing"]) == (
+                ["test.dvt:1", "test.dvt:2"],
+                differs,
+            )
+        else:
+            said = f", and is not as it was set: {differs[0]}" if differs else ", read back equal"
+            assert f"what test.dvt:1, test.dvt:2 changed is not taken back{said}" in ran.stderr
+    with Bench(("generic",)) as bench:
+        ran = bench.script("set tpdo1 --timer 20", "write 6040 6", "map tpdo1 6041 5FFF")
+    assert "what test.dvt:1, test.dvt:2 changed is not taken back; " in ran.stderr, "a controlword may change"
