@@ -42,7 +42,13 @@ RULES = (
 
 
 def carry_out_as_taken(
-    node: Changeable, plan: Plan, findings: tuple[Finding, ...], found: Found | None, done: Callable[[Plan, int], None]
+    node: Changeable,
+    plan: Plan,
+    findings: tuple[Finding, ...],
+    found: Found | None,
+    done: Callable[[Plan, int], None],
+    *,
+    is_kept: bool = False,
 ) -> tuple[Plan, tuple[Finding, ...]]:
     """Carry *plan* out; what was carried out in the end, and *findings* with what the device wanted otherwise.
 
@@ -54,7 +60,7 @@ def carry_out_as_taken(
     plan = _as_known(node, plan)
 
     def run(one: Plan, found: Found | None) -> None:
-        carry_out(node, one, findings, found=found, done=lambda boot_ups: done(one, boot_ups))
+        carry_out(node, one, findings, found=found, done=lambda boot_ups: done(one, boot_ups), is_kept=is_kept)
 
     if _wants_pre_operational(node, plan) and present_state(node.access) is NmtState.OPERATIONAL:
         node.gate.wanted = node.gate.consent

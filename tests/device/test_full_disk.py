@@ -92,7 +92,7 @@ def test_without_a_journal_nothing_is_begun(keep: Keep, tmp_path: Path) -> None:
 
 
 #: in a folder of so long a name the lock, which names the journal, takes more room than the journal
-LONG = "/".join(["x" * 250] * 4)
+LONG = "/".join(["x" * 250] * 8)
 
 
 def test_a_journal_that_the_lock_cannot_name_is_removed_again(keep: Keep) -> None:

@@ -20,6 +20,7 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import InputFileError, SafetyRefusal
+from tests.journals import journal_document
 
 IDENTITY = {"vendor": 1, "product": None, "revision": 0xFFFF_FFFF, "serial": 4}
 FULL = PdoConfig(
@@ -115,7 +116,7 @@ SPOILT: list[tuple[Spoil, str]] = [
 @pytest.mark.parametrize(("spoil", "why"), SPOILT)
 def test_a_damaged_journal_is_said_and_not_used(tmp_path: Path, spoil: Spoil, why: str) -> None:
     path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
-    document = json.loads(path.read_text())
+    document = journal_document(path)
     spoil(document)
     path.write_text(json.dumps(document))
     with pytest.raises(InputFileError) as caught:
@@ -126,7 +127,7 @@ def test_a_damaged_journal_is_said_and_not_used(tmp_path: Path, spoil: Spoil, wh
 
 def test_the_highest_object_may_be_the_one_that_could_not_be_read(tmp_path: Path) -> None:
     path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
-    document = json.loads(path.read_text())
+    document = journal_document(path)
     document["changes"][0]["before"]["unread"] = [[0xFFFF, 0xFF], [0, 0]]
     path.write_text(json.dumps(document))
     change = read_journal(path).plan.changes[0]
@@ -136,7 +137,7 @@ def test_the_highest_object_may_be_the_one_that_could_not_be_read(tmp_path: Path
 
 def test_most_changes_and_most_bytes(tmp_path: Path) -> None:
     path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
-    document = json.loads(path.read_text())
+    document = journal_document(path)
     document["changes"] = document["changes"][2:3] * 2048
     text = json.dumps(document)
     path.write_text(text.ljust(MOST_BYTES))
@@ -162,7 +163,7 @@ def test_no_file_stays_open(tmp_path: Path) -> None:
 )
 def test_what_a_journal_belongs_to_is_words(tmp_path: Path, part: dict[str, Any]) -> None:
     path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
-    path.write_text(json.dumps(json.loads(path.read_text()) | part))
+    path.write_text(json.dumps(journal_document(path) | part))
     with pytest.raises(InputFileError) as caught:
         read_journal(path)
     assert caught.value.why == "what it belongs to is malformed"
@@ -172,7 +173,7 @@ def test_what_a_journal_belongs_to_reads_back_and_need_not_be_said(tmp_path: Pat
     part = Part("5f", "set-up.dvt", ("one", "two"), "store")
     path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5, part)
     assert read_journal(path).part == part
-    document = json.loads(path.read_text())
+    document = journal_document(path)
     path.write_text(
         json.dumps({key: document[key] for key in document if key not in ("whole", "name", "entries", "final")})
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
+import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,10 +13,12 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.journal import Journal, read_journal
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper
-from dvtcli.device.change.whole import Whole
+from dvtcli.device.change.whole import Part, Storing, Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import JournalKept, SafetyRefusal
+from tests.device.test_full_disk import files_end_at
+from tests.journals import journal_document
 
 IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 Keep = Callable[..., Keeper]
@@ -208,7 +211,7 @@ def test_what_is_set_aside_blocks_nothing_and_is_kept(keep: Keep) -> None:
     one = keep()
     make(one, 0x2000)
     aside = one.set_aside(one.journals.path(5), "discarded")
-    assert json.loads(aside.read_text("utf-8"))["node"] == 5
+    assert journal_document(aside)["node"] == 5
     assert (one.open_journal(), one.lock.noted(), one.lock.held) == (None, None, True)
 
 
@@ -277,33 +280,79 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
     assert own.exists(), "whatever it is, it was not recovered"
 
 
+ENDS = Part(final="set-up.dvt: store on node 5", stores=(Storing(5, "all", identity=IDENTITY),))
+
+
+def opened(keeper: Keeper, *indices: int) -> None:
+    """Open the journal of changes of these objects, before the first of them."""
+    changes = tuple(change for index in indices for change in plan(keeper.node_id, index).changes)
+    keeper.open(Plan(keeper.node_id, changes), IDENTITY, 5, dict, {}, ENDS)
+
+
+def part(keeper: Keeper, index: int) -> None:
+    """Carry one part of them out, which is not remembered by itself."""
+    keeper.begin(plan(keeper.node_id, index), IDENTITY, 5, dict, is_kept=False)
+    assert index in indices(keeper)
+    keeper.own_journal.carried_out()
+    keeper.own_journal.end()
+
+
 def test_the_parts_of_a_change_have_one_journal_that_is_there_before_the_first(keep: Keep) -> None:
     one = keep()
-    own = one.own_journal
-    own.announce(Plan(one.node_id, plan(one.node_id, 0x2000).changes + plan(one.node_id, 0x2001).changes))
-
-    def part(index: int) -> int:
-        """Carry one part out; which file tells of it."""
-        one.begin(plan(one.node_id, index), IDENTITY, 5, dict)
-        assert index in indices(one)
-        own.carried_out()
-        own.end()
-        return one.journals.path(one.node_id).stat().st_ino
-
-    first = part(0x2000)
+    opened(one, 0x2000, 0x2001)
+    written = one.own_journal.path.read_bytes()
     assert indices(one) == [0x2000, 0x2001]
-    assert part(0x2001) == first
-    assert journal(one).part.entries == (own.entry,), "one undo takes all parts back"
-    assert part(0x2002) != first, "what was not announced is put on disk before it is written"
-    own.announce(None)
+    for index in (0x2000, 0x2001, 0x2000):  # and a way back
+        part(one, index)
+    assert one.own_journal.path.read_bytes() == written
+    assert journal(one).part.entries == (one.own_journal.entry,), "one undo takes all parts back"
+    part(one, 0x2002)  # what was not planned is put on disk before it is written
     make(one, 0x2003)
     assert indices(one) == [0x2000, 0x2001, 0x2002, 0x2003]
-    assert len(set(journal(one).part.entries)) == 2, "it is a change of its own"
+    assert len(set(journal(one).part.entries)) == 3, "it is a change of its own"
+    one.own_journal.complete_whole()
+    assert not one.own_journal.path.exists()
 
 
-def test_what_was_announced_and_not_begun_is_in_no_journal(keep: Keep) -> None:
+@pytest.mark.parametrize("begun", [0, 1])
+def test_what_was_opened_and_is_put_back_or_not_begun_has_no_journal(keep: Keep, begun: int) -> None:
     one = keep()
-    one.own_journal.announce(plan(one.node_id, 0x2000))
-    one.own_journal.announce(None)
+    opened(one, 0x2000, 0x2001)
+    for _ in range(begun):
+        part(one, 0x2000)
+    one.own_journal.end_whole()
+    assert (one.open_journal(), markers(one), one.lock.noted()) == (None, 0, None)
     make(one, 0x2001)
     assert indices(one) == [0x2001]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
+def test_all_that_an_opened_journal_says_later_needs_no_more_space(keep: Keep) -> None:
+    """Not even a new name: nothing may be made in its folder, and no file may grow."""
+    one = keep()
+    opened(one, 0x2000, 0x2001)
+    inode, size = one.own_journal.path.stat().st_ino, one.own_journal.path.stat().st_size
+    with files_end_at(size):
+        part(one, 0x2000)
+        part(one, 0x2001)
+        for done in (False, True):
+            one.own_journal.final(ENDS.final, tuple(replace(store, is_done=done) for store in ENDS.stores))
+            assert [store.is_done for store in journal(one).part.stores] == [done]
+        one.own_journal.note(plan(5, 0x2002))
+    assert (one.own_journal.path.stat().st_ino, one.own_journal.path.stat().st_size) == (inode, size)
+    assert indices(one) == [0x2000, 0x2001, 0x2002]
+
+
+def test_a_journal_that_is_torn_while_it_is_written_says_what_it_said_before(keep: Keep) -> None:
+    """Wherever a write of one of its later forms ends: the other form is whole."""
+    one = keep()
+    opened(one, 0x2000)
+    said = [one.own_journal.path.read_bytes()]
+    for name in ("first", "second"):
+        one.own_journal.final(name)
+        said.append(one.own_journal.path.read_bytes())
+    for before, after, final in ((said[0], said[1], ""), (said[1], said[2], "first")):
+        differing = [number for number, pair in enumerate(zip(before, after, strict=True)) if pair[0] != pair[1]]
+        for end in (*differing[:: max(1, len(differing) // 20)], differing[-1]):
+            one.own_journal.path.write_bytes(after[:end] + before[end:])
+            assert journal(one).part.final == final

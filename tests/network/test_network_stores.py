@@ -22,6 +22,7 @@ from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.results import Facts
 from dvtcli.operations.user.telling import Silent
 from dvtcli.simulator.device.refusal import Refusal
+from tests.journals import journal_document
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 
@@ -280,7 +281,7 @@ def test_finish_beside_another_interrupted_change_says_how_to_go_on(home: Path) 
         (first, _) = after.journals()
         lone = {"whole": None, "name": "", "final": "", "stores": [], "entries": [], "node": 7}
         path = first.with_name(first.name.replace("-5", "-7"))
-        path.write_text(json.dumps({**json.loads(first.read_text()), **lone}))
+        path.write_text(json.dumps({**journal_document(first), **lone}))
         path.chmod(0o600)
         with after.session(node=None) as session, pytest.raises(UsageError, match="one network at a time") as told:
             recover(session, finish=True)

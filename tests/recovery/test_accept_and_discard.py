@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.journals import journal_document
 from tests.recovery.bench import MAP, Bench
 
 
@@ -52,7 +53,7 @@ class Correcting(StrictDevice):
 
 def test_a_device_that_corrects_what_is_written_is_told_of_accept(bench: Bench) -> None:
     journal = killed(bench)
-    document = json.loads(journal.read_text("utf-8"))
+    document = journal_document(journal)
     document["changes"][0]["before"]["event_timer"] = 41
     journal.write_text(json.dumps(document))
     bench.wire.device.__class__ = Correcting
@@ -89,7 +90,7 @@ def test_a_journal_of_another_device_is_set_aside_and_one_of_this_is_not(bench: 
     assert code == 6, stderr
     assert "--accept" in stderr
     assert bench.journals() == [journal]
-    document = json.loads(journal.read_text("utf-8"))
+    document = journal_document(journal)
     document["identity"]["serial"] += 1
     journal.write_text(json.dumps(document))
     assert bench.run("recover", "--accept")[0] == 6

@@ -10,6 +10,7 @@ import json
 import pytest
 
 from dvtcli.domain.pdo import Pdo
+from tests.journals import journal_document
 from tests.process import documents
 from tests.recovery.bench import MAP, STEPS, Bench
 
@@ -56,7 +57,7 @@ def test_until_then_nothing_is_written_or_stored(bench: Bench) -> None:
 def test_a_journal_of_another_device_is_refused(bench: Bench) -> None:
     bench.killed(3, *MAP)
     (journal,) = bench.journals()
-    document = json.loads(journal.read_text())
+    document = journal_document(journal)
     document["identity"]["serial"] += 1
     journal.write_text(json.dumps(document))
     code, _, stderr = bench.run("recover", "--yes")

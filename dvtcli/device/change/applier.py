@@ -61,7 +61,7 @@ class Applier(Changeable):
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked
             plan, findings = carry_out_as_taken(
-                self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept)
+                self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept), is_kept=kept
             )
             findings += self._unreadable_findings(plan)
         else:

@@ -33,7 +33,7 @@ from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, Plan, Step
-from dvtcli.errors import DvtcliError, LeftChanged, Restarted
+from dvtcli.errors import DvtcliError, LeftChanged, Restarted, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
@@ -51,16 +51,18 @@ def carry_out(
     *,
     found: Found | None = None,
     done: Callable[[int], None] = lambda _boot_ups: None,
+    is_kept: bool = False,
     keep_journal: bool = False,
 ) -> None:
     """As below, from its first to its last file and frame: a signal waits for a safe point, or comes too late.
 
-    *found* is how the node was claimed when the plan was made, None where that is done now. With *keep_journal* the
-    journal of a change that stands is left open: who asked for it, to test a store, puts the change back.
+    *found* is how the node was claimed when the plan was made, None where that is done now. *is_kept* says that `undo`
+    is to remember the change. With *keep_journal* the journal of a change that stands is left open: who asked for it,
+    to test a store, puts the change back.
     """
     with node.cancellation.guard():
         found = node.claim() if found is None else found
-        _carry_out(node, plan, findings, found, done, keep_journal=keep_journal)
+        _carry_out(node, plan, findings, found, done, is_kept=is_kept, keep_journal=keep_journal)
     node.cancellation.hold()
 
 
@@ -71,6 +73,7 @@ def _carry_out(
     found: Found,
     done: Callable[[int], None],
     *,
+    is_kept: bool,
     keep_journal: bool,
 ) -> None:
     """Take *node* to where *plan* ends, or leave it as it was; LeftChanged names the journal where neither works.
@@ -85,7 +88,7 @@ def _carry_out(
     cob_ids = cob_ids_beside(node, plan)
     if node.keeper is not None:
         pdos, held = node.known_pdos, node.last_read
-        node.keeper.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal)
+        node.keeper.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal, is_kept=is_kept)
     try:
         beside = wholes_beside(node, plan, found)
         untold = any(config.lacking for config in node.last_read.values())
@@ -152,8 +155,12 @@ def run(node: Changeable, plan: Plan, others: OtherPdos, found: Found) -> int:
     """
 
     def note(changes: Sequence[Change]) -> None:
-        if node.keeper is not None:
+        if node.keeper is None:
+            return
+        try:
             node.keeper.own_journal.note(Plan(plan.node_id, tuple(changes)))
+        except SafetyRefusal as failed:  # a way back does not wait for a disk
+            node.keeper.warn(f"{failed.text}: if this ends before its time, `recover` does not know all of it")
 
     steps, total = count(1), len(plan)
 

@@ -25,6 +25,8 @@ class Course:
     part: Part = field(default_factory=Part)
     made: list[Plan] = field(default_factory=list)
     in_hand: Plan | None = None
+    #: all that is to be changed, where its journal is on disk before the first write; None: each change by itself
+    opened: Plan | None = None
 
     def begin(
         self,
@@ -33,23 +35,28 @@ class Course:
         nmt_state: int | None,
         asked: tuple[str, ...] = (),
         *,
-        goes_on: bool = False,
         is_test: bool = False,
     ) -> str:
         """*plan* is about to be carried out, or to be held while `learn` asks; the id under which it is remembered.
 
-        Where it *goes_on* with the one before, as its next part, that is remembered with it. One that *is_test* is to
-        go again (`end_test`).
+        One that *is_test* is to go again (`end_test`).
         """
-        if self.part.whole != whole.id or not self.made:
+        if self.part.whole != whole.id or not self.is_begun:
             self.made, self.nmt_state, self.part = [], nmt_state, Part(whole.id, whole.name)
-        if goes_on and self.part.entries:
-            self.part = replace(self.part, asked=asked)
-            self.in_hand = plan
-            return self.part.entries[-1]
         entry, tests = os.urandom(16).hex(), plan.changes if is_test else ()
         self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked, tests=tests)
         self.in_hand = plan
+        return entry
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether it has something to put back when no change is in hand."""
+        return bool(self.made) or self.opened is not None
+
+    def open(self, whole: Whole, plan: Plan, nmt_state: int | None) -> str:
+        """All of *plan* is to be carried out, part by part; the id under which it is remembered."""
+        entry = self.begin(whole, plan, nmt_state)
+        self.in_hand, self.opened = None, combined(plan.node_id, [*self.made, plan])
         return entry
 
     def carried_out(self) -> None:
@@ -67,7 +74,7 @@ class Course:
     @property
     def plan(self) -> Plan:
         """Everything that has to be put back, as one plan."""
-        plans = [*self.made, *([] if self.in_hand is None else [self.in_hand])]
+        plans = [one for one in (self.opened, *self.made, self.in_hand) if one is not None]
         return plans[0] if len(plans) == 1 else combined(plans[0].node_id, plans)
 
 

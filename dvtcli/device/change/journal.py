@@ -1,6 +1,7 @@
 """What is on disk while a device is being changed, so that a killed change can be finished.
 
-A journal is written whole and synced before the first write, and removed once the change is verified or undone.
+A journal is written whole and synced before the first write, with the room that its later forms need, and removed once
+the change is verified or undone.
 Knows folders and files of its own. Does not write to devices and does not decide when to recover.
 """
 
@@ -9,12 +10,13 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dvtcli.device.change.in_place import HEAD_BYTES, content_of, create, replace_content
 from dvtcli.device.change.plan_document import (
     MOST_CHANGES,
     Identity,
@@ -34,6 +36,7 @@ from dvtcli.errors import InputFileError, SafetyRefusal
 SCHEMA = "dvtcli.journal/1"
 #: A journal is no larger than what `MOST_CHANGES` fill; anything larger is something else.
 MOST_BYTES = 5_000_000
+_MOST_FILE_BYTES = 2 * (MOST_BYTES + HEAD_BYTES + 1)
 
 #: What a journal's new name says of it: closed with what the device held, or set aside unused.
 ACCEPTED, DISCARDED = "accepted", "discarded"
@@ -115,12 +118,28 @@ class Journals:
                 if (found.bus, found.part.whole) == (self.bus, whole):
                     yield found
 
-    def write(self, plan: Plan, identity: Identity, nmt_state: int | None, part: Part | None = None) -> Path:
+    def write(
+        self, plan: Plan, identity: Identity, nmt_state: int | None, part: Part | None = None, *, room: int = 0
+    ) -> Path:
         """Put *plan*, which belongs to *part*, on disk, whole and synced, before its first write; for its owner only.
 
-        OSError where it cannot be kept, or is too large to be read again.
+        *room* is how many bytes its later forms may need beyond this one: these take no more space. OSError where it
+        cannot be kept, or is too large to be read again: a journal of that name is as it was then.
         """
-        path, part = self.path(plan.node_id), part or Part()
+        path = self.path(plan.node_id)
+        text = self._text(plan, identity, nmt_state, part or Part())
+        if len(text) > MOST_BYTES or len(plan.changes) > MOST_CHANGES:
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+        if not replace_content(path, text, room):
+            create(path, text, min(len(text) + room, MOST_BYTES))
+        return path
+
+    @staticmethod
+    def length_of(final: str, stores: Iterable[Storing]) -> int:
+        """How many bytes a journal takes to say *final* and *stores*."""
+        return len(json.dumps([final, *map(_store_document, stores)]))
+
+    def _text(self, plan: Plan, identity: Identity, nmt_state: int | None, part: Part) -> str:
         document = {
             "schema": SCHEMA,
             "bus": self.bus,
@@ -137,11 +156,7 @@ class Journals:
             "tests": [change_document(change) for change in part.tests],
             "changes": [change_document(change) for change in plan.changes],
         }
-        text = json.dumps(document)  # on one line: with indentation it takes ten times as long
-        if len(text) > MOST_BYTES or len(plan.changes) > MOST_CHANGES:
-            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
-        write_private(path, text)
-        return path
+        return json.dumps(document)  # on one line: with indentation it takes ten times as long
 
     def remove(self, node_id: int) -> None:
         """Forget the journal of *node_id*: its change is verified, or undone and verified."""
@@ -158,7 +173,7 @@ def read_journal(path: Path) -> Journal:
     try:
         with path.open("rb") as file:
             _refuse_strangers(path, os.fstat(file.fileno()))
-            data = file.read(MOST_BYTES + 1)
+            data = content_of(file.read(_MOST_FILE_BYTES + 1))
         document = json.loads(data) if len(data) <= MOST_BYTES else None
         return _journal(path, document)
     except (ValueError, RecursionError, OSError) as wrong:

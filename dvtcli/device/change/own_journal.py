@@ -1,25 +1,32 @@
 """The journal of what this process changes on one node: there before the first write, until nothing is to be put back.
 
-That of a whole grows with each of its changes. Does not know journals that others left, backups, or devices.
+That of a whole grows with each of its changes, or has all of them from the start (`open`); what follows then takes no
+more space. Does not know journals that others left, backups, or devices.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dvtcli.device.change.course import Course, combined, covers
 from dvtcli.device.change.journal import Journal, Journals
 from dvtcli.device.change.lock import NodeLock
-from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change.plan_document import Identity, change_document
 from dvtcli.device.change.private_file import remove
 from dvtcli.device.change.whole import Part, Storing, Whole
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import PdoChange, Plan
+from dvtcli.domain.plan import PdoChange, Plan, plan_pdo
 from dvtcli.errors import JournalKept, SafetyRefusal
+
+#: how many bytes the words of a journal grow by, and one of its PDOs that is held otherwise than it was
+_ROOM, _MORE = 500, 100
+#: and what a test of a store changes for a moment
+ROOM_OF_TEST = 5000
 
 
 @dataclass(slots=True)
@@ -39,9 +46,6 @@ class OwnJournal:
     entry: str = ""
     #: what has to be put back
     _course: Course = field(default_factory=Course)
-    #: what the parts that follow come to, and whether one of them was begun
-    _announced: Plan | None = None
-    _goes_on: bool = False
     #: what the node holds besides and the changes may alter, each as a change to what it is
     _beside: Plan | None = None
     #: what the journal says by now
@@ -55,13 +59,13 @@ class OwnJournal:
     def is_open(self, path: Path) -> bool:
         """Whether the journal at *path* is that of a whole of ours which is not complete yet."""
         course = self._course
-        ours = course.made and course.in_hand is None and course.part.whole == self.whole.id
-        return bool(ours) and path == self.path
+        ours = course.is_begun and course.in_hand is None and course.part.whole == self.whole.id
+        return ours and path == self.path
 
     @property
     def is_begun(self) -> bool:
-        """Whether a change was carried out that it tells of."""
-        return bool(self._course.made)
+        """Whether it tells of a change that was carried out, or is to be, with others."""
+        return self._course.is_begun
 
     @property
     def says_stores(self) -> bool:
@@ -71,22 +75,26 @@ class OwnJournal:
     def before(self) -> dict[Pdo, PdoConfig]:
         """What the PDOs of the journal of a whole that is not complete yet held before any of its changes."""
         course = self._course
-        if not course.made or course.part.whole != self.whole.id:
+        if not course.is_begun or course.part.whole != self.whole.id:
             return {}
         kept = () if self._on_disk is None else self._on_disk[0].changes  # also what the changes may alter beside
         changes = (*kept, *course.plan.changes)
         return {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
 
-    def announce(self, plan: Plan | None) -> None:
-        """The changes that follow are parts of *plan*: its journal is written before the first one, for all of them.
-
-        None: they stand by themselves again.
-        """
-        self._announced, self._goes_on = plan, False
-
     def guard(self, plan: Plan | None) -> None:
         """From now on the journal also has *plan*: what the node holds that the changes may alter."""
         self._beside = plan
+
+    def open(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, ends: Part) -> None:
+        """Before the first write to any node of a whole: put the journal of all of *plan* on disk.
+
+        What is written to it until the whole is over needs no more space: *room* is how many bytes its later forms may
+        need, beside those that say how far the stores of *ends* are. SafetyRefusal if it cannot be kept.
+        """
+        before, self.identity = self._copy(), identity
+        with self._files("kept"):
+            self.entry = self._course.open(self.whole, plan, nmt_state)
+            self._keep_or(before, room + Journals.length_of(ends.final, (*ends.stores, *ends.equal)))
 
     def begin(
         self,
@@ -96,45 +104,63 @@ class OwnJournal:
         asked: tuple[str, ...] = (),
         *,
         is_test: bool = False,
+        is_kept: bool = True,
+        room: int = 0,
     ) -> None:
         """Before the first write of *plan*, of the device of this *identity*: put the journal on disk.
 
-        *asked* are the PDOs that `learn` asks, where it does; *is_test* says that it only tests a store.
+        *asked* are the PDOs that `learn` asks, where it does; *is_test* says that it only tests a store, *is_kept* that
+        `undo` is to remember it. What is not, and is put back by what is on disk already, needs no space. *room* is how
+        many bytes its later forms may need.
         """
-        self.identity = identity
+        before, self.identity = self._copy(), identity
+        covered = not (is_kept or is_test or asked) and self._course.is_begun and self._puts_back(plan)
+        if covered and self._on_disk is not None and self._on_disk[1] == self._course.part:
+            self._course.in_hand = plan
+            return
         with self._files("kept"):
+            self.entry = self._course.begin(self.whole, plan, nmt_state, asked, is_test=is_test)
+            try:
+                self._keep_or(before, room if is_kept else 0)
+            except (OSError, SafetyRefusal):
+                if not covered:
+                    raise
+                self._course.in_hand = plan  # what is on disk puts this back, too
+
+    def _copy(self) -> Course:
+        return replace(self._course, made=[*self._course.made])
+
+    def _keep_or(self, before: Course, room: int) -> None:
+        """Put the journal on disk and note it; if that fails nothing of it is written to the device: as *before*."""
+        try:
             if self.whole.id is not None:
                 self.journals.open_whole(self.whole.id)
-            self.entry = self._course.begin(self.whole, plan, nmt_state, asked, goes_on=self._goes_on, is_test=is_test)
-            self._goes_on = self._announced is not None
-            try:
-                self.lock.note(self.path if self._is_kept() else self._write())
-            except (OSError, SafetyRefusal):  # nothing of this is written to the device: there is nothing to recover
-                self._course.in_hand = None
-                if not self._course.made:
-                    self._on_disk = None
-                    remove(self.path)
-                raise
+            self._write(room)
+            self.lock.note(self.path)
+        except BaseException:
+            self._course = before
+            if not before.is_begun:
+                self._on_disk = None
+                remove(self.path)
+                with suppress(OSError):
+                    self.journals.tidy(self.whole.id)
+            raise
 
-    def _is_kept(self) -> bool:
-        """Whether the journal says all that has to be put back."""
-        return (
-            self._on_disk is not None
-            and self._on_disk[1] == self._course.part
-            and covers(self._on_disk[0], self._course.plan)
-        )
+    def _puts_back(self, plan: Plan) -> bool:
+        """Whether the journal, as it is on disk, has all that *plan* writes as it was before the whole."""
+        if self._on_disk is None or self._course.part.whole != self.whole.id:
+            return False
+        return covers(self._on_disk[0], combined(plan.node_id, [self._course.plan, plan]))
 
-    def _write(self) -> Path:
-        course, plan = self._course, self._course.plan
-        if self._announced is not None:
-            ahead = combined(plan.node_id, [*course.made, self._announced])
-            plan = ahead if covers(ahead, plan) else plan
-        if self._beside is not None:
-            plan = combined(plan.node_id, [self._beside, plan])
-        self._on_disk = None
-        path = self.journals.write(plan, self.identity, course.nmt_state, course.part)
-        self._on_disk = (plan, course.part)
-        return path
+    def _guarded(self) -> Plan:
+        """All that has to be put back, and what the node holds that the changes may alter."""
+        plan = self._course.plan
+        return plan if self._beside is None else combined(plan.node_id, [self._beside, plan])
+
+    def _write(self, room: int = 0) -> None:
+        plan = self._guarded()
+        self.journals.write(plan, self.identity, self._course.nmt_state, self._course.part, room=room)
+        self._on_disk = (plan, self._course.part)
 
     def note(self, plan: Plan) -> None:
         """Put *plan* on disk in place of the one in hand: more than that has to be put back."""
@@ -150,22 +176,22 @@ class OwnJournal:
         """After the change was verified, or undone and verified: forget the journal, unless it is that of a whole."""
         self._course.in_hand = None
         self._course.end_test()
-        if self._course.made:  # what it says of the change in hand is so, also where that was undone
+        if self._course.is_begun:  # what it says of the change in hand is so, also where that was undone
             return
         self.forget()
 
     def adopt(self, journal: Journal) -> None:
         """*journal*, of a whole that another process left verified on every node, is ours to complete now."""
         self.identity = journal.identity
-        self._course, self._on_disk = Course(journal.nmt_state, journal.part, [journal.plan]), None
-        self._announced, self._goes_on = None, False
+        self._course = Course(journal.nmt_state, journal.part, [journal.plan])
+        self._on_disk = (journal.plan, journal.part)
 
     def final(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
         """Before *line* of the whole, which no undo reverts, and *stores* those of it; empty: not done after all.
 
         *equal* are the nodes that were as wanted already, and neither are changed nor store.
         """
-        if self._course.made:
+        if self._course.is_begun:
             self._course.part = replace(self._course.part, final=line, stores=stores, equal=equal)
             if line:
                 with self._files("kept"):
@@ -190,15 +216,14 @@ class OwnJournal:
 
     def end_whole(self) -> None:
         """This node's part of the whole was put back and verified: forget the journal."""
-        if self._course.made and self._course.in_hand is None:
+        if self._course.is_begun and self._course.in_hand is None:
             whole = self._course.part.whole
             self.forget()
             self._tidy(whole)
 
     def is_over(self) -> None:
         """Nothing of what this process changed has to be put back any more; whatever is on disk stays there."""
-        self._course, self._on_disk = Course(), None
-        self._announced, self._goes_on, self._beside = None, False, None
+        self._course, self._on_disk, self._beside = Course(), None, None
 
     def forget(self) -> None:
         """Remove the journal: nothing has to be put back any more.
@@ -250,6 +275,11 @@ def complete_wholes(journals: Iterable[OwnJournal]) -> JournalKept | None:
         return None
     kept[0].details += [("also", other.text) for other in kept[1:]]
     return kept[0]
+
+
+def room_beside(held: Mapping[Pdo, PdoConfig]) -> int:
+    """How many bytes more a journal may need: for its words, and for the PDOs *held*, should a device alter them."""
+    return _ROOM + sum(len(json.dumps(change_document(plan_pdo(pdo, one, one)))) + _MORE for pdo, one in held.items())
 
 
 @contextmanager

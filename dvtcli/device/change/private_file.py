@@ -24,17 +24,17 @@ def file_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "bus"
 
 
-def write_private(path: Path, text: str) -> None:
+def write_private(path: Path, text: str, *, newline: str | None = None) -> None:
     """Write a file whole or not at all, readable by its owner only, and on the disk when this returns.
 
-    A link of that name is replaced, never followed. SafetyRefusal where others can write its folder or the one above,
-    which is the state folder.
+    A link of that name is replaced, never followed. *newline* is as `open` takes it. SafetyRefusal where others can
+    write its folder or the one above, which is the state folder.
     """
     private_folder(path.parent.parent)
     private_folder(path.parent)
     descriptor, temporary = tempfile.mkstemp(dir=path.parent)  # 0600
     try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        with os.fdopen(descriptor, "w", encoding="utf-8", newline=newline) as file:
             file.write(text)
             file.flush()
             to_disk(file.fileno())

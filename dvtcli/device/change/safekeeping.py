@@ -13,10 +13,10 @@ from pathlib import Path
 from dvtcli.device.change.backing_up import BackingUp
 from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
-from dvtcli.device.change.own_journal import OwnJournal, journal_files
+from dvtcli.device.change.own_journal import ROOM_OF_TEST, OwnJournal, journal_files, room_beside
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import remove, set_aside
-from dvtcli.device.change.whole import Whole
+from dvtcli.device.change.whole import Part, Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -124,23 +124,52 @@ class Keeper:
         asked: tuple[str, ...] = (),
         *,
         is_test: bool = False,
+        is_kept: bool = True,
     ) -> None:
         """Before the first write of *plan*: take the lock, back the PDOs up where needed, put the journal on disk.
 
         *held* are PDOs as they were just read, by which it is seen whether a backup is needed; *pdos* reads all of
         them, for a backup only. Where *plan* goes on with a whole, or takes it back, what that changed counts as it was
-        before. *asked* are the PDOs that `learn` asks, where it does; *is_test* says that *plan* only tests a store.
+        before. *asked* are the PDOs that `learn` asks, where it does; *is_test* says that *plan* only tests a store,
+        *is_kept* that `undo` is to remember it.
         """
+        if is_kept or not self.own_journal.is_begun:  # a part of what was begun, or its way back: that is backed up
+            self._back_up(identity, pdos, held or {})
+        room = room_beside(held or {})
+        self.own_journal.begin(plan, identity, nmt_state, asked, is_test=is_test, is_kept=is_kept, room=room)
+
+    def open(
+        self,
+        plan: Plan,
+        identity: Identity,
+        nmt_state: int | None,
+        pdos: Callable[[], Mapping[Pdo, PdoConfig]],
+        held: Mapping[Pdo, PdoConfig],
+        ends: Part,
+        *,
+        proves: bool = False,
+    ) -> None:
+        """Before the first write to any node of a whole: what `begin` does, for all of *plan* and what follows it.
+
+        *ends* has the stores that end the whole; with *proves* they are tested.
+        """
+        self._back_up(identity, pdos, held)
+        room = room_beside(held) + (ROOM_OF_TEST if proves else 0)
+        self.own_journal.open(plan, identity, nmt_state, room=room, ends=ends)
+
+    def _back_up(
+        self, identity: Identity, pdos: Callable[[], Mapping[Pdo, PdoConfig]], held: Mapping[Pdo, PdoConfig]
+    ) -> None:
+        """Take the lock, and keep all *pdos* unless what the node *held* before the whole is kept already."""
         before = self.own_journal.before()
         with self._files("kept"):
             self.lock.take()
-            needed = self._backing_up.needed(identity, {pdo: before.get(pdo, one) for pdo, one in (held or {}).items()})
+            needed = self._backing_up.needed(identity, {pdo: before.get(pdo, one) for pdo, one in held.items()})
         if needed:
             whole = {**pdos(), **before}
             with self._files("kept"):
                 path = self._backing_up.make(identity, whole, {pdo for pdo in whole if self.is_fixed(pdo)})
                 self.say(f"backup of node {self.node_id}: {path}")
-        self.own_journal.begin(plan, identity, nmt_state, asked, is_test=is_test)
 
     def unlike_kept(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
         """The PDOs *held* that are as no backup of the device and no remembered change says."""

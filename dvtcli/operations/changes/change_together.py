@@ -15,6 +15,7 @@ from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.other_pdos import as_they_are, present_beside, wholes_beside
 from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.taken_back import with_way_back
+from dvtcli.device.change.whole import Part
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
@@ -61,9 +62,9 @@ def carry_out_together(
     run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
     boot_ups = {node_id: boot_ups[node_id] for node_id in plans}
     try:
-        with _announced(course):
-            faults = run.phases(plans)
-        for _ in range(2 if also.stores > 1 else 1):
+        _open_journals(course, found, also)
+        faults = run.phases(plans)
+        for _ in range(2 if len(also.stores) > 1 else 1):
             faults = faults or final_verify(
                 session, nodes, course.claims(), boot_ups, also.verify_others, also.refuse_restarted
             )
@@ -80,18 +81,21 @@ def carry_out_together(
     return course
 
 
-@contextmanager
-def _announced(course: Course) -> Iterator[None]:
-    """One journal a node for all its parts: each of five would wait for the disk, and all other nodes with it."""
-    own = {node_id: keeper.own_journal for node_id in course.plans if (keeper := course.nodes[node_id].keeper)}
-    for node_id, journal in own.items():
-        journal.announce(course.plans[node_id])
-        journal.guard(Plan(node_id, tuple(course.held.get(node_id, ()))))
-    try:
-        yield
-    finally:
-        for journal in own.values():
-            journal.announce(None)
+def _open_journals(course: Course, found: Mapping[int, Found], also: AlsoClaimed) -> None:
+    """Before the first write to any node: the journals of all, with the space that all their later forms need.
+
+    One a node for all its parts: each of five would wait for the disk, and all other nodes with it.
+    """
+    ids = ", ".join(str(one.node_id) for one in also.stores)
+    ends = Part(final=f"{course.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal)
+    tested = {one.node_id: Plan(one.node_id, one.holds) for one in also.stores if also.proves and one.holds}
+    for node_id, plan in {**tested, **course.plans}.items():
+        node = course.nodes[node_id]
+        if node.keeper is not None:
+            node.keeper.own_journal.guard(Plan(node_id, tuple(course.held.get(node_id, ()))))
+            node.keeper.open(
+                plan, node.identity(), found[node_id].state, node.known_pdos, node.last_read, ends, proves=also.proves
+            )
 
 
 #: the phases in words

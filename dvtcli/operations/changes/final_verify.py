@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.change.whole import Storing
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session import Session
@@ -48,15 +49,18 @@ def final_verify(
 
 @dataclass(frozen=True, slots=True)
 class AlsoClaimed:
-    """What is claimed beside the plans that are carried out, and how many nodes store next.
+    """What is claimed beside the plans that are carried out, and the *stores* that follow; *proves*: with a proof.
 
-    *held* is what each node is to hold and held before, by node-ID; *verify_others* reads what is claimed besides,
+    *equal* are the nodes that were as wanted already, and neither are changed nor store. *held* is what each node is to
+    hold and held before, by node-ID; *verify_others* reads what is claimed besides,
     as of nodes to which nothing is written, and raises if that is not so; *refuse_restarted* does so of those of them
     that restarted since then.
     """
 
     held: Mapping[int, Sequence[Change]] = field(default_factory=dict)
-    stores: int = 0
+    stores: tuple[Storing, ...] = ()
+    equal: tuple[Storing, ...] = ()
+    proves: bool = False
     verify_others: Callable[[], None] = lambda: None
     refuse_restarted: Callable[[], None] = lambda: None
 

@@ -200,6 +200,8 @@ class Course:
             else:
                 self._try(node_id, failures, fault, self._forget)
         for node_id in self.nodes.keys() - taken:
+            if self._alone and node_id not in failures:
+                self._try(node_id, failures, fault, _end_journal)  # nothing was written to it
             with suppress(BusUnavailable):  # who is not asked for is said to be unknown
                 self._looked[node_id] = self.nodes[node_id].bus.boot_ups(node_id)
 
@@ -248,8 +250,8 @@ class Course:
     def _forget(self, node: Node) -> None:
         """*node* is as it was, and so are the others: nothing of it is to be recovered."""
         self._before[node.node_id].restore(node, self._looked[node.node_id])
-        if self._alone and node.keeper is not None:
-            node.keeper.own_journal.end_whole()
+        if self._alone:
+            _end_journal(node)
 
     def _left(self, node: Node, fault: BaseException, failed: BaseException) -> LeftChanged:
         """What stays on *node*, whose journal `recover` takes where there is one."""
@@ -261,3 +263,8 @@ class Course:
             left.place = str(path)
             left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
         return left
+
+
+def _end_journal(node: Node) -> None:
+    if node.keeper is not None:
+        node.keeper.own_journal.end_whole()

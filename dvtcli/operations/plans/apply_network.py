@@ -71,8 +71,9 @@ def apply_network(
         _refuse_any_stale(session, nodes, planned, kept=asked and not session.options.yes)
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
+        stores, equal = _stores(planned), _equal(nodes, plan.nodes)
         also = AlsoClaimed(
-            claims.held(), sum(one.stores for one in planned), claims.verify_others, claims.refuse_restarted
+            claims.held(), stores, equal, prove is not None, claims.verify_others, claims.refuse_restarted
         )
         findings = {one.node_id: one.findings for one in planned}
         with claims.rolled_back_whole():
@@ -80,7 +81,7 @@ def apply_network(
         with course:
             _keep(session, nodes, course.plans)
             verified = _verified(session, course, claims, found)
-            stored = store_network(session, course, planned, verified, prove, _equal(nodes, plan.nodes))
+            stored = store_network(session, course, stores, verified, prove, equal)
             complete(course)
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
@@ -125,6 +126,15 @@ def _verified(session: Session, course: Course, claims: Claims, found: Mapping[i
         session, course.nodes, {**held, **course.claims()}, identities, boot_ups,
         claims.verify_others, claims.refuse_restarted,
     )  # fmt: skip
+
+
+def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
+    """The stores of *planned*; a node that is not changed with what it is to hold, since no journal says it."""
+    return tuple(
+        Storing(one.node_id, one.store, identity=one.identity, holds=() if len(one.plan) else one.holds)
+        for one in planned
+        if one.stores
+    )
 
 
 def _equal(nodes: Mapping[int, Node], planned: Sequence[NodePlan]) -> tuple[Storing, ...]:

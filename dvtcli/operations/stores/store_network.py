@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from dvtcli.device.change.own_journal import OwnJournal
-    from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.changes.final_verify import Verified
     from dvtcli.operations.changes.take_back_network import Course
     from dvtcli.operations.results import Stored
@@ -36,23 +35,18 @@ if TYPE_CHECKING:
 def store_network(
     session: Session,
     course: Course,
-    planned: Sequence[NodePlan],
+    stores: tuple[Storing, ...],
     verified: Verified,
     prove: str | None,
     equal: tuple[Storing, ...] = (),
 ) -> tuple[Stored, ...]:
-    """Store what *planned* say, one node after the other; LeftChanged names who has stored and who has not.
+    """Carry *stores* out, one node after the other; LeftChanged names who has stored and who has not.
 
     *equal* are the nodes that were as wanted already, and neither are changed nor store: the journals name them.
 
     Each node is looked at right before its store, and all of them, as they were *verified*, once more after the last.
     A journal says from here on that stores have begun; it stays where a node lost what was set.
     """
-    stores = [
-        Storing(one.node_id, one.store, identity=one.identity, holds=() if len(one.plan) else one.holds)
-        for one in planned
-        if one.stores
-    ]
     if not stores:
         return ()
     on_way = Stores({one.node_id: one for one in stores}, equal)

@@ -1,0 +1,134 @@
+"""A disk that is full from any file operation on, while three nodes are changed: all is as before, or all is done."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import DvtcliError
+from dvtcli.operations.changes.undo_changes import undo
+from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
+from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.session.session import Session
+from tests.network.bench import Chain
+from tests.network.test_network_faults import OPERATIONAL
+from tests.sample import part
+from tests.small_disk import empty, filled_at, on_small_disk
+from tests.surroundings import HOMES
+
+FAMILIES = dict.fromkeys((1, 5, 9), "generic")
+PRODUCER, CONSUMERS = Endpoint(1, Pdo.parse("tpdo1")), [Endpoint(one, Pdo.parse("rpdo1")) for one in (5, 9)]
+
+
+def _file(chain: Chain, *, stores: bool = False, stamp: bool = False) -> str:
+    text = "".join(
+        f"n{node_id}:\n  node_id: {node_id}\n  store: {str(stores).lower()}\n  stamp: {str(stamp).lower()}\n"
+        "  tpdo:\n    1: {transmission: 1}\n"
+        for node_id in FAMILIES
+    )
+    path = chain.folder.parent.parent.parent / "three.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is done on three nodes, and what was done before."""
+
+    act: Callable[[Session, Chain], object]
+    before: Callable[[Session, Chain], object] = lambda _session, _chain: None
+
+
+def _link(session: Session, _chain: Chain) -> None:
+    link_pdos(session, PRODUCER, CONSUMERS)
+
+
+JOBS = {
+    "apply": Job(lambda session, chain: applied(session, _file(chain))),
+    "apply-store": Job(lambda session, chain: applied(session, _file(chain, stores=True, stamp=True))),
+    "apply-prove": Job(lambda session, chain: applied(session, _file(chain, stores=True), prove="reset")),
+    "store": Job(
+        lambda session, chain: applied(session, _file(chain, stores=True), prove="reset"),
+        lambda session, chain: applied(session, _file(chain)),
+    ),
+    "link": Job(_link),
+    "unlink": Job(lambda session, _chain: unlink_pdos(session, PRODUCER, CONSUMERS), _link),
+    "undo": Job(
+        lambda session, _chain: undo(session, everything=True), lambda session, chain: applied(session, _file(chain))
+    ),
+}
+
+
+def _prepared(disk: Path, job: Job, number: int = 0) -> Chain:
+    """Three nodes whose files are on *disk*, in folders of this *number*, after what comes before *job*."""
+    for name in HOMES:
+        os.environ[name] = str(disk / f"home{number}")
+    (disk / f"home{number}").mkdir()
+    chain = Chain(disk / f"home{number}" / "journals", families=FAMILIES)
+    with chain.session(node=None) as session:
+        job.before(session, chain)
+    chain.wait(1.0)
+    return chain
+
+
+def _held(chain: Chain) -> tuple[Any, Any]:
+    return chain.held(), chain.stored()
+
+
+def _run(chain: Chain, job: Job) -> DvtcliError | None:
+    try:
+        with chain.session(node=None) as session:
+            job.act(session, chain)
+    except DvtcliError as failed:
+        return failed
+    return None
+
+
+def _judge(disk: Path, job: Job, number: int, done: tuple[Any, Any]) -> None:
+    """The disk is full from operation *number* on."""
+    chain = _prepared(disk, job)
+    before = _held(chain)
+    with filled_at(disk, number) as names:
+        failed = _run(chain, job)
+    assert len(names) >= number
+    assert _held(chain) == (done if failed is None else before), (failed and failed.text, names)
+    if failed is not None:
+        assert failed.exit_code in (1, 6), (failed.text, failed.why, failed.details)
+        assert failed.state in ("unchanged", "rolled_back")
+    assert chain.states() == OPERATIONAL
+    assert chain.journals() == []
+    empty(disk)
+    with chain.session(node=None) as session:
+        assert not session.open_network().keeping.interrupted(5, None)  # type: ignore[union-attr]
+        recover(session)
+    assert _held(chain) == (done if failed is None else before)
+    if failed is not None:
+        assert _run(chain, job) is None
+        assert _held(chain) == done
+
+
+@pytest.mark.drawn(2)
+@pytest.mark.parametrize("name", JOBS)
+def test_all_is_as_before_or_all_is_done(tmp_path: Path, pytestconfig: pytest.Config, name: str) -> None:
+    """Before as many of its file operations as `--kills` says."""
+    disk, job = tmp_path / "disk", JOBS[name]
+
+    def judge_all() -> None:
+        chain = _prepared(disk, job)
+        with filled_at(disk, 0) as names:
+            assert _run(chain, job) is None
+        done = _held(chain)
+        for number in part(range(1, len(names) + 1), pytestconfig.getoption("--kills"), pytestconfig, name):
+            if wrong := on_small_disk(disk, lambda number=number: _judge(disk, job, number, done)):  # type: ignore[misc]
+                raise AssertionError(f"operation {number}, {names[number - 1]}: {wrong}")
+
+    if wrong := on_small_disk(disk, judge_all):
+        pytest.fail(wrong)
