@@ -33,7 +33,7 @@ def on_small_disk(disk: Path, act: Callable[[], None], *, size: int = 4_000_000,
             _mount(disk, f"size={size},nr_inodes={inodes},mode=700")
         except OSError as failed:
             raise RuntimeError(f"{_CANNOT}: {failed}") from failed
-        threading.settrace(None)  # type: ignore[arg-type]
+        threading.settrace(None)
         sys.settrace(None)
         sys.addaudithook(_heard)
         act()

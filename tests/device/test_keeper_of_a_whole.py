@@ -283,10 +283,10 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
 ENDS = Part(final="set-up.dvt: store on node 5", stores=(Storing(5, "all", identity=IDENTITY),))
 
 
-def opened(keeper: Keeper, *indices: int) -> None:
-    """Open the journal of changes of these objects, before the first of them."""
+def prepared(keeper: Keeper, *indices: int) -> None:
+    """Prepare the journal of changes of these objects, before the first of them."""
     changes = tuple(change for index in indices for change in plan(keeper.node_id, index).changes)
-    keeper.open(Plan(keeper.node_id, changes), IDENTITY, 5, dict, {}, ENDS)
+    keeper.prepare(Plan(keeper.node_id, changes), IDENTITY, 5, dict, {}, ENDS)
 
 
 def part(keeper: Keeper, index: int) -> None:
@@ -299,7 +299,7 @@ def part(keeper: Keeper, index: int) -> None:
 
 def test_the_parts_of_a_change_have_one_journal_that_is_there_before_the_first(keep: Keep) -> None:
     one = keep()
-    opened(one, 0x2000, 0x2001)
+    prepared(one, 0x2000, 0x2001)
     written = one.own_journal.path.read_bytes()
     assert indices(one) == [0x2000, 0x2001]
     for index in (0x2000, 0x2001, 0x2000):  # and a way back
@@ -315,9 +315,9 @@ def test_the_parts_of_a_change_have_one_journal_that_is_there_before_the_first(k
 
 
 @pytest.mark.parametrize("begun", [0, 1])
-def test_what_was_opened_and_is_put_back_or_not_begun_has_no_journal(keep: Keep, begun: int) -> None:
+def test_what_was_prepared_and_is_put_back_or_not_begun_has_no_journal(keep: Keep, begun: int) -> None:
     one = keep()
-    opened(one, 0x2000, 0x2001)
+    prepared(one, 0x2000, 0x2001)
     for _ in range(begun):
         part(one, 0x2000)
     one.own_journal.end_whole()
@@ -327,10 +327,10 @@ def test_what_was_opened_and_is_put_back_or_not_begun_has_no_journal(keep: Keep,
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
-def test_all_that_an_opened_journal_says_later_needs_no_more_space(keep: Keep) -> None:
+def test_all_that_a_prepared_journal_says_later_needs_no_more_space(keep: Keep) -> None:
     """Not even a new name: nothing may be made in its folder, and no file may grow."""
     one = keep()
-    opened(one, 0x2000, 0x2001)
+    prepared(one, 0x2000, 0x2001)
     inode, size = one.own_journal.path.stat().st_ino, one.own_journal.path.stat().st_size
     with files_end_at(size):
         part(one, 0x2000)
@@ -346,7 +346,7 @@ def test_all_that_an_opened_journal_says_later_needs_no_more_space(keep: Keep) -
 def test_a_journal_that_is_torn_while_it_is_written_says_what_it_said_before(keep: Keep) -> None:
     """Wherever a write of one of its later forms ends: the other form is whole."""
     one = keep()
-    opened(one, 0x2000)
+    prepared(one, 0x2000)
     said = [one.own_journal.path.read_bytes()]
     for name in ("first", "second"):
         one.own_journal.final(name)

@@ -26,7 +26,7 @@ class Course:
     made: list[Plan] = field(default_factory=list)
     in_hand: Plan | None = None
     #: all that is to be changed, where its journal is on disk before the first write; None: each change by itself
-    opened: Plan | None = None
+    prepared: Plan | None = None
 
     def begin(
         self,
@@ -51,12 +51,12 @@ class Course:
     @property
     def is_begun(self) -> bool:
         """Whether it has something to put back when no change is in hand."""
-        return bool(self.made) or self.opened is not None
+        return bool(self.made) or self.prepared is not None
 
-    def open(self, whole: Whole, plan: Plan, nmt_state: int | None) -> str:
+    def prepare(self, whole: Whole, plan: Plan, nmt_state: int | None) -> str:
         """All of *plan* is to be carried out, part by part; the id under which it is remembered."""
         entry = self.begin(whole, plan, nmt_state)
-        self.in_hand, self.opened = None, combined(plan.node_id, [*self.made, plan])
+        self.in_hand, self.prepared = None, combined(plan.node_id, [*self.made, plan])
         return entry
 
     def carried_out(self) -> None:
@@ -74,7 +74,7 @@ class Course:
     @property
     def plan(self) -> Plan:
         """Everything that has to be put back, as one plan."""
-        plans = [one for one in (self.opened, *self.made, self.in_hand) if one is not None]
+        plans = [one for one in (self.prepared, *self.made, self.in_hand) if one is not None]
         return plans[0] if len(plans) == 1 else combined(plans[0].node_id, plans)
 
 

@@ -1,6 +1,6 @@
 """The journal of what this process changes on one node: there before the first write, until nothing is to be put back.
 
-That of a whole grows with each of its changes, or has all of them from the start (`open`); what follows then takes no
+That of a whole grows with each of its changes, or has all of them from the start (`prepare`); what follows then takes no
 more space. Does not know journals that others left, backups, or devices.
 """
 
@@ -85,7 +85,7 @@ class OwnJournal:
         """From now on the journal also has *plan*: what the node holds that the changes may alter."""
         self._beside = plan
 
-    def open(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, ends: Part) -> None:
+    def prepare(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, ends: Part) -> None:
         """Before the first write to any node of a whole: put the journal of all of *plan* on disk.
 
         What is written to it until the whole is over needs no more space: *room* is how many bytes its later forms may
@@ -93,7 +93,7 @@ class OwnJournal:
         """
         before, self.identity = self._copy(), identity
         with self._files("kept"):
-            self.entry = self._course.open(self.whole, plan, nmt_state)
+            self.entry = self._course.prepare(self.whole, plan, nmt_state)
             self._keep_or(before, room + Journals.length_of(ends.final, (*ends.stores, *ends.equal)))
 
     def begin(

@@ -138,7 +138,7 @@ class Keeper:
         room = room_beside(held or {})
         self.own_journal.begin(plan, identity, nmt_state, asked, is_test=is_test, is_kept=is_kept, room=room)
 
-    def open(
+    def prepare(
         self,
         plan: Plan,
         identity: Identity,
@@ -155,7 +155,7 @@ class Keeper:
         """
         self._back_up(identity, pdos, held)
         room = room_beside(held) + (ROOM_OF_TEST if proves else 0)
-        self.own_journal.open(plan, identity, nmt_state, room=room, ends=ends)
+        self.own_journal.prepare(plan, identity, nmt_state, room=room, ends=ends)
 
     def _back_up(
         self, identity: Identity, pdos: Callable[[], Mapping[Pdo, PdoConfig]], held: Mapping[Pdo, PdoConfig]

@@ -93,7 +93,7 @@ def _open_journals(course: Course, found: Mapping[int, Found], also: AlsoClaimed
         node = course.nodes[node_id]
         if node.keeper is not None:
             node.keeper.own_journal.guard(Plan(node_id, tuple(course.held.get(node_id, ()))))
-            node.keeper.open(
+            node.keeper.prepare(
                 plan, node.identity(), found[node_id].state, node.known_pdos, node.last_read, ends, proves=also.proves
             )
 
