@@ -1,7 +1,7 @@
 """The journal of what this process changes on one node: there before the first write, until nothing is to be put back.
 
-That of a whole grows with each of its changes, or has all of them from the start (`prepare`); what follows then takes no
-more space. Does not know journals that others left, backups, or devices.
+That of a whole grows with each of its changes, or has all of them from the start (`prepare`): what follows then takes
+no more space. Does not know journals that others left, backups, or devices.
 """
 
 from __future__ import annotations
