@@ -59,11 +59,15 @@ class SentReset:
 
     def wait(self) -> float:
         """Wait for the boot-up message, or any other answer; the seconds it took. NoAnswer if none comes."""
-        while not self.is_over():
-            self.wait_a_moment()
-        if not self.is_back:
+        if not self.comes_back():
             raise self._silent()
         return self.bus.now_s() - self.began_s
+
+    def comes_back(self) -> bool:
+        """Wait for the boot-up message, or any other answer; whether it came."""
+        while not self.is_over():
+            self.wait_a_moment()
+        return self.is_back
 
     def wait_a_moment(self) -> None:
         """Wait for the boot-up message until the node is to be asked again, or it is too late."""

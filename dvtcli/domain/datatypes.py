@@ -169,4 +169,4 @@ DATA_TYPES = {data_type.code: data_type for data_type in _ALL}
 BY_SHORT_NAME = {data_type.short: data_type for data_type in _ALL}
 
 BOOLEAN, U8, U16, U32 = DATA_TYPES[1], DATA_TYPES[5], DATA_TYPES[6], DATA_TYPES[7]
-VISIBLE_STRING = DATA_TYPES[9]
+VISIBLE_STRING, DOMAIN = DATA_TYPES[9], DATA_TYPES[0x0F]

@@ -1,4 +1,4 @@
-"""The folder that `learn --save` writes: a profile, a simulated family that answers the same, and the EDS.
+"""The folder that `learn --save` writes: a profile, a simulated family that answers the same, the EDS, and the values.
 
 Knows names of files and what stands in them. Does not know how it was learnt.
 """
@@ -19,8 +19,9 @@ from dvtcli.files.family_toml import quoted, toml_text
 from dvtcli.files.input_file import read_input, read_input_head
 from dvtcli.files.profile.library import folder as profile_folder
 from dvtcli.files.profile.toml import read_profile
+from dvtcli.files.sim_state import Kept, read_state, write_state
 
-PROFILE, SIMULATED = "profile.toml", "simulated.toml"
+PROFILE, SIMULATED, FOUND = "profile.toml", "simulated.toml", "found.json"
 #: The first line of every file that `learn` writes.
 _MARK = "# Learnt by dvtcli"
 
@@ -108,21 +109,30 @@ def _mark(origin: Origin) -> list[str]:
     return [f"{_MARK}: {origin.said[0]}", *(f"# {line}" for line in origin.said[1:])]
 
 
-def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path | str) -> list[Path]:
+def found_state(folder: Path) -> Kept:
+    """The node-ID and the values that the learnt device was found with; nothing if *folder* has none.
+
+    InputFileError for a wrong file.
+    """
+    return read_state(folder / FOUND)
+
+
+def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path | str, found: Kept) -> list[Path]:
     """Write the family into *folder*, with its EDS, and its profile to the user's own; the files, in order.
 
-    *eds* is the file that is copied, or the text of one.
+    *eds* is the file that is copied, or the text of one; *found* is what the simulated device starts with.
     """
     folder.mkdir(exist_ok=True)
     files = {PROFILE: profile_text(origin, learnt), SIMULATED: simulated_text(origin, learnt)}
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
+    write_state(folder / FOUND, found.node_id or 1, found.values)
     target = _write_eds(folder, origin.name, eds)
     own = {own_family_path(origin.name): files[SIMULATED], own_path(origin.name): files[PROFILE]}
     for path, text in own.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    return [*(folder / name for name in files), target, *own]
+    return [*(folder / name for name in (*files, FOUND)), target, *own]
 
 
 def _write_eds(folder: Path, name: str, eds: Path | str) -> Path:

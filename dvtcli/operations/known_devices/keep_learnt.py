@@ -8,10 +8,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.read_whole import values_of
+from dvtcli.domain.datatypes import DOMAIN
 from dvtcli.domain.learning.operational import merged
+from dvtcli.domain.learning.storage import RESTORE, STORE
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.known_devices.learnt_compared import is_advice, said
 from dvtcli.operations.opening.simulated_nodes import family_named
+from dvtcli.operations.whole_device.look_through import look_through
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -19,7 +23,11 @@ if TYPE_CHECKING:
     from dvtcli.domain.learning.probe_table import Known
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.files.learnt_folder import Origin
+    from dvtcli.files.sim_state import Values
     from dvtcli.operations.session.session import Session
+
+#: Objects that a family says, and no values: what they read is how a device saves.
+_SIGNATURES = (STORE, RESTORE)
 
 
 def refuse_name(name: str) -> None:
@@ -58,14 +66,37 @@ def _identity_text(vendor: int, product: int) -> str:
     return f"vendor 0x{vendor:X} product 0x{product:X}" if vendor else "without an identity"
 
 
+def values_found(session: Session, node: Node) -> Values:
+    """What *node* holds, as far as its EDS says something else: what a device that stands for it is to start with.
+
+    Read; nothing is written. Nothing if no EDS describes it. Programs and other domains are left out.
+    """
+    if node.dictionary is None:
+        return {}
+    looked = look_through(session, node, only=lambda one, _known: one.entry.data_type not in (None, DOMAIN))
+    held = values_of(looked.objects)
+    return {
+        place: data
+        for place, data in held.items()
+        if place[0] not in _SIGNATURES and looked.objects[place].entry.at_power_on(node.node_id) != data
+    }
+
+
 def save_learnt(
-    session: Session, node: Node, name: str, learnt: Conclusions, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known]
+    session: Session,
+    node: Node,
+    name: str,
+    learnt: Conclusions,
+    pdos: Mapping[Pdo, PdoConfig],
+    known: Sequence[Known],
+    values: Values,
 ) -> tuple[str, ...]:
     """Write what was *learnt* as *name*; the files. Without an EDS one is made of *pdos*, and what is *known* of them.
 
-    InputFileError where a file cannot be read, or be written.
+    *values* are what the simulated device starts with. InputFileError where a file cannot be read, or be written.
     """
     from dvtcli.files.learnt_folder import write_folder
+    from dvtcli.files.sim_state import Kept
 
     origin = _origin(session, node, name)
     kept = [one for one in learnt.profile if not is_advice(said(node.profile, one.key), one.value)]
@@ -79,7 +110,7 @@ def save_learnt(
         if node.bus.bitrate is None:
             session.tell.note(f"nobody said the bus's bit rate: no BaudRate_ key of {name}.eds is 1; -b says it")
     _read_back(origin, learnt, eds)
-    files = write_folder(Path(name), origin, learnt, eds)
+    files = write_folder(Path(name), origin, learnt, eds, Kept(node.node_id, values))
     _take_up(session)
     return tuple(map(str, files))
 

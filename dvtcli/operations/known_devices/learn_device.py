@@ -23,7 +23,7 @@ from dvtcli.domain.learning.storage import not_asked, storage_for_family, storag
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, stopped_node
-from dvtcli.operations.known_devices.keep_learnt import refuse_name, refuse_other, save_learnt
+from dvtcli.operations.known_devices.keep_learnt import refuse_name, refuse_other, save_learnt, values_found
 from dvtcli.operations.known_devices.learnt_compared import differences, profile_to_compare
 from dvtcli.operations.results import LearnForecast, LearntDevice
 
@@ -107,13 +107,14 @@ def learn(
     _consent(session, prepared)
     started = time.monotonic()  # nobody's thinking counts
     lacking = absences(node, [*prepared.subjects, *prepared.instead], _looked(session, node))
+    values = {} if save is None else values_found(session, node)
     asked = prepared.ask(_told(session, prepared))
     _note_saved(node, asked.saved)
     learnt = _concluded(node, asked, prepared.storage, lacking)
     return LearntDevice(
         node.node_id, node.title, tuple(str(one.subject.pdo) for one in asked.known), _answers(asked, prepared.storage),
         learnt, asked.writes, asked.saved.writes, time.monotonic() - started,
-        () if save is None else save_learnt(session, node, save, learnt, prepared.pdos, asked.known),
+        () if save is None else save_learnt(session, node, save, learnt, prepared.pdos, asked.known, values),
         None if known is None else (compare or "", differences(known, learnt)),
         save is None or bool(node.identity().get("vendor")),
     )  # fmt: skip

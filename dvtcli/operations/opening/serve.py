@@ -213,7 +213,8 @@ def _keeper(
     paths = {device: folder / name for device, name in zip(devices, names, strict=True)}
     for device, path in paths.items():
         kept = read_state(path)
-        device.power_on(kept.values, kept.node_id)
+        if kept.node_id is not None:  # else it starts with what its file says
+            device.power_on(kept.values, kept.node_id)
 
     def keep(device: StrictDevice) -> None:
         try:

@@ -69,10 +69,15 @@ class FileChoice:
 
 
 def simulated_device(one: Simulated) -> StrictDevice:
-    """The device that *one* names, INITIALISING."""
+    """The device that *one* names, INITIALISING; a learnt one holds what it was found with."""
     from dvtcli.simulator.device.strict_device import StrictDevice
 
-    return StrictDevice(read_dictionary(one.eds).identified(), _family(one), one.node_id)
+    device = StrictDevice(read_dictionary(one.eds).identified(), _family(one), one.node_id)
+    if one.folder is not None:
+        from dvtcli.files.learnt_folder import found_state
+
+        device.power_on(found_state(one.folder).values)
+    return device
 
 
 def _family(one: Simulated) -> Family:
@@ -107,7 +112,8 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
 def simulated_nodes(words: tuple[str, ...], by: str = "--sim") -> tuple[Simulated, ...]:
     """What each of *words* means, which *by* took: a file wins over `@`.
 
-    Node-IDs default to the one that a DCF or XDC was made for, else to the first free one.
+    Node-IDs default to the one that a DCF or XDC was made for, or that a device was learnt with, else to the first
+    free one.
     A node that waits for its node-ID is `WHAT@255`.
     """
     found: list[Simulated] = []
@@ -181,10 +187,17 @@ def _split(word: str) -> tuple[str, int | None]:
 
 
 def _node_id_of_file(what: str, used: set[int]) -> int | None:
-    """The node-ID that a DCF or XDC was made for; None for other files, where it says none, or one *used*."""
-    if not what.lower().endswith(VALUE_SUFFIXES) or not is_file(what):
+    """The node-ID that a DCF or XDC was made for, or a folder's device was learnt with; None if unknown, or *used*."""
+    from dvtcli.simulator.network.family_file import is_family_folder
+
+    if is_file(what):
+        stated = read_dictionary(Path(what)).info.node_id if what.lower().endswith(VALUE_SUFFIXES) else None
+    elif is_family_folder(what):
+        from dvtcli.files.learnt_folder import found_state
+
+        stated = found_state(Path(what)).node_id
+    else:
         return None
-    stated = read_dictionary(Path(what)).info.node_id
     return stated if stated is not None and 1 <= stated <= 127 and stated not in used else None
 
 

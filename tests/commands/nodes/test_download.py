@@ -64,6 +64,15 @@ def test_a_program_is_loaded_checked_started_and_seen_to_run(loading: Loading) -
     assert (document["bytes"], document["restarted"]) == (3000, True)
 
 
+def test_a_restart_that_was_not_heard_is_not_denied(tmp_path: Path) -> None:
+    """Some devices send no boot-up message: whether this one restarted nobody knows."""
+    loading = Loading(tmp_path, "no-boot-up")
+    with loading.bench:
+        ran = loading.run()
+    assert ran.code == 0, ran.stderr
+    assert "runs: it says so; no boot-up message was heard" in " ".join(ran.stdout.split())
+
+
 def test_an_intel_hex_file(loading: Loading, tmp_path: Path) -> None:
     loading.file = tmp_path / "fw.hex"
     loading.file.write_text(HEX)

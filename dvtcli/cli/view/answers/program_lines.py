@@ -18,7 +18,7 @@ def program_lines(result: ProgramLoaded, _width: int) -> Iterator[Line]:
         new = f"load {result.file} ({result.size:,} bytes) and start it"
         yield [Cell("dry run: ", "cyan"), Cell(f"would stop and clear {what}, {new}. Nothing was sent.")]
         return
-    seen = "its boot-up message was heard" if result.restarted else "it says so; it did not restart"
+    seen = "its boot-up message was heard" if result.restarted else "it says so; no boot-up message was heard"
     yield f"{what}: {result.file}, {result.size:,} bytes in {result.seconds:.1f} s, runs: {seen}"
     yield f"  0x1F56 says {_said(result.after)} (before: {_said(result.before)}){_compared(result)}"
 
