@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from binascii import crc32
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,8 @@ def test_a_program_is_loaded_checked_started_and_seen_to_run(loading: Loading) -
 
 def test_a_restart_that_was_not_heard_is_not_denied(tmp_path: Path) -> None:
     """Some devices send no boot-up message: whether this one restarted nobody knows."""
-    loading = Loading(tmp_path, "no-boot-up")
+    loading = Loading(tmp_path)
+    loading.bus.nodes[0].device.family = replace(loading.bus.nodes[0].device.family, boot_up_message=False)
     with loading.bench:
         ran = loading.run()
     assert ran.code == 0, ran.stderr
