@@ -176,7 +176,7 @@ class TestSaving:
             ran = bench.run("learn --yes --save pump --json")
             assert ran.code == 0, ran
             assert [Path(path).name for path in ran.document["saved"]] == [
-                "profile.toml", "simulated.toml", "pump.eds", "pump.toml", "pump.toml"
+                "profile.toml", "simulated.toml", "found.json", "pump.eds", "pump.toml", "pump.toml"
             ]  # fmt: skip
             shown = bench.run("profiles show pump --json").document
         values = {row["key"]: row for row in shown["values"]}

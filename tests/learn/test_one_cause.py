@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.object_dictionary import Access
@@ -114,8 +114,12 @@ taking = st.sets(st.sampled_from([Access.RW, Access.RWW, Access.WO]), min_size=1
     deadline=None,
     max_examples=max(10, settings().max_examples // 4),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
+    phases=(Phase.explicit, Phase.generate),  # a device is small as it is drawn, and each takes a second to learn
 )
 @given(objects, accesses, taking, st.sampled_from([1, 8]), st.sampled_from([8, 16, 32, 64]))
+@example(
+    [(Access.RO, 0x03), (Access.RW, 0x02), (Access.RW, 0x15)], {Access.RO}, {Access.RW}, 1, 16
+)  # fits differ by way
 def test_nothing_is_learnt_that_is_not_so(
     tmp_path: Path, chosen: list[tuple[Access, int]], sends: set[Access], takes: set[Access], step: int, most: int
 ) -> None:

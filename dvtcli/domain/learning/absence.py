@@ -39,9 +39,7 @@ class Absence:
 def listed(dictionary: ObjectDictionary, subjects: Iterable[Subject]) -> dict[int, list[int]]:
     """The sub-indices to look at, by index: those that can be read and have a length, so that reading costs little."""
     mapped = {
-        (entry.index, entry.sub_index)
-        for subject in subjects
-        for entry in (*subject.fits, *(e for some in subject.by_access.values() for e in some), *subject.unmappable)
+        (entry.index, entry.sub_index) for subject in subjects for entry in (*subject.objects, *subject.unmappable)
     }
     places = {(entry.index, entry.sub_index) for index in dictionary if index in _LOOKED_AT for entry in
               dictionary[index].entries.values() if _short(entry)}  # fmt: skip

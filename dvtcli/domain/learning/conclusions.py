@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from dvtcli.domain.learning.for_family import family_values
 from dvtcli.domain.learning.for_profile import profile_values
@@ -27,7 +27,7 @@ def _common(known: Mapping[Direction, Known], most_entries: int) -> Iterator[Lea
     """What profile and family call the same."""
     each = list(known.values())
     yield from _max_entries(each, most_entries)
-    yield from _first(_max_entry_bits(one) for one in each)
+    yield from _max_entry_bits(each)
     yield from _first(_granularity(one) for one in each)
     policies = {way: found for way, one in known.items() if (found := _rtr_bit(one)) is not None}
     for way in Direction:
@@ -58,14 +58,20 @@ def _max_entries(each: list[Known], most_entries: int) -> Iterator[Learnt]:
         yield Learnt("max_entries", most.max_entries, last.text)
 
 
-def _max_entry_bits(known: Known) -> Learnt | None:
-    longest = max((fit.bits for fit in known.fits), default=0)
-    refused = longer_refused(known)
-    if not longest:
-        return None
-    if refused:
-        return Learnt("max_entry_bits", longest, refused[0].text)
-    return Learnt("max_entry_bits", 64, "no object was refused for its length") if longest == 64 else None
+def _max_entry_bits(each: Sequence[Known]) -> Iterator[Learnt]:
+    """The longest object that may be mapped, if a longer one was refused for nothing but its length.
+
+    It was mapped in some direction; or its like was refused for something else, so that nothing is known against it.
+    """
+    longest = max((fit.bits for known in each for fit in known.fits), default=0)
+    refused = [answer for known in each for answer in longer_refused(known) if answer.probe.entry_bits > longest]
+    if longest and refused:
+        first = min(refused, key=lambda answer: answer.probe.entry_bits)
+        lengths = {entry.bits for known in each for entry in known.subject.objects}
+        undecided = [bits for bits in lengths if longest < bits < first.probe.entry_bits]
+        yield Learnt("max_entry_bits", max(undecided, default=longest), first.text)
+    elif longest == 64:
+        yield Learnt("max_entry_bits", 64, "no object was refused for its length")
 
 
 def _granularity(known: Known) -> Learnt | None:

@@ -89,6 +89,11 @@ class Probe:
         """The download that the device's answer is about."""
         return self.writes[-1]
 
+    @property
+    def entry_bits(self) -> int:
+        """How many bits the mapping entry maps that is asked about."""
+        return int.from_bytes(self.asked.data, "little") & 0xFF
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -168,3 +173,8 @@ class Subject:
     def off(self) -> CobId:
         """Its COB-ID with bit 31 set: what it holds while it is asked."""
         return self.held.communication.cob_id.disabled()
+
+    @property
+    def objects(self) -> list[PdoMappingEntry]:
+        """Objects that its file says may be mapped, of each length and access."""
+        return [*self.fits, *(entry for entries in self.by_access.values() for entry in entries)]

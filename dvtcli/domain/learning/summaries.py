@@ -13,7 +13,7 @@ def longer_refused(known: Known) -> list[Answer]:
     """The refusals of objects that are longer than any that was taken, for nothing but that."""
     longest = max((fit.bits for fit in known.fits), default=64)
     refused = known.refused_for(known.length)
-    return [answer for answer in refused if int.from_bytes(answer.probe.asked.data, "little") & 0xFF > longest]
+    return [answer for answer in refused if answer.probe.entry_bits > longest]
 
 
 def access_answer(known: Known, access: str) -> Answer | None:
@@ -30,7 +30,7 @@ def has_one_cause(known: Known, answer: Answer) -> bool:
     """Whether no length explains a refusal: one that was taken, as a whole object or as a dummy."""
     lengths = {fit.bits for fit in known.fits}
     lengths |= {bits for index, bits in DUMMY_BITS.items() if known.accepted(f"dummy {index}")}
-    return int.from_bytes(answer.probe.asked.data, "little") & 0xFF in lengths
+    return answer.probe.entry_bits in lengths
 
 
 def types_taken(known: Known) -> list[tuple[int, int, int]]:
