@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.pdo import Direction
 from dvtcli.errors import InputFileError
 from dvtcli.files.profile.library import profile_names
 from dvtcli.files.sim_state import Values
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.simulator.device.pdo_checks import CHECKS
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.family_file import family_eds
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import device
+from tests.laws.bench import dictionary
 from tests.learn.cells import some
 from tests.learn.virtual import VirtualWire
 from tests.serve.served import served
 
 FAMILIES = ("canopennode", "espac", "gen4", "generic", "lely", "roboteq", "tmcm")
+#: The abort code of a check that is not answered as the family does: a value for parameter error that stays.
+OTHERWISE = 0x0609_0030
 #: What is done to a device before it is learnt, as far as it takes that.
 BEFORE = ("clear tpdo2 --yes", "set tpdo1 --timer 77", "write 1017 250", "write 1016:1 0x00070190", "disable rpdo2")
 #: Commands that read, change, are refused by rules and refused by the device, one after the other.
@@ -36,7 +42,8 @@ COMMANDS = (
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    some(metafunc, "family", FAMILIES)
+    some(metafunc, "family", FAMILIES, 0.5)
+    some(metafunc, "check", list(CHECKS), 0.5)
 
 
 def awake(one: StrictDevice, stored: Values) -> StrictDevice:
@@ -93,6 +100,18 @@ def test_commands_end_the_same_on_a_device_and_on_what_was_learnt_of_it(family: 
     found, wanted = outcomes(twin, options), outcomes(awake(device(family), kept), options)
     assert [pair for pair in zip(found, wanted, strict=True) if pair[0] != pair[1]] == []
     assert {code for _, (code, *_) in wanted} >= {0, 1}
+
+
+@pytest.mark.counted
+def test_commands_end_the_same_whichever_check_a_device_answers_otherwise(check: str) -> None:
+    answers = {way: {check: OTHERWISE} for way in Direction}
+    family, options = replace(load_family("generic"), answers=answers), {"eds": str(family_eds("generic"))}
+
+    def original() -> StrictDevice:
+        return awake(StrictDevice(dictionary("generic"), family, 1), {})
+
+    found, wanted = outcomes(learnt(original(), options), options), outcomes(original(), options)
+    assert [pair for pair in zip(found, wanted, strict=True) if pair[0] != pair[1]] == []
 
 
 def test_what_is_in_ram_only_is_what_the_learnt_device_starts_with_and_a_restore_brings_the_defaults() -> None:
