@@ -238,6 +238,8 @@ def _stores(document: Any) -> Iterator[Storing]:
             one.get("done") is True,
             None if one.get("identity") is None else read_identity(one),
             tuple(map(read_change, holds)),
+            one.get("begun") is True,
+            one.get("refused") is True,
         )
 
 
@@ -246,6 +248,8 @@ def _store_document(one: Storing) -> dict[str, Any]:
         "node": one.node_id,
         "group": one.group,
         "done": one.is_done,
+        "begun": one.is_begun,
+        "refused": one.is_refused,
         "identity": one.identity,
         "holds": [change_document(change) for change in one.holds],
     }

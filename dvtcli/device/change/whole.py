@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 class Storing:
     """A store that ends a whole, once all of it is verified.
 
-    *group* is as `store` takes it; *is_done* once the node acknowledged it. *identity* (0x1018) is the device's, None
+    *group* is as `store` takes it; *is_done* once the node acknowledged it, *is_begun* once it may have been asked, and
+    *is_refused* once it refused, and stored nothing. *identity* (0x1018) is the device's, None
     where an earlier version did not note it; *holds* what it is to hold, where it was not changed and has no journal.
     """
 
@@ -27,6 +28,8 @@ class Storing:
     is_done: bool = False
     identity: Identity | None = None
     holds: tuple[Change, ...] = ()
+    is_begun: bool = False
+    is_refused: bool = False
 
 
 @dataclass(frozen=True, slots=True)

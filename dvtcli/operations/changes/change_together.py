@@ -16,6 +16,7 @@ from dvtcli.device.change.other_pdos import as_they_are, present_beside, wholes_
 from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.device.change.whole import Part
+from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
@@ -88,8 +89,9 @@ def _open_journals(course: Course, found: Mapping[int, Found], also: AlsoClaimed
     """
     ids = ", ".join(str(one.node_id) for one in also.stores)
     ends = Part(final=f"{course.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal)
-    tested = {one.node_id: Plan(one.node_id, one.holds) for one in also.stores if also.proves and one.holds}
-    for node_id, plan in {**tested, **course.plans}.items():
+    only_store = {one.node_id: Plan(one.node_id, one.holds) for one in also.stores if one.holds}
+    written = {node_id: plan for node_id, plan in only_store.items() if also.proves or any(map(is_stamp, plan.changes))}
+    for node_id, plan in {**written, **course.plans}.items():
         node = course.nodes[node_id]
         if node.keeper is not None:
             node.keeper.own_journal.guard(Plan(node_id, tuple(course.held.get(node_id, ()))))

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.canary import holds_test, put_test_back
 from dvtcli.device.change.accepted_state import refuse_other_device
-from dvtcli.device.change.failed_change import brought_back_first
+from dvtcli.device.stamped import held_stamp, is_stamp, stamp_changes
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import PdoChange, ValueChange
+from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
+from dvtcli.domain.stamp import DATE, TIME, Stamp
+from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
 from dvtcli.operations.changes.final_verify import Verified
 from dvtcli.operations.recover.stores_begun import furthest, waiting
 from dvtcli.operations.results import Facts
@@ -69,12 +70,15 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
         for one in journals
         if one.plan.node_id in tests
     }
+    stamps = _ended_stamps(verified, part)
+    expected = {**verified.changes, **with_tests}
+    expected |= {node_id: [one for one in expected[node_id] if not is_stamp(one)] for node_id in stamps}
     for node_id in nodes:
-        _refuse_unlike(replace(verified, changes={**verified.changes, **with_tests}), node_id)
+        _refuse_unlike(replace(verified, changes=expected), node_id)
     ids = ", ".join(map(str, waiting(part)))
     what = f"; store on node {ids}?" if ids else ", and has stored it; is it to stay so?"
     session.consent(f"{part.name}: every node holds what was planned{what}")
-    _store(session, journals, part, verified, tests)
+    _store(session, journals, part, verified, tests, stamps)
     rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
     return Facts("recover", rows, (_said(session, part, ids),))
 
@@ -128,8 +132,12 @@ def _store(
     part: Part,
     verified: Verified,
     tests: Mapping[int, Sequence[Change]],
+    stamps: Mapping[int, Sequence[Change]],
 ) -> None:
-    """Put *tests* back on the nodes that hold them, then store as *part* says; the journals go with that."""
+    """Put *tests* back on the nodes that hold them, and *stamps* that ended, then store as *part* says.
+
+    The journals go with that.
+    """
     nodes, course = verified.nodes, Stores({one.node_id: one for one in part.stores}, part.equal)
     keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
@@ -143,21 +151,29 @@ def _store(
                 if keeper.node_id in waited:
                     keeper.own_journal.adopt(waited[keeper.node_id])
             _put_tests_back(nodes, tests)
+            for node_id, changes in stamps.items():
+                nodes[node_id].apply(Plan(node_id, tuple(changes)), kept=False)
             store_each(session, part.name, course, verified, [keeper.own_journal for keeper in keepers])
             for keeper in keepers:
                 keeper.own_journal.complete_whole()
-        except LeftChanged as left:
-            if not course.lost:
-                finish = Hint(Action.FINISH_STORES, why="goes on with those that are missing")
-                back = Hint(Action.RECOVER_ALL, why="puts every node back")
-                left.hint = finish.after(brought_back_first(left.hint)) + back
-            raise
         finally:
             session.whole.end()
             for keeper in keepers:
                 keeper.own_journal.is_over()
         for journal in journals:
             _start(nodes[journal.plan.node_id], journal)
+
+
+def _ended_stamps(verified: Verified, part: Part) -> dict[int, tuple[Change, ...]]:
+    """The stamps to be written anew on nodes that are to store: they ended with a store that was refused."""
+    found: dict[int, tuple[Change, ...]] = {}
+    for node_id in waiting(part):
+        wanted = {one.step.sub_index: one.step.after for one in verified.changes[node_id] if is_stamp(one)}
+        stamp = Stamp(*(int.from_bytes(wanted.get(one, b""), "little") for one in (DATE, TIME)))
+        held = held_stamp(verified.nodes[node_id]) if stamp.is_own else None
+        if held is not None and held != stamp and 0 in (held.days, held.ms):
+            found[node_id] = stamp_changes(held, stamp, f"stamp: {stamp}")
+    return found
 
 
 def _put_tests_back(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Change]]) -> None:

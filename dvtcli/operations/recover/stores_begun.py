@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 
 def furthest(journals: Sequence[Journal]) -> Part:
     """Of the journals that say how far the stores had come the one that says most: they are written one by one."""
-    return max((journal.part for journal in journals), key=lambda part: (len(part.stores), _done(part)))
+    return max((journal.part for journal in journals), key=lambda part: (len(part.stores), *_progress(part)))
 
 
-def _done(part: Part) -> int:
-    return sum(one.is_done for one in part.stores)
+def _progress(part: Part) -> tuple[int, int]:
+    """How many nodes answered their store, and how many were asked."""
+    return sum(one.is_done or one.is_refused for one in part.stores), sum(one.is_begun for one in part.stores)
 
 
 def waiting(part: Part) -> list[int]:
@@ -29,10 +30,12 @@ def waiting(part: Part) -> list[int]:
 
 
 def stores_of(part: Part) -> dict[str, list[int]]:
-    """The nodes of *part* that stored, the one that may have, and those that did not begin to: stores go in turn."""
-    waits = waiting(part)
+    """The nodes of *part* that stored, those that may have, and those that refused or were not asked yet."""
     done = [one.node_id for one in part.stores if one.is_done]
-    return {"stored": done, "unknown": waits[:1], "not stored": waits[1:]}
+    asked = [one.node_id for one in part.stores if one.is_begun and not (one.is_done or one.is_refused)]
+    if not any(one.is_begun for one in part.stores):  # an earlier version, which noted nothing else: they go in turn
+        asked = waiting(part)[:1]
+    return {"stored": done, "unknown": asked, "not stored": [one for one in waiting(part) if one not in asked]}
 
 
 def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:

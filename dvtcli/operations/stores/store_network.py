@@ -10,8 +10,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
+from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.whole import Storing
-from dvtcli.errors import DvtcliError, JournalKept, LeftChanged, SafetyRefusal
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.stores.possible_stores import store_group
 from dvtcli.operations.stores.store_restore import end_stamp, store_settings
 from dvtcli.operations.stores.unfinished_stores import (
@@ -45,7 +46,8 @@ def store_network(
     *equal* are the nodes that were as wanted already, and neither are changed nor store: the journals name them.
 
     Each node is looked at right before its store, and all of them, as they were *verified*, once more after the last.
-    A journal says from here on that stores have begun; it stays where a node lost what was set.
+    A journal says from here on that stores have begun; the journals stay if not all have stored what was planned:
+    `recover` goes on, or back.
     """
     if not stores:
         return ()
@@ -53,24 +55,17 @@ def store_network(
     try:
         return store_each(session, course.name, on_way, verified, course.journals(), prove)
     except BaseException as fault:
-        if isinstance(fault, LeftChanged) and not on_way.lost:
-            _close(course.journals(), fault)
-            _end_stamps(session, on_way, verified, fault)
+        if isinstance(fault, LeftChanged) and not (on_way.lost or on_way.failed):
+            kept = complete_wholes(course.journals())  # all have stored: nothing of that is to be taken back
+            if kept is not None:
+                fault.details.append(("also", f"{kept.text}: {kept.why}"))
         elif isinstance(fault, LeftChanged) and not course.journals():
             done = [one.node_id for one in on_way.states.values() if one.is_done]
-            fault.hint = hint_without_journal(on_way.lost[0], done)
+            cause = on_way.lost[0] if on_way.lost else next(iter(on_way.failed.values()), fault)
+            fault.hint = hint_without_journal(cause, done)
         for journal in course.journals():
             journal.is_over()
         raise
-
-
-def _close(journals: Sequence[OwnJournal], left: LeftChanged) -> None:
-    """What was set stays: forget *journals*; one that cannot be removed is said beside what is *left*."""
-    for journal in journals:
-        try:
-            journal.complete_whole()
-        except JournalKept as kept:
-            left.details.append(("also", f"{kept.text}: {kept.why}"))
 
 
 def _end_stamps(session: Session, course: Stores, verified: Verified, left: LeftChanged) -> None:
@@ -95,7 +90,8 @@ def store_each(
     """Carry out what *course* has not done, the end of what is called *name*; *journals* say how far it is.
 
     Each node is asked for what was *verified* right before it stores, and all of them once more behind the last store.
-    LeftChanged names who has stored and who has not; *course* says then whether a node held something else.
+    A node that refuses does not keep the others from being asked. LeftChanged names who has stored and who has not;
+    *course* says then whether a node held something else.
     """
     stores = list(course.states.values())
 
@@ -104,7 +100,10 @@ def store_each(
             _store_one(session, name, one, course, verified, journals, prove)
         except (DvtcliError, KeyboardInterrupt) as fault:
             course.failed[one.node_id] = fault
-            raise
+            if course.lost or not isinstance(fault, DeviceRefused):
+                raise
+            if fault.state != "unknown":
+                course.states[one.node_id] = replace(course.states[one.node_id], is_refused=True)
 
     jobs = [partial(store, one) for one in stores if not one.is_done]
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
@@ -115,10 +114,13 @@ def store_each(
     if course.lost:
         left = lost_settings(course, course.lost)
         if course.are_all_done():
-            _note_all_done(name, course, journals, left)
+            _note_states(name, course, journals, left)
         raise left from course.lost[0]
     if course.failed:
-        raise not_all_stored(course) from next(iter(course.failed.values()))
+        left = not_all_stored(course, [journal.path for journal in journals if journal.is_begun])
+        _note_states(name, course, journals, left)
+        _end_stamps(session, course, verified, left)
+        raise left from next(iter(course.failed.values()))
     others = others or one_by_one([verified.refuse_restarted])  # what was read of them first may be lost by now
     if others:
         raise lost_besides(course, others[0]) from others[0]
@@ -134,6 +136,7 @@ def _store_one(
     journals: Sequence[OwnJournal],
     prove: str | None,
 ) -> None:
+    course.states[one.node_id] = one = replace(one, is_begun=True, is_refused=False)
     states = tuple(course.states.values())
     for journal in _to_note(journals, one.node_id):
         journal.final(_final(name, states, one), states, course.equal)
@@ -153,8 +156,8 @@ def _store_one(
     _say_too_late(session, course)
 
 
-def _note_all_done(name: str, course: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
-    """Let *journals* say that nobody is to store any more; what keeps one from it is said beside what is *left*."""
+def _note_states(name: str, course: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
+    """Let *journals* say how the stores ended; what keeps one from it is said beside what is *left*."""
     states = tuple(course.states.values())
     line = f"{name}: store on node {', '.join(str(one.node_id) for one in states)}"
     for journal in (journal for journal in journals if journal.is_begun):

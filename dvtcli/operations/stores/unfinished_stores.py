@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.several import several
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.device.change.whole import Storing
     from dvtcli.operations.results import Stored
 
@@ -44,22 +47,30 @@ class Stores:
         return all(one.is_done for one in self.states.values())
 
 
-def not_all_stored(course: Stores) -> LeftChanged:
-    """What is told where stores came to nothing, and every node holds what was planned all the same."""
+def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
+    """What is told where stores came to nothing, and every node holds what was planned all the same.
+
+    *journals* are those that wait for the way back, or for the stores that are missing.
+    """
     first, fault = next(iter(course.failed.items()))
-    stored = "whether node {} stored it is not known" if _is_unsure(fault) else "node {} did not store it"
-    missing = tuple(one.node_id for one in course.states.values() if not one.is_done)
+    refused = [node_id for node_id, one in course.failed.items() if not _is_unsure(one)]
+    unsure = [node_id for node_id in course.failed if node_id not in refused]
+    said = [f"whether node {several(map(str, unsure))} stored it is not known"] if unsure else []
+    said += [f"node {several(map(str, refused))} did not store it"] if refused else []
     left = LeftChanged(
-        f"every node holds what was planned, and {stored.format(first)}",
+        f"every node holds what was planned, and {', and '.join(said)}",
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
-        why=str(fault) or "interrupted",
-        hint=Hint(Action.STORE, {"node": missing}, "finishes")
-        + Hint(Action.UNDO, {"all": True}, "goes back to what was before")
-        + Hint(Action.STORE, why=", then {} on each that stored"),
+        why="; ".join(str(one) or "interrupted" for one in course.failed.values()),
+        hint=Hint(Action.FINISH_STORES, why="asks those again that have not stored").after(
+            brought_back_first(fault.hint if isinstance(fault, DvtcliError) else None)
+        )
+        + _ALL_BACK,
         state="left_changed",
     )
     _say_who(course, left)
+    if journals:
+        left.details.append(("journals", several(map(str, journals))))
     left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
     return left
 
