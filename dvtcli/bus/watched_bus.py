@@ -187,6 +187,10 @@ class WatchedBus(HeardNodes):
         """Whether the bus may be filled for a moment (SdoLink): nothing runs, or all of it was allowed to us."""
         return self._percent >= 100 or not self._may_run()
 
+    def is_stopped(self, node_id: int) -> bool:
+        """Whether *node_id* was heard to be STOPPED since its last NMT command (SdoLink)."""
+        return self._watch.states.get(node_id) is NmtState.STOPPED
+
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
         """Whether 0x1016 of *node_id* is not zero at *sub_index*, as was just read or written (SdoLink)."""
         (self._consumers.add if consumes else self._consumers.discard)((node_id, sub_index))

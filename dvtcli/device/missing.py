@@ -8,11 +8,11 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import SdoAborted, UsageError
+from dvtcli.errors import SdoAborted
 
 
-def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) -> Exception:
-    """The error for *pdo*, which node *node_id* does not answer for; *aborted* itself where it is one of *present*.
+def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) -> SdoAborted:
+    """The error for *pdo*, of which node *node_id* *aborted* the read: with the PDOs that are *present*, in words.
 
     These may be what its file lists: where the node says that there is no such object, that is said.
     """
@@ -28,11 +28,10 @@ def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) 
             ) + Hint(Action.GIVE_EDS, why=", or {}")
         return aborted
     have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
-    error = UsageError(f"node {node_id} has no {pdo.label}: {have}", node=node_id, place=aborted.place)
-    error.abort = aborted.abort
-    error.hint = Hint(Action.SHOW_PDOS, {"all": True}, "lists what it has")
-    error.exit_code = 1
-    return error
+    aborted.text, aborted.node = f"node {node_id} has no {pdo.label}: {have}", node_id
+    aborted.args = (aborted.text,)
+    aborted.hint = Hint(Action.SHOW_PDOS, {"all": True}, "lists what it has")
+    return aborted
 
 
 def hint_for_missing(aborted: SdoAborted, dictionary: ObjectDictionary | None) -> Hint | str | None:

@@ -143,7 +143,7 @@ def test_a_scan_finds_the_nodes() -> None:
 
 
 WRONG = {
-    "no such PDO": (lambda node: node.map("tpdo9", 0x6041), errors.UsageError),
+    "no such PDO": (lambda node: node.map("tpdo9", 0x6041), errors.SdoAborted),
     "no PDO": (lambda node: node.map("pdo1", 0x6041), errors.UsageError),
     "no such object": (lambda node: node.map("tpdo1", "nosuch"), errors.UsageError),
     "no such option": (lambda node: node.set("tpdo1", timr=1), errors.UsageError),

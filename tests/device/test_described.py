@@ -17,7 +17,7 @@ from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry, O
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.several import value_text
-from dvtcli.errors import SdoAborted, UsageError
+from dvtcli.errors import SdoAborted
 from tests.device.test_wants import node
 
 TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")
@@ -179,10 +179,11 @@ def test_a_wish_is_compared_pdo_by_pdo_and_object_by_object() -> None:
 def test_a_pdo_that_a_node_has_not_is_named_beside_those_it_has() -> None:
     aborted = SdoAborted(0x1808, 1, Abort.NO_OBJECT, node=5)
     error = no_pdo(5, Pdo.parse("tpdo9"), [TPDO1, TPDO2, RPDO1], aborted)
-    assert isinstance(error, UsageError)
+    assert (error.slug, error.exit_code) == ("sdo_abort", 1), "it was typed well: this device lacks it"
     assert error.text == "node 5 has no TPDO9: it has tpdo1…tpdo2"
     assert (typed(error.hint), error.exit_code, error.abort) == ("`pdo --all` lists what it has", 1, aborted.abort)
-    assert "it has no TPDOs" in str(no_pdo(5, Pdo.parse("tpdo9"), [RPDO1], aborted))
+    again = SdoAborted(0x1808, 1, Abort.NO_OBJECT, node=5)
+    assert "it has no TPDOs" in str(no_pdo(5, Pdo.parse("tpdo9"), [RPDO1], again))
     assert no_pdo(5, TPDO2, [TPDO1, TPDO2], aborted) is aborted, "one that it answered for: something else is wrong"
 
 

@@ -58,6 +58,9 @@ class HostileLink:
 
     def await_share(self) -> None: ...
 
+    def is_stopped(self, _node_id: int) -> bool:
+        return False
+
     def takes_bursts(self) -> bool:
         return True
 

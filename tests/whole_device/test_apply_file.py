@@ -340,7 +340,10 @@ def test_what_keeps_a_setting_is_said_alike_and_is_so(tmp_path: Path) -> None:
         applied = bench.run(f"apply {file} --yes")
         assert "Kept by node 5 without a store, `undo --all` reverts it." in applied.stdout, applied.stderr
         assert "In RAM only" in bench.run("set tpdo1 --timer 70").stdout
-        assert "In RAM only on node 5: `store` keeps it" in bench.run(f"apply {file} --yes").stdout
+        assert bench.run("write 1017 702").code == 0
+        applied = bench.run(f"apply {file} --yes")
+        assert "In RAM only on node 5: `store` keeps it" in applied.stdout, "of TPDO1"
+        assert "Kept by node 5 without a store: 1017:00." in applied.stdout
 
 
 def test_an_empty_enabled_pdo_of_a_file_hinders_nothing_else(tmp_path: Path) -> None:

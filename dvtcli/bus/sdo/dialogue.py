@@ -296,7 +296,14 @@ class Dialogue(SdoClient):
         """End a transfer whose answer did not come."""
         self.abort(Abort.TIME_OUT)
         why = f"its answers that did not count: {self.dropped}" if self.dropped.total else None
-        return no_answer(self.node_id, self.place, self.timeout_s, why, answered=self._has_answered)
+        return no_answer(
+            self.node_id,
+            self.place,
+            self.timeout_s,
+            why,
+            answered=self._has_answered,
+            is_stopped=self.link.is_stopped(self.node_id),
+        )
 
 
 def _object_of(multiplexer: bytes) -> tuple[int, int]:

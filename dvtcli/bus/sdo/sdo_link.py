@@ -53,6 +53,10 @@ class SdoLink(Protocol):
         """Whether many frames may follow one another at once: not while that could stop a machine."""
         ...
 
+    def is_stopped(self, node_id: int) -> bool:
+        """Whether *node_id* was heard to be STOPPED since its last NMT command."""
+        ...
+
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
         """Take what was read or written: whether 0x1016 of *node_id* is not zero at *sub_index*."""
         ...

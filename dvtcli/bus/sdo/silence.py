@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import NoAnswer
+from dvtcli.errors import NoAnswer, StoppedNode, stopped_node
 
 _NEVER = Hint(Action.FIND_NODES, why="power, node-ID, bit rate? A node in STOPPED answers no SDO; {} shows who does")
 _BEFORE = Hint(
@@ -14,12 +14,21 @@ _BEFORE = Hint(
 
 
 def no_answer(
-    node_id: int, place: str, timeout_s: float, why: str | None = None, *, answered: bool = False
+    node_id: int,
+    place: str,
+    timeout_s: float,
+    why: str | None = None,
+    *,
+    answered: bool = False,
+    is_stopped: bool = False,
 ) -> NoAnswer:
     """Node *node_id* did not answer for the object at *place* (`1018:01`) within *timeout_s* (s).
 
-    *answered* says whether it ever did before.
+    *answered* says whether it ever did before, *is_stopped* whether it was heard to be STOPPED.
     """
+    if is_stopped:
+        refused, silent = stopped_node(node_id), f"it did not answer for 0x{place} within {timeout_s:g} s"
+        return StoppedNode(refused.text, node=node_id, place=place, why=silent, hint=refused.hint)
     return NoAnswer(
         f"node {node_id} did not answer for 0x{place} within {timeout_s:g} s",
         node=node_id,

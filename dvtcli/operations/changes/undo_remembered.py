@@ -97,8 +97,19 @@ def put_remembered_back(session: Session, chain: Remembered, *, everything: bool
     started, node = time.monotonic(), chain.node
     applied, count = node.put_back(TakeBack(_plans(chain), everything=everything, force=session.options.force))
     _forget(session, chain, applied, count)
+    if not everything:
+        _tell_of_others(session, chain)
     applied = replace(applied, findings=(*applied.findings, *chain.findings))
     return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def _tell_of_others(session: Session, chain: Remembered) -> None:
+    """Say which nodes that were meant, too, keep what was changed on them: one change is of one node."""
+    tops = chain.keeper.past.tops(session.selected_id())
+    others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
+    if others:
+        nodes = f"node {', '.join(map(str, others))}"
+        session.tell.note(f"what was changed on {nodes} is not taken back by this: `undo --all` takes all of it back")
 
 
 def undoing(session: Session, chain: Remembered) -> Undoing:
@@ -120,7 +131,7 @@ def _plans(chain: Remembered) -> list[Plan]:
 def _forget(session: Session, chain: Remembered, applied: Applied, count: int) -> None:
     """The newest *count* entries of *chain* were put back, as *applied* says."""
     undone = chain.entries[-count:]
-    session.tell.note(_undone_text(undone, gone=count > 1 and not len(applied.plan)))
+    session.tell.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
     if not session.dry_run:
         chain.keeper.past.forget(undone, applied.plan)
 
@@ -179,14 +190,15 @@ def _newer_elsewhere(past: Past, chains: list[Remembered]) -> tuple[Finding, ...
     return (warning("newer-change", f"node {last.plan.node_id}", text),)
 
 
-def _undone_text(undone: list[Recorded], *, gone: bool) -> str:
+def _undone_text(undone: list[Recorded], node_id: int, *, gone: bool) -> str:
     since = _time(undone[0])
     if gone:
-        return f"what was before the last {len(undone)} changes, since {since}, is there already, as after a reset"
+        what = f"what was before the last {len(undone)} changes of node {node_id}, since {since},"
+        return f"{what} is there already, as after a reset"
     return (
-        f"this puts the change of {since} back"
+        f"this puts the change of {since} to node {node_id} back"
         if len(undone) == 1
-        else (f"this puts the {len(undone)} changes since {since} back")
+        else (f"this puts the {len(undone)} changes since {since} to node {node_id} back")
     )
 
 

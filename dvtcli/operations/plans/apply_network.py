@@ -84,7 +84,18 @@ def apply_network(
             stored = store_network(session, course, stores, verified, prove, equal)
             complete(course)
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
-    return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
+    without = {one.node_id: _kept_without(nodes[one.node_id], one.plan) for one in planned if kept.get(one.node_id)}
+    return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept, without)
+
+
+def _kept_without(node: Node, plan: Plan) -> tuple[str, ...]:
+    """Labels of what *node* keeps of *plan* without a store."""
+    policy = node.profile.store
+    return tuple(
+        change.label
+        for change in plan.changes
+        if change.steps and not any(policy.needed_for(step.index) for step in change.steps)
+    )
 
 
 def _listened(session: Session, plan: NetworkPlan) -> NetworkPlan:

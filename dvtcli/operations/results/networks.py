@@ -190,7 +190,8 @@ def _object_document(change: ValueChange) -> Document:
 class NetworkApplied(Answer):
     """A plan that every node took and read back equal; *stored* are those that stored it then.
 
-    *keep* says of each node that was written what keeps it there, empty where it does so by itself.
+    *keep* says of each node that was written what keeps it there, empty where it does so by itself; *kept_without*
+    names what a node keeps without a store beside what it does not.
     A setting that differs and that the plan does not write is so still: `plan.remains` counts them. Of a clone
     (*is_clone*), which is to be the other device's equal, that is a difference of its own.
     """
@@ -202,6 +203,7 @@ class NetworkApplied(Answer):
     seconds: float
     stored: tuple[Stored, ...] = ()
     keep: Mapping[int, str] = field(default_factory=dict)
+    kept_without: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     is_clone: bool = False
 
     def __bool__(self) -> bool:

@@ -34,3 +34,16 @@ def test_a_stopped_node_is_brought_back_by_the_first_command(command: str, state
         assert ran.code == 0, ran.stderr
         assert node.state is state
         assert bench.run("read 1000").code == 0
+
+
+@pytest.mark.parametrize("line", ["set tpdo1 --timer 70", "write 1017 700", "read 1000", "pdo tpdo1"])
+def test_a_node_that_was_heard_to_be_stopped_is_refused_with_that_reason(line: str) -> None:
+    with Bench(("generic@5",), {"yes": True, "timeout": 0.1}) as bench:
+        assert bench.run("nmt stop").code == 0
+        ran = bench.run(f"{line} --json")
+        error = ran.documents[-1]
+        assert (ran.code, error["exit_code"], error["error"], error["state"]) == (6, 6, "safety", "unchanged")
+        assert error["text"] == "node 5 is STOPPED: it answers no SDO"
+        assert error["hint"] == "`nmt preop 5`" or "nmt preop 5" in error["hint"]
+        assert bench.run("nmt preop 5").code == 0
+        assert bench.run(line).code == 0

@@ -186,6 +186,9 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
         where = ", ".join(nodes)
         text = f"In RAM only on node {where}: {words}" if words else f"Kept by node {where} without a store"
         yield [Cell(f"{text}, `undo --all` reverts it.", "dim")]
+    for node_id, labels in result.kept_without.items():
+        if labels and node_id not in stored:
+            yield [Cell(f"Kept by node {node_id} without a store: {several(labels)}.", "dim")]
 
 
 def _stored(result: NetworkApplied) -> Iterator[Line]:
