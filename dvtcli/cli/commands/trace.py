@@ -17,9 +17,14 @@ if TYPE_CHECKING:
 
 @click.command("trace", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("which", type=click.Choice(["last"]), metavar="last")
-@click.option("--count", type=NumberType(1, 1024, "a count"), default=32, metavar="N", help="How many frames [32].")
+@click.option(
+    "--count",
+    type=NumberType(1, 1024, "a count"),
+    metavar="N",
+    help="How many frames [32, or from the last refused write on].",
+)
 @click.pass_obj
-def command(session: Session, /, which: str, count: int) -> Traced:  # noqa: ARG001 - there is one
+def command(session: Session, /, which: str, count: int | None) -> Traced:  # noqa: ARG001 - there is one
     """Show the frames that were sent from here last, and those that answered them: SDO, LSS, EMCY and boot-ups, too.
 
     It sends nothing. At the prompt, and in a script, behind the line it is about; a run of its own shows the last

@@ -10,25 +10,54 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.explained import Traced
     from dvtcli.operations.session.session import Session
 
 
-def trace_last(session: Session, count: int) -> Traced:
+#: how many frames are shown where nobody says how many
+_SHOWN = 32
+#: SDO command specifiers (CiA 301, 7.2.4.3): to begin a download, to begin one by blocks, and to abort
+_DOWNLOAD, _BLOCK_DOWNLOAD, _ABORT = 1, 6, 4
+
+
+def trace_last(session: Session, count: int | None = None) -> Traced:
     """The last *count* frames of what was exchanged on the session's bus, each explained.
 
-    Where nothing was, they are those of the last run that failed. The value of a passcode is left out. UsageError where
-    there are none either.
+    With None the last 32, or as many as it takes from the last write on that a node refused or did not answer. Where
+    nothing was exchanged they are those of the last run that failed. The value of a passcode is left out. UsageError
+    where there are none either.
     """
     from dvtcli.operations.frames.explain_frame import described_nodes, explained
     from dvtcli.operations.results.explained import Traced, TracedFrame
     from dvtcli.watch.decoder import Decoder
 
-    found = (_exchanged(session) or _of_a_failed_run(session))[-count:]
+    exchanged = _exchanged(session) or _of_a_failed_run(session)
+    found = exchanged[-(_count_of_refusal(exchanged) if count is None else count) :]
     decoder, described = Decoder(), described_nodes(session)
     frames = (TracedFrame(explained(frame, decoder, described), sent, secret) for frame, sent, secret in found)
     return Traced(tuple(frames))
+
+
+def _count_of_refusal(exchanged: Sequence[tuple[Frame, bool, bool]]) -> int:
+    """How many of the frames *exchanged* are to be shown so that the last refused write is among them."""
+    open_at: dict[int, tuple[int, bytes]] = {}
+    refused: list[int] = []
+    for number, (frame, sent, _) in enumerate(exchanged):
+        node_id, specifier = frame.can_id & 0x7F, frame.data[0] >> 5 if len(frame.data) == 8 else None
+        if specifier is not None and sent and frame.can_id & ~0x7F == 0x600:
+            refused += [at for at, _ in [open_at.pop(node_id)]] if node_id in open_at else []
+            if specifier == _DOWNLOAD or (specifier == _BLOCK_DOWNLOAD and not frame.data[0] & 1):
+                open_at[node_id] = number, frame.data[1:4]
+        elif specifier is not None and not sent and frame.can_id & ~0x7F == 0x580 and node_id in open_at:
+            at, place = open_at[node_id]
+            if frame.data[1:4] == place:
+                refused += [at] if specifier == _ABORT else []
+                del open_at[node_id]
+    last = max((*refused, *(at for at, _ in open_at.values())), default=len(exchanged))
+    return max(_SHOWN, len(exchanged) - last)
 
 
 def _of_a_failed_run(session: Session) -> list[tuple[Frame, bool, bool]]:

@@ -29,6 +29,18 @@ def test_a_write_is_shown_with_its_answers() -> None:
         assert "1017:00 Producer heartbeat time, 7 ms" in text
 
 
+@pytest.mark.parametrize("fault", ["refuse@3=0x06090030", "lose-request@3"])
+def test_the_refused_write_is_shown_whatever_was_read_behind_it(fault: str) -> None:
+    """A way back reads the other PDOs, which takes more than the frames that are shown else."""
+    with Bench(in_real_time=True, options={"fault": (fault,), "timeout": 0.2}) as bench:
+        assert bench.run("map tpdo1 6041 606C").code in (1, 5)
+        found = bench.run("trace last --json").document["frames"]
+        assert len(found) > 32
+        assert found[0]["frame"].startswith("601#23001A01"), found[0]
+        bench.run("set tpdo2 --timer 5")
+        assert len(bench.run("trace last --count 4 --json").document["frames"]) == 4
+
+
 def test_an_abort_is_in_words() -> None:
     with Bench(in_real_time=True) as bench:
         assert bench.run("read 2FFF --force").code != 0
