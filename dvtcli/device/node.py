@@ -153,10 +153,10 @@ class Node(Applier):
         from dvtcli.device.change.way_back import plan_back, way_back
 
         found = self.claim(whatever_happened=asked.rolls_back)
-        if not asked.is_part:
-            self.known_pdos()  # also those beside the plan: a device may alter them with it
         boot_ups = self.bus.boot_ups(self.node_id)
         back = way_back(self, asked)
+        if not asked.is_part and len(back.plan):
+            self.known_pdos()  # also those beside the plan: a device may alter them with it
         others = () if asked.is_part or not len(back.plan) else self._beside(back.plan)
         try:
             applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
