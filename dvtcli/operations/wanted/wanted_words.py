@@ -9,11 +9,16 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store_parameters import SIGNATURES
-from dvtcli.domain.object_syntax import UnknownName
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.object_syntax import Skipped, UnknownName
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest, Switched
+from dvtcli.domain.rules import errors_in
+from dvtcli.domain.rules.entry_length import length_findings
+from dvtcli.domain.rules.mapped_object import object_findings
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.meanings.named_objects import entry_at, object_at
 from dvtcli.operations.meanings.physical_meanings import meaning_of, typed_bytes
@@ -24,7 +29,7 @@ from dvtcli.operations.wanted.wanted_pins import WantedValue, wanted_pins
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish
-    from dvtcli.domain.object_syntax import MappedObject, Skipped
+    from dvtcli.domain.object_syntax import MappedObject
     from dvtcli.domain.request import PdoWant
     from dvtcli.files.network.file_log import FileLog
 
@@ -57,6 +62,8 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
         request = pdo_request(node, pdo, log)
         if log.count == complaints:
             wants.pdos[pdo.pdo] = request
+        else:
+            _judge_entries(node, pdo, log)
     if wish.prune:
         others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
         wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
@@ -111,6 +118,26 @@ def _entries(node: Node, words: tuple[FileWord, ...], log: FileLog) -> Iterator[
             yield entry_at(node, word.text)
         except UsageError as wrong:
             log.complain(word.mark, _unknown(node, wrong))
+
+
+def _judge_entries(node: Node, wish: PdoWish, log: FileLog) -> None:
+    """Tell *log* which known entries of *wish* the rules refuse: the unknown ones keep its PDO from being judged."""
+    if wish.pdo not in node.present():
+        return
+    now = node.known_pdo(wish.pdo)
+    held = proposal(node, wish.pdo, now, now)
+    for word in wish.mapping or ():
+        try:
+            known = entry_at(node, word.text)
+        except UsageError:  # it was told
+            continue
+        if isinstance(known, Skipped):
+            continue
+        bits = known.bits if known.bits is not None else node.length_of(known.index, known.sub_index)
+        entry = PdoMappingEntry(known.index, known.sub_index, bits or 8)  # of an object that is not there nobody knows
+        lengths = () if bits is None else length_findings(held, "", entry)
+        for finding in errors_in((*object_findings(held, "", entry), *lengths)):
+            log.complain(word.mark, finding.text)
 
 
 def _unknown(node: Node, wrong: UsageError) -> str:

@@ -60,3 +60,26 @@ def test_what_writes_says_so_and_a_forced_plan_names_what_carries_it_out(file: P
         refused = bench.script(f"plan {file}")
         assert "and writes nothing" in refused.stderr
         assert "--force sends it anyway" in bench.script("map tpdo1 1018:1").stderr
+
+
+@pytest.mark.parametrize("line", ["check {}", "plan {}", "apply {} --yes"])
+def test_an_unknown_name_hides_no_other_entry_that_is_wrong(line: str, tmp_path: Path) -> None:
+    """The PDO cannot be judged as a whole then; what is wrong with each of its entries is said all the same."""
+    file = tmp_path / "net.yaml"
+    words = "[no_such_name, 6041/8, 606C, 1018:1, 5FFF]"
+    file.write_text(f"nodes:\n  a: {{node_id: 1, dcf: generic, tpdo: {{1: {{mapping: {words}}}}}}}\n")
+    with Bench(("generic",)) as bench:
+        ran = bench.run(line.format(file))
+    said = ran.stdout + ran.stderr
+    assert ran.code == 4
+    column = 1 + file.read_text().splitlines()[1].index(words)
+    for word, text in (
+        ("no_such_name", "no object is named"),
+        ("6041/8", "has 16 bits, only 8 are wanted"),
+        ("1018:1", "is not mappable"),
+        ("5FFF", "0x5FFF is not in generic.eds"),
+    ):
+        at = f"{file}:2:{column + words.index(word)}: error: "
+        (found,) = [row for row in said.splitlines() if row.startswith(at)]
+        assert text in found
+    assert "606C" not in "".join(row for row in said.splitlines() if ": error: " in row)
