@@ -13,7 +13,7 @@ from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
-from dvtcli.domain.rules.can_id import emcy_findings
+from dvtcli.domain.rules.can_id import EMCY, SYNC, service_findings
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
     length_findings,
@@ -27,15 +27,13 @@ if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.domain.rules import Finding
 
-_EMCY = (0x1014, 0)
-
 
 def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
     """Everything the rules say of writing *data* to *index*:*sub_index* of *node*."""
     findings = write_findings(node.dictionary, index, sub_index, data)
     pdo = Pdo.at(index)
-    if (index, sub_index) == _EMCY and len(data) == 4 and not findings:
-        return tuple(emcy_findings(node.node_id, f"0x{index:04X}:{sub_index:02X}", int.from_bytes(data, "little")))
+    if index in (SYNC, EMCY) and not sub_index and len(data) == 4 and not findings:
+        return tuple(service_findings(node.node_id, index, int.from_bytes(data, "little")))
     if pdo is None or findings:
         return findings
     if wrong := length_findings(index, sub_index, data):

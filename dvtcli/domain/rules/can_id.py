@@ -19,7 +19,8 @@ _OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")
 RULES = (
     Rule("can-id-length", ERROR, "more than 11 bits where no 29 are wanted", "CiA 301, 7.5.2.35: bit 29 (frame)",
          (Abort.VALUE_RANGE,)),
-    Rule("can-id-restricted", ERROR, "the CAN-ID is one that CiA 301 restricts", "CiA 301, 7.3.5",
+    Rule("can-id-restricted", ERROR, "the CAN-ID, of a PDO, SYNC or EMCY, is one that CiA 301 restricts",
+         "CiA 301, 7.3.5",
          (Abort.VALUE_RANGE,)),
     Rule("extended-id", ERROR, "29 bits where the device takes 11", "the family", (Abort.VALUE_RANGE,)),
     Rule("rtr-bit", ERROR, "bit 30 is against what the family wants", "the family", (Abort.VALUE_RANGE,)),
@@ -41,6 +42,8 @@ RULES = (
          "CiA 301, 7.3.5"),
 )  # fmt: skip
 
+#: the COB-ID of SYNC, and that of EMCY
+SYNC, EMCY = 0x1005, 0x1014
 _RESERVED = "reserved"
 #: First and last 11-bit CAN-ID of a range that CiA 301 restricts, with what it is for.
 RESTRICTED = (
@@ -69,14 +72,19 @@ def restricted_use(can_id: int) -> str | None:
     return None
 
 
-def emcy_findings(node_id: int, place: str, raw: int) -> Iterator[Finding]:
-    """Judge *raw* as the COB-ID of EMCY (0x1014) of the node with *node_id*: others may take it for another node's.
+def service_findings(node_id: int, index: int, raw: int) -> Iterator[Finding]:
+    """Judge *raw* as the COB-ID of SYNC (*index* 0x1005) or EMCY (0x1014) of the node with *node_id*.
 
-    Source: CiA 301, 7.3.5 (pre-defined connection set).
+    Bit 31 switches EMCY off, and means nothing for SYNC.
+    Source: CiA 301, 7.3.5 (restricted CAN-IDs, pre-defined connection set), 7.5.2.5 and 7.5.2.14.
     """
-    want = CobId.from_raw(raw)
-    owner = want.can_id - 0x080
-    if want.valid and not want.extended and 1 <= owner <= 127 and owner != node_id:
+    want, place = CobId.from_raw(raw), f"0x{index:04X}:00"
+    is_emcy, owner = index == EMCY, want.can_id - 0x080
+    if want.extended or (is_emcy and not want.valid):
+        return
+    if use := restricted_use(want.can_id):
+        yield error("can-id-restricted", place, f"{'EMCY' if is_emcy else 'SYNC'} {want} is {use}", Abort.VALUE_RANGE)
+    elif is_emcy and 1 <= owner <= 127 and owner != node_id:
         yield note("can-id-default", place, f"{want} is the default COB-ID of EMCY of node {owner}")
 
 

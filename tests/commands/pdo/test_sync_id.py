@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import pytest
+
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 
@@ -42,3 +46,20 @@ def test_that_nobody_produces_it_is_a_warning_until_somebody_does() -> None:
         checked = bench.run("sync --check --json")
         assert checked.document["produced"] is True
         assert "sync-producer" not in checked.stdout
+
+
+@pytest.mark.parametrize("value", ["0x702", "0x000", "0x5A1", "0x03A", "0x7E5"])
+@pytest.mark.parametrize("index", ["1005", "1014"])
+def test_a_restricted_can_id_of_a_service_is_refused_by_write_as_by_apply(
+    index: str, value: str, tmp_path: Path
+) -> None:
+    """A node's own backup with such a value was refused, which a plain write had let in."""
+    file = tmp_path / "node.jsonl"
+    with Bench(("generic@5",), {"yes": True}) as bench:
+        ran = bench.run(f"write {index} {value}")
+        assert ran.code == 1
+        assert f"rule    can-id-restricted at 0x{index}:00" in ran.stderr
+        assert bench.run(f"write {index} {value} --force").code == 0
+        assert bench.run(f"backup {file}").code == 0
+    with Bench(("generic@5",), {"yes": True}) as bench:
+        assert bench.run(f"apply {file}").code == 1, "the same judge"
