@@ -7,6 +7,7 @@ read or write devices, and does not decide what is put back.
 from __future__ import annotations
 
 import json
+import os
 import uuid
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -16,9 +17,11 @@ from itertools import takewhile
 from pathlib import Path
 
 from dvtcli.device.change.journal import MOST_BYTES
+from dvtcli.device.change.lock import WAIT_S, lock_within
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.private_file import file_name, set_aside, write_private
+from dvtcli.device.change.private_file import file_name, set_aside, to_disk, write_private
 from dvtcli.device.recorded_change import SCHEMA, Recorded, document, recorded_changes
+from dvtcli.device.trust import open_private, private_folder
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan, alters
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -27,6 +30,8 @@ from dvtcli.errors import InputFileError, SafetyRefusal
 MOST_CHANGES = 50
 #: Serial numbers (0x1018:4) that are nobody's own: not set, or erased memory.
 _NO_SERIAL = (None, 0, 0xFFFF_FFFF)
+#: the number of the last change on a bus, in decimal
+_COUNT_BYTES = 19
 
 
 def has_serial(identity: Identity) -> bool:
@@ -55,9 +60,10 @@ class Past:
 
         That this fails makes the change no less done.
         """
-        path, entry = self.path(plan.node_id, identity), self._entry(plan, identity, name)
+        path = self.path(plan.node_id, identity)
         self._own.append(None)  # its place among the changes of this process, whatever becomes of its file
         try:
+            entry = self._entry(plan, identity, name)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
         except (OSError, SafetyRefusal) as failed:
             self.say(f"the change is done, but cannot be remembered for a later undo: {_why(failed)}")
@@ -97,7 +103,7 @@ class Past:
         """
         found = self._last_of(f"{file_name(self.bus)}-*.json")
         meant = (one for one in found if one.bus == self.bus and one.is_meant(selected))
-        return sorted(meant, key=lambda one: one.when, reverse=True)
+        return sorted(meant, key=lambda one: one.order, reverse=True)
 
     def moved(self, node_id: int, identity: Identity) -> Recorded | None:
         """The last change of this device, by its serial number, while it had another node-ID than *node_id*.
@@ -109,7 +115,7 @@ class Past:
         found = self._last_of(f"{file_name(self.bus)}-{_words(identity)}-node*.json")
         return max(
             (one for one in found if one.is_of(self.bus, identity) and one.plan.node_id != node_id),
-            key=lambda one: one.when,
+            key=lambda one: one.order,
             default=None,
         )
 
@@ -117,10 +123,10 @@ class Past:
         """The last change on this bus, whichever device it was made on; files that are damaged are passed over."""
         return next(iter(self.tops(None)), None)
 
-    def _last_of(self, pattern: str) -> Iterator[Recorded]:
+    def _last_of(self, pattern: str, *, undoing: bool = False) -> Iterator[Recorded]:
         for path in sorted(self.folder.glob(pattern)):
             with suppress(InputFileError):
-                yield from [one for one in self._read(path) if not one.undoes][-1:]
+                yield from [one for one in self._read(path) if undoing or not one.undoes][-1:]
 
     def forget(self, entries: Sequence[Recorded], back: Plan) -> None:
         """Drop *entries*, which are of one device: *back* put them back, and is remembered where they were stored."""
@@ -183,7 +189,26 @@ class Past:
     def _entry(self, plan: Plan, identity: Identity, name: str = "", *, undoes: bool = False) -> Recorded:
         """*plan* as it is remembered, with the id *name*, or a new one where that is empty."""
         now = datetime.now(UTC).isoformat()
-        return Recorded(name or uuid.uuid4().hex, now, self.bus, identity, plan, self.selected, undoes=undoes)
+        entry, number = name or uuid.uuid4().hex, self._next_number()
+        return Recorded(entry, now, self.bus, identity, plan, self.selected, undoes=undoes, number=number)
+
+    def _next_number(self) -> int:
+        """One more than that of any change on this bus; OSError and SafetyRefusal if it cannot be written down."""
+        private_folder(self.folder.parent)
+        private_folder(self.folder)
+        path = self.folder / f"{file_name(self.bus)}.count"
+        with os.fdopen(open_private(path, os.O_RDWR | os.O_CREAT), "rb+", buffering=0) as file:
+            lock_within(file, WAIT_S)
+            said = file.read(_COUNT_BYTES + 1)
+            is_whole = len(said) == _COUNT_BYTES and said[:-1].isdigit()
+            last = int(said) if is_whole else self._highest_number()
+            file.seek(0)
+            file.write(f"{last + 1:0{_COUNT_BYTES - 1}d}\n".encode())
+            to_disk(file.fileno())
+        return last + 1
+
+    def _highest_number(self) -> int:
+        return max((one.number for one in self._last_of(f"{file_name(self.bus)}-*.json", undoing=True)), default=0)
 
     def _write(self, path: Path, entries: list[Recorded]) -> None:
         documents = [document(one) for one in entries]

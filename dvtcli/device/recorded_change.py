@@ -13,6 +13,8 @@ from dvtcli.device.change.plan_document import Identity, change_document, read_n
 from dvtcli.domain.plan import Plan
 
 SCHEMA = "dvtcli.past/1"
+#: no bus sees as many changes
+MOST_NUMBER = 10**18
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +23,7 @@ class Recorded:
 
     *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none. *stored* are the
     labels of what a store took of it. With *undoes* it put changes back that had been stored: no `undo` reverts it, and
-    it is remembered for what was not stored since.
+    it is remembered for what was not stored since. *number* counts the changes of its bus; 0 of earlier versions.
     """
 
     id: str
@@ -32,6 +34,12 @@ class Recorded:
     selected: int | None = None
     stored: frozenset[str] = frozenset()
     undoes: bool = False
+    number: int = 0
+
+    @property
+    def order(self) -> tuple[int, str]:
+        """What is larger of a later change on its bus; no clock decides, which may have been set back."""
+        return self.number, self.when
 
     @property
     def labels(self) -> frozenset[str]:
@@ -58,6 +66,7 @@ def document(one: Recorded) -> dict[str, Any]:
         "selected": one.selected,
         "stored": sorted(one.stored),
         "undoes": one.undoes,
+        "number": one.number,
         "changes": [change_document(change) for change in one.plan.changes],
     }
 
@@ -78,4 +87,5 @@ def recorded_changes(document: Any) -> Iterator[Recorded]:
         yield Recorded(
             str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected,
             frozenset(map(str, stored)), one.get("undoes") is True,
+            read_number(one, "number", MOST_NUMBER) if "number" in one else 0,
         )  # fmt: skip

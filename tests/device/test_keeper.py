@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import threading
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.device.change.journal import read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper, who_else
@@ -18,7 +20,8 @@ from dvtcli.device.change.whole import Part
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import InputFileError, SafetyRefusal
+from tests.journals import journal_document
 from tests.laws.bench import DirectSdo, booted
 from tests.posix import SIGALRM
 
@@ -303,7 +306,7 @@ def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does
     found = second.interrupted()
     assert found is not None
     second.lock.take()
-    second.journals.write(PLAN, IDENTITY, None, Part("of a whole that is complete"))
+    second.journals.write(PLAN, IDENTITY, None, Part("5f"))  # of a whole that is complete
     second.forget(found)
     assert second.journals.path(5).exists()
     assert (second.lock.noted(), second.open_journal()) == (None, None)
@@ -320,3 +323,31 @@ def test_where_one_of_ours_is_open_the_lock_says_what_it_said(keep: Keep) -> Non
     second.lock.note(own)
     second.forget(found)
     assert second.lock.noted() == second.open_journal() == own
+
+
+@pytest.mark.parametrize("name", ["letter.json", "socketcan_can0-6.json", "socketcan_can0-5.txt", "passwd"])
+def test_a_lock_that_names_another_file_than_a_journal_of_its_node_leaves_that_alone(
+    keep: Keep, tmp_path: Path, name: str
+) -> None:
+    """Nothing that a lock says is renamed or removed but a journal of that very node and bus."""
+    one, other = keep(), tmp_path / "letters" / name
+    other.parent.mkdir()
+    other.write_text("dear reader")
+    one.hold()
+    one.lock.note(other)
+    assert one.open_journal() is None
+    one.begin(PLAN, IDENTITY, 127, dict)
+    one.own_journal.end()
+    assert other.read_text() == "dear reader"
+
+
+@pytest.mark.parametrize("whole", ["../letter", "/etc/passwd", "a/../../letter", "", "."])
+def test_a_journal_that_names_a_whole_outside_its_folder_is_damaged(keep: Keep, whole: str) -> None:
+    """The id is part of the name of a file that is removed at the end."""
+    one = keep()
+    one.begin(PLAN, IDENTITY, 127, dict)
+    path = one.own_journal.path
+    path.write_text(json.dumps({**journal_document(path), "whole": whole}))
+    with pytest.raises(InputFileError) as caught:
+        read_journal(path)
+    assert caught.value.why == "the id of what it belongs to is malformed"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -195,7 +196,7 @@ def test_a_damaged_file_is_kept_aside_and_said_and_the_next_change_is_remembered
     past.path(5, IDENTITY).write_text("rubbish", "utf-8")
     past.add(plan(value=7), IDENTITY)
     assert values(past) == [7]
-    (aside,) = (path for path in tmp_path.iterdir() if path != past.path(5, IDENTITY))
+    (aside,) = tmp_path.glob("*.damaged-*")
     assert aside.read_text("utf-8") == "rubbish"
     assert said == [f"{past.path(5, IDENTITY)} does not tell what was changed: it is kept as {aside}"]
 
@@ -215,7 +216,8 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     folder.unlink()
     (tmp_path / "away").rename(folder)
     undone = "it is put back, but what can be undone cannot be written down: Not a directory"
-    assert said == [*2 * ["the change is done, but cannot be remembered for a later undo: Not a directory"], undone]
+    refused = f"{folder} is not used: it is a file, and no folder"
+    assert said == [*2 * [f"the change is done, but cannot be remembered for a later undo: {refused}"], undone]
     past.forget_own(1, BACK)
     assert values(past) == [1], "the one that is forgotten is the one that was never written"
     past.forget_own(1, BACK)
@@ -250,3 +252,55 @@ def test_what_is_put_back_under_another_node_id_is_remembered_there(tmp_path: Pa
     past.forget(past.entries(5, IDENTITY), Plan(7, BACK.changes))
     assert past.all_of(5, IDENTITY) == []
     assert [one.undoes for one in past.all_of(7, IDENTITY)] == [True]
+
+
+def clock_set(past: Past, node_id: int, when: str) -> None:
+    """What the file of a node says was made when the computer's clock showed *when*."""
+    path = past.path(node_id, IDENTITY)
+    document = json.loads(path.read_text("utf-8"))
+    document["changes"][-1]["when"] = when
+    path.write_text(json.dumps(document), "utf-8")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_order_of_changes_is_no_clock_s(tmp_path: Path, seed: int) -> None:
+    """A clock without a battery: each change is made at another time, the last one is the last one."""
+    random, made = Random(seed), list[int]()
+    for _ in range(12):
+        node_id = random.choice((5, 9, 12))
+        past = Past(tmp_path / "changes", "can0")  # another process each
+        past.add(plan(node_id), IDENTITY)
+        clock_set(past, node_id, f"20{random.randrange(70):02}-01-01T00:00:00+00:00")
+        made.append(node_id)
+        assert [one.plan.node_id for one in past.tops(None)] == list(dict.fromkeys(reversed(made)))
+        newest = past.newest_of_all()
+        assert newest is not None
+        assert newest.plan.node_id == node_id
+
+
+@pytest.mark.parametrize("said", [None, "", "7", "x" * 19 + "\n"])
+def test_a_counter_that_is_gone_or_damaged_goes_on_from_what_is_remembered(tmp_path: Path, said: str | None) -> None:
+    past = Past(tmp_path / "changes", "can0")
+    for node_id in (5, 9, 5):
+        past.add(plan(node_id), IDENTITY)
+    (count,) = past.folder.glob("*.count")
+    count.unlink()
+    if said is not None:
+        count.write_text(said)
+        count.chmod(0o600)
+    past.add(plan(9), IDENTITY)
+    assert [(one.plan.node_id, one.number) for one in past.tops(None)] == [(9, 4), (5, 3)]
+
+
+def test_what_an_earlier_version_kept_without_a_number_came_first(tmp_path: Path) -> None:
+    past = Past(tmp_path / "changes", "can0")
+    for node_id in (5, 9):
+        past.add(plan(node_id), IDENTITY)
+        path = past.path(node_id, IDENTITY)
+        document = json.loads(path.read_text("utf-8"))
+        del document["changes"][0]["number"]
+        path.write_text(json.dumps(document), "utf-8")
+    assert [one.plan.node_id for one in past.tops(None)] == [9, 5], "by the time that they say"
+    past.add(plan(5), IDENTITY)
+    clock_set(past, 5, "1970-01-01T00:00:00+00:00")
+    assert [one.plan.node_id for one in past.tops(None)] == [5, 9]

@@ -98,6 +98,15 @@ def test_a_journal_of_another_device_is_set_aside_and_one_of_this_is_not(bench: 
     aside(bench, "discarded")
 
 
+def test_a_file_that_is_no_journal_is_not_set_aside(bench: Bench, tmp_path: Path) -> None:
+    letter = tmp_path / "letter.txt"
+    letter.write_text("dear reader")
+    letter.chmod(0o600)
+    code, _, stderr = bench.run("recover", "--discard", str(letter))
+    assert code == 2, stderr
+    assert (letter.read_text(), [*tmp_path.glob("letter*")]) == ("dear reader", [letter])
+
+
 def test_accept_and_discard_exclude_each_other(bench: Bench) -> None:
     assert bench.run("recover", "--accept", "--discard")[0] == 2
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -96,6 +97,10 @@ class Journals:
         """After a journal of the *whole* of this id is gone: so is what the last one needed."""
         if whole is not None and self._marker(whole).exists() and next(self._of(whole), None) is None:
             self.close_whole(whole)
+
+    def is_named(self, path: Path, node_id: int) -> bool:
+        """Whether a file at *path* has the name of a journal of *node_id*; what has another one is left alone."""
+        return path.name == self.path(node_id).name
 
     def counts(self, path: Path) -> bool:
         """Whether there is a journal at *path* (a damaged one is one, too), and it is of no whole that is complete."""
@@ -214,6 +219,8 @@ def _part(document: dict[str, Any]) -> Part:
     """What the journal belongs to; those of earlier versions do not say, and stand alone."""
     whole, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
     entries, asked = document.get("entries", []), document.get("asked", [])
+    if isinstance(whole, str) and not re.fullmatch("[0-9a-f]{1,64}", whole):  # it is part of a file's name
+        raise ValueError("the id of what it belongs to is malformed")
     lists = isinstance(entries, list) and isinstance(asked, list)
     if not lists or not all(isinstance(one, str) for one in (whole or "", name, final, *entries, *asked)):
         raise ValueError("what it belongs to is malformed")

@@ -108,7 +108,7 @@ class NodeLock:
         # unbuffered: what a full disk refuses is refused once, not again at the end
         file = os.fdopen(descriptor, "rb+", buffering=0)
         try:
-            _lock_within(file, wait_s)
+            lock_within(file, wait_s)
         except BaseException as stopped:
             file.close()
             if isinstance(stopped, OSError):
@@ -183,7 +183,7 @@ class NodeLock:
             return True
         with file:
             try:
-                _lock_within(file, LOOK_S)
+                lock_within(file, LOOK_S)
             except OSError:
                 return False
             self._look_back()
@@ -215,7 +215,7 @@ def _write_all(file: IO[bytes], text: bytes) -> None:
     file.truncate(len(text))
 
 
-def _lock_within(file: IO[bytes], wait_s: float) -> None:
+def lock_within(file: IO[bytes], wait_s: float) -> None:
     """Lock the file; OSError where somebody else still has it after *wait_s* seconds."""
     deadline_s = time.monotonic() + wait_s
     while time.monotonic() < deadline_s:

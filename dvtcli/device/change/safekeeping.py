@@ -63,6 +63,8 @@ class Keeper:
         """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""
         with self._files("read"):
             own, noted = self.journals.path(self.node_id), self.lock.noted()
+            if noted is not None and not self.journals.is_named(noted, self.node_id):
+                noted = None
             return next((path for path in (own, noted) if path is not None and self.journals.counts(path)), None)
 
     def interrupted(self) -> Journal | None:

@@ -184,7 +184,7 @@ def _moved(session: Session, keeper: Keeper, identity: Identity) -> list[Recorde
 def _newer_elsewhere(past: Past, chains: list[Remembered]) -> tuple[Finding, ...]:
     """A warning where another node of the bus was changed after those that are meant."""
     last = past.newest_of_all()
-    if last is None or last.when <= max(chain.entries[-1].when for chain in chains):
+    if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
         return ()
     text = f"node {last.plan.node_id} was changed later, at {_time(last)}: -n {last.plan.node_id} undo puts that back"
     return (warning("newer-change", f"node {last.plan.node_id}", text),)

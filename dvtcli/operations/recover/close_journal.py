@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.journal import ACCEPTED, DISCARDED, read_journal
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
@@ -134,6 +135,12 @@ def _useless_for(session: Session, path: Path) -> int:
 def _blocked_by(session: Session, path: Path) -> int:
     """The node of a journal that cannot be read: the one that is selected, else what the file's name says."""
     number = path.stem.rpartition("-")[2]
+    if not (path.suffix == ".json" and number.isdecimal()):
+        raise UsageError(
+            f"{path} is no journal: it is not set aside",
+            place=str(path),
+            hint=Hint(Action.RECOVER, {"discard": True}, "takes the node's own journal"),
+        )
     if session.selected_id() is None and number.isdecimal() and 1 <= int(number) <= 127:
         return int(number)
     return session.node_id()
