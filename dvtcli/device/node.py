@@ -157,6 +157,8 @@ class Node(Applier):
         back = way_back(self, asked)
         if not asked.is_part and len(back.plan):
             self.known_pdos()  # also those beside the plan: a device may alter them with it
+            if self.bus.boot_ups(self.node_id) != boot_ups:
+                back = way_back(self, asked)
         others = () if asked.is_part or not len(back.plan) else self._beside(back.plan)
         try:
             applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))

@@ -40,6 +40,7 @@ class Session(Opened):
     ) -> None:
         super().__init__(options, tell, open_bus=open_bus)
         self.selected: int | None = None
+        self._reads_together = False
 
     def __enter__(self) -> Session:
         return self
@@ -107,8 +108,18 @@ class Session(Opened):
     def read_together(self, look: Callable[[], T]) -> T:
         """Read several nodes by *look*, and again until no node restarted from the first to the last upload.
 
-        A node that *look* meets counts from its first contact on. NoAnswer if that fails `MOST_LOOKS` times.
+        A node that *look* meets counts from its first contact on. NoAnswer if that fails `MOST_LOOKS` times. Within
+        another call it is read once: that one reads all of it again.
         """
+        if self._reads_together:
+            return look()
+        self._reads_together = True
+        try:
+            return self._read_together(look)
+        finally:
+            self._reads_together = False
+
+    def _read_together(self, look: Callable[[], T]) -> T:
         from dvtcli.device.observe import MOST_LOOKS
         from dvtcli.errors import NoAnswer
 

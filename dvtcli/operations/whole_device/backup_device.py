@@ -23,10 +23,13 @@ from dvtcli.operations.whole_device.look_through import described, look_through,
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.node import Node
     from dvtcli.device.read_whole import ReadObject
     from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.files.dcf.write_dcf import DcfText
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.whole_device.look_through import WholeDevice
 
 
 def backup_device(
@@ -56,30 +59,42 @@ def backup_device(
     ask_before_overwriting(session, path)
     if suffix in SUFFIXES:
         return _as_dcf(session, node, path, file, twice=twice)
+    return _as_lines(session, node, path, file, *session.read_together(lambda: _held(session, node, twice, areas)))
+
+
+def _held(
+    session: Session, node: Node, twice: bool, areas: tuple[range, ...]
+) -> tuple[Mapping[ObjectAddress, ReadObject], Identity]:
+    """Every object of *node*, and who it is: read without a restart in between."""
     if node.dictionary is None:
-        found: Mapping[ObjectAddress, ReadObject]
-        found = session.read_together(
-            lambda: scan_objects(node, Configuration(node.profile), areas, told(session, node))
-        )
-    else:
-        found = look_through(session, node, twice=twice).objects
-    return _as_lines(session, node, path, file, found)
+        return scan_objects(node, Configuration(node.profile), areas, told(session, node)), node.identity()
+    return look_through(session, node, twice=twice).objects, node.identity()
 
 
 def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool) -> Facts:
-    whole = look_through(session, node, twice=twice)
-    text, _ = dcf_of(session, whole, path.name)
+    def read() -> tuple[WholeDevice, DcfText]:
+        whole = look_through(session, node, twice=twice)
+        return whole, dcf_of(session, whole, path.name)[0]
+
+    whole, text = session.read_together(read)
     _must_have_read(node, len(text.said), left_out(whole, text))
     make_file(session, path, text.data)
     return _answer(file, node, len(text.said), left_out(whole, text))
 
 
-def _as_lines(session: Session, node: Node, path: Path, file: str, found: Mapping[ObjectAddress, ReadObject]) -> Facts:
+def _as_lines(
+    session: Session,
+    node: Node,
+    path: Path,
+    file: str,
+    found: Mapping[ObjectAddress, ReadObject],
+    identity: Identity,
+) -> Facts:
     eds = "" if node.dictionary is None else node.dictionary.source
     kept = {place: _kept(one) for place, one in found.items()}
     out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
     _must_have_read(node, len(kept) - len(out), out)
-    text = whole_device_text(KeptDevice(node.node_id, node.identity(), utc(time.time()), kept, eds))
+    text = whole_device_text(KeptDevice(node.node_id, identity, utc(time.time()), kept, eds))
     make_file(session, path, text, read_whole_device)
     answer = _answer(file, node, len(kept) - len(out), out)
     if node.dictionary is not None:

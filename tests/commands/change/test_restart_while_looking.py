@@ -36,6 +36,16 @@ class Restarting(StrictDevice):
         return data
 
 
+class Counting(StrictDevice):
+    """A device that counts its answers to uploads."""
+
+    uploads = 0
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        self.uploads += 1
+        return super().upload(index, sub_index)
+
+
 def device(family: str) -> Restarting:
     """One that is OPERATIONAL."""
     made = booted(family)
@@ -219,3 +229,23 @@ def test_an_atomic_script_whose_node_restarts_on_its_way_back_to_operational_is_
     assert "rolled back: what the script changed is as it was, read back equal" in ran.stderr
     assert [read_pdo(DirectSdo(one), TPDO1) for one in (first, second)] == before
     assert [one.state for one in (first, second)] == [NmtState.OPERATIONAL] * 2
+
+
+@pytest.mark.parametrize("suffix", [".jsonl", ".dcf"])
+def test_a_backup_is_of_one_life_of_the_node(suffix: str, tmp_path: Path) -> None:
+    """It restarts before its last answers: the backup is read again, and holds what the node came up with."""
+    file, node = tmp_path / f"whole{suffix}", device("generic")
+    counted = Counting(node.dictionary, node.family, node.node_id)
+    counted.boot_up()
+    with bench(counted) as one:
+        assert one.run(f"backup {file}").code == 0
+    for left in (1, 2, 3):
+        node = device("generic")
+        node.download(0x1800, 5, (33).to_bytes(2, "little"))
+        node.at = counted.uploads - left
+        with bench(node) as one:
+            ran = one.run(f"backup {file} --force --yes")
+            assert ran.code == 0, ran.stderr
+            assert "restarted while it was read: it is read again" in ran.stderr
+            compared = one.run(f"compare {file} --json")
+        assert compared.document["differences"] == [], left

@@ -48,8 +48,18 @@ def test_a_second_producer_is_refused_unless_forced(tmp_path: Path, line: str, s
             assert bench.run(f"{line} --force").code == 0
 
 
+HOW = (
+    "apply wanted.dcf",
+    "apply wanted.xdc",
+    "apply wanted.jsonl",
+    "clone wanted.dcf",
+    "clone wanted.xdc",
+    "apply plan.json",
+)
+
+
 @pytest.mark.parametrize("sent", [0x1A5, 0x1A6])
-@pytest.mark.parametrize("how", ["apply wanted.dcf", "apply wanted.jsonl", "clone wanted.dcf", "apply plan.json"])
+@pytest.mark.parametrize("how", HOW)
 def test_so_it_is_of_a_file_about_a_device_and_of_a_saved_plan(tmp_path: Path, how: str, sent: int) -> None:
     bus = stranger_sends(sent, tmp_path)
     options = {"node": 5, "yes": True, "eds": str(tmp_path / "io.eds")}
