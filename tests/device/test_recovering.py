@@ -58,7 +58,7 @@ def test_what_is_held_of_a_single_object_is_told_beside_what_was(
     node: Node, before: bytes | None, held: str, was: str, differences: list[str]
 ) -> None:
     (state,) = accepted_states(node, journal(node, heartbeat(before)))
-    words = {"held": held, "before": was, "differs_from_before": differences}
+    words = {"held": held, "before": was, "differs_from_before": differences, "known": before is not None}
     assert state.document() == {"object": "1017:00", **words}
 
 

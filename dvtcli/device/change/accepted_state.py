@@ -10,7 +10,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.several import value_text
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
@@ -36,26 +36,41 @@ def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
 
 @dataclass(frozen=True, slots=True)
 class AcceptedState:
-    """What a device holds of an interrupted change, and what it held before, both as script lines; what differs."""
+    """What a device holds of an interrupted change, and what it held before, both as script lines; what differs.
+
+    What can be read no more is not *is_known*, and counts as no difference.
+    """
 
     label: str
     held: str
     before: str
     differences: tuple[str, ...]
+    is_known: bool = True
 
     def document(self) -> dict[str, object]:
         """As JSON."""
         what = {"object": self.label} if ":" in self.label else {"pdo": self.label.lower()}
-        return {**what, "held": self.held, "before": self.before, "differs_from_before": list(self.differences)}
+        return {
+            **what,
+            "held": self.held,
+            "before": self.before,
+            "differs_from_before": list(self.differences),
+            "known": self.is_known,
+        }
 
 
 def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
-    """What *node* holds now of everything that the interrupted change was about."""
+    """What *node* holds now of everything that the interrupted change was about, as far as it can be read."""
     states = []
     for change in journal.plan.changes:
         if isinstance(change, PdoChange):
-            held = node.pdo(change.pdo)
-            now, before = whole_line(change.pdo, held), whole_line(change.pdo, change.before)
+            before = whole_line(change.pdo, change.before)
+            try:
+                held = node.pdo(change.pdo)
+            except SdoAborted as refused:
+                states.append(AcceptedState(change.label, _unknown(change.label, refused), before, (), is_known=False))
+                continue
+            now = whole_line(change.pdo, held)
             unlike_before = tuple(differences(change.pdo, change.before, held))
             states.append(AcceptedState(change.label, now, before, unlike_before))
         else:
@@ -65,10 +80,21 @@ def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
 
 def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
     if step.before is None:
-        return AcceptedState(step.object, f"# {step.object} is write-only", f"# {step.object} was not known", ())
-    held = node.upload(step.index, step.sub_index)
+        return AcceptedState(
+            step.object, f"# {step.object} is write-only", f"# {step.object} was not known", (), is_known=False
+        )
+    before = value_line(step, step.before)
+    try:
+        held = node.upload(step.index, step.sub_index)
+    except SdoAborted as refused:
+        return AcceptedState(step.object, _unknown(step.object, refused), before, (), is_known=False)
     found = () if held == step.before else (f"is {value_text(held)}, was {value_text(step.before)}",)
-    return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
+    return AcceptedState(step.object, value_line(step, held), before, found)
+
+
+def _unknown(label: str, refused: SdoAborted) -> str:
+    """A line of a script that says that nobody knows what the device holds."""
+    return f"# {label} is unknown: it cannot be read now ({refused})"
 
 
 def _text(identity: Identity) -> str:

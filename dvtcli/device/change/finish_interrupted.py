@@ -7,14 +7,14 @@ else may have written to the device meanwhile.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.left_behind import Guarded, could_not, name_left
 from dvtcli.device.change.other_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
 from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.change.put_back import restore_patiently, unreadable_now
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
@@ -23,7 +23,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
-from dvtcli.domain.several import several
+from dvtcli.domain.several import several, value_text
 from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import (
     BusUnavailable,
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
 
@@ -67,6 +68,8 @@ class Recovery:
     #: what was put back otherwise than it was, and boot-ups seen before it was put back
     _otherwise: tuple[PdoChange, ...] = ()
     _boot_ups: int = 0
+    #: single objects that can be read no more, once all else was put back, with the refusal
+    unknown: dict[ValueChange, SdoAborted] = field(default_factory=dict)
 
     @classmethod
     def begin(cls, node: Changeable, journal: Journal) -> Recovery:
@@ -76,9 +79,10 @@ class Recovery:
             node.keeper.lock.take()
         node.read_anew()
         boot_ups = node.bus.boot_ups(node.node_id)
-        plan, as_taken = plan_back(node, [journal.plan]), plan_back(node, [journal.plan], as_taken=True)
+        plan = plan_back(node, [journal.plan], patient=True)
+        as_taken = plan_back(node, [journal.plan], as_taken=True, patient=True)
         present = present_beside(node, journal.plan) if is_of_pdo(journal.plan) else []
-        others = as_they_are({pdo: node.known_pdo(pdo) for pdo in present})
+        others = as_they_are(_readable(node, present))
         return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan), others, boot_ups)
 
     def ahead(self) -> Iterator[Plan]:
@@ -105,15 +109,31 @@ class Recovery:
     def put_back(self) -> None:
         """Put everything back and verify that, whatever the node holds; LeftChanged leaves the journal.
 
-        Other PDOs that the device alters with that are put back, too, unless it restarted since they were read.
+        Other PDOs that the device alters with that are put back, too, unless it restarted since they were read. Single
+        objects that can be read no more keep no journal: *unknown* has them then.
         """
-        node, given_up = self.node, (DvtcliError, KeyboardInterrupt)
-        self._boot_ups = node.bus.boot_ups(node.node_id)
-        self._otherwise = self._restore(self.changes, given_up=given_up)
+        node = self.node
+        self._boot_ups, self.unknown = node.bus.boot_ups(node.node_id), {}
+        self._otherwise = self._restore_readable(self.changes)
         if altered := self._altered():
-            self._otherwise = self._restore((*self.changes, *altered), given_up=given_up)
+            self._otherwise = self._restore_readable((*self.changes, *altered))
             if still := self._altered():
                 raise others_left(self.plan, still)
+
+    def _restore_readable(self, changes: Sequence[Change]) -> tuple[PdoChange, ...]:
+        """As `_restore`, of all that can be read; what can be read no more is written unseen, if it can be."""
+        given_up = (DvtcliError, KeyboardInterrupt)
+        try:
+            return self._restore([one for one in changes if one not in self.unknown], given_up=given_up)
+        except LeftChanged as left:
+            if isinstance(left.__cause__, _SILENT):
+                raise
+            found = unreadable_now(self.node.sdo, (one for one in changes if one not in self.unknown))
+            if not found:
+                raise
+            self.unknown |= found
+            readable = [one for one in changes if one not in self.unknown]
+            return self._restore(readable, given_up=given_up) if readable else ()
 
     def _altered(self) -> dict[PdoChange, str]:
         """The other PDOs that are not as they were, each with what differs; none if the node restarted since then."""
@@ -123,6 +143,26 @@ class Recovery:
         except (DvtcliError, KeyboardInterrupt) as fault:
             raise self._left(fault) from fault
         return altered if node.bus.boot_ups(node.node_id) == self.boot_ups_read else {}
+
+    def left_unknown(self) -> LeftChanged | None:
+        """What is told, once it has ended, of objects that can be read no more; None if there are none."""
+        if not self.unknown:
+            return None
+        node_id, labels = self.node.node_id, several(change.label for change in self.unknown)
+        left = LeftChanged(
+            f"what node {node_id} holds of {labels} is not known: it can be read no more",
+            node=node_id,
+            why="; ".join(dict.fromkeys(str(refused) for refused in self.unknown.values())),
+            hint=Hint(Action.RESET_NODE, {"node": node_id}, "brings back what it has stored")
+            + "or set it by hand when the device takes it; nothing waits to be recovered",
+            state="left_changed",
+        )
+        others = [change.label for change in self.changes if change not in self.unknown]
+        back = f"; {several(others)} is as it was, read back equal" if others else ""
+        left.state_text = f"what node {node_id} holds of {labels} is not known{back}"
+        before = {change.label: change.step.before for change in self.unknown if change.step.before is not None}
+        left.details += [("held before", f"{label} {value_text(data)}") for label, data in before.items()]
+        return left
 
     def start(self) -> None:
         """Start the node where it was found OPERATIONAL; put back anew where it restarted since it was verified.
@@ -199,6 +239,15 @@ class Recovery:
         name_left(left, [guarded], stopped=isinstance(fault, KeyboardInterrupt))
         left.text = could_not(left, node.node_id, "put back") or left.text
         return left
+
+
+def _readable(node: KnownPdos, pdos: Iterable[Pdo]) -> dict[Pdo, PdoConfig]:
+    """What *node* holds of *pdos*, but of those that it does not let be read now: these keep nothing else waiting."""
+    found: dict[Pdo, PdoConfig] = {}
+    for pdo in pdos:
+        with suppress(SdoAborted):
+            found[pdo] = node.known_pdo(pdo)
+    return found
 
 
 def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Change, ...]:

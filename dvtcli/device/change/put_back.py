@@ -5,7 +5,7 @@ Reads the device anew before each write, and again after the last one. Does not 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
@@ -125,12 +125,16 @@ def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> No
     from dvtcli.domain.value_order import altering, in_order
 
     known = ((one.step, one.step.before) for one in changes if one.step.before is not None)
-    back = (
-        replace(step, before=sdo.upload(step.index, step.sub_index), after=before, reason="put the old value back")
-        for step, before in known
-    )
+    back: list[Step] = []
+    unseen: list[Step] = []  # what cannot be read now
+    for written, before in known:
+        step = replace(written, after=before, reason="put the old value back")
+        try:
+            back.append(replace(step, before=sdo.upload(step.index, step.sub_index)))
+        except SdoAborted:
+            unseen.append(step)
     refused: list[SdoAborted] = []
-    for step in in_order(altering(back)):
+    for step in (*in_order(altering(back)), *unseen):
         try:
             _bring(sdo, step)
         except SdoAborted as aborted:
@@ -191,9 +195,27 @@ def _steps_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequenc
     if isinstance(change, PdoChange):
         return _pdo_steps_back(sdo, change, fillers.get(change.pdo, ()))
     step = change.step
-    if step.before is None or sdo.upload(step.index, step.sub_index) == step.before:
+    if step.before is None:
         return ()
+    with suppress(SdoAborted):  # it cannot be read now: it is written unseen
+        if sdo.upload(step.index, step.sub_index) == step.before:
+            return ()
     return change.reversed().steps
+
+
+def unreadable_now(sdo: SdoTransport, changes: Iterable[Change]) -> dict[ValueChange, SdoAborted]:
+    """Those of *changes* whose object the device let be read before, and does not now, with its refusal.
+
+    Whether they can be put back or not: what they hold is not known.
+    """
+    found: dict[ValueChange, SdoAborted] = {}
+    for change in changes:
+        if isinstance(change, ValueChange) and change.step.before is not None:
+            try:
+                sdo.upload(change.step.index, change.step.sub_index)
+            except SdoAborted as refused:
+                found[change] = refused
+    return found
 
 
 def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[ValueChange]) -> Sequence[Step]:

@@ -18,7 +18,7 @@ from dvtcli.domain.rules.raw_write import why_unreadable
 from dvtcli.domain.several import several
 from dvtcli.domain.stamp import DATE, TIME, is_own_date
 from dvtcli.domain.value_order import altering
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
@@ -76,12 +76,15 @@ def way_back(node: Changeable, asked: TakeBack) -> WayBack:
     return WayBack(plan, tuple(undone), unknown)
 
 
-def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False, rolls_back: bool = False) -> Plan:
+def plan_back(
+    node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False, rolls_back: bool = False, patient: bool = False
+) -> Plan:
     """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
 
     Whoever asks has dropped what was read before the node was its own to change. A write-only object stays as it is
     (`unknown_before`). With *as_taken* a PDO of which a refusal was foreseen becomes what a device takes instead. Only
-    what *rolls_back* a change, since which nothing was stored, brings a stamp of ours back (`stamp_back`).
+    what *rolls_back* a change, since which nothing was stored, brings a stamp of ours back (`stamp_back`). With
+    *patient* an object that the device does not let be read now is left out; else SdoAborted.
     """
     pdos: dict[Pdo, PdoConfig] = {}
     values: dict[tuple[int, int], Step] = {}
@@ -91,7 +94,7 @@ def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False,
         else:
             values[change.step.index, change.step.sub_index] = change.step
     changes = [plan_pdo(pdo, node.known_pdo(pdo), before) for pdo, before in pdos.items()]
-    put_back = (*changes, *_value_changes(node, pdos, values))
+    put_back = (*changes, *_value_changes(node, pdos, values, patient=patient))
     return Plan(node.node_id, put_back if rolls_back else _stamp_ended(node, put_back, values))
 
 
@@ -108,7 +111,7 @@ def _stamp_ended(
 
 
 def _value_changes(
-    node: KnownPdos, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step]
+    node: KnownPdos, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step], *, patient: bool
 ) -> Iterator[Change]:
     back: list[Step] = []
     for (index, sub_index), step in values.items():
@@ -117,7 +120,12 @@ def _value_changes(
         if pdo is not None and _is_filler(pdos.get(pdo) or node.known_pdo(pdo)):
             continue
         if before is not None:
-            held = node.known_value(index, sub_index)
+            try:
+                held = node.known_value(index, sub_index)
+            except SdoAborted:
+                if not patient:
+                    raise
+                continue  # who puts it back finds out whether it can be written
             back.append(replace(step, before=held, after=before, reason="put the old value back"))
     return map(ValueChange, altering(back))
 

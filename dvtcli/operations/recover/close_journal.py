@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.device.change.journal import ACCEPTED, DISCARDED, read_journal
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
 from dvtcli.operations.results import Facts
@@ -78,6 +79,8 @@ def accepted(session: Session, file: str | None) -> Facts:
     if kept is None:
         return Facts("recover", rows, (*text, "dry run: the journal stays"))
     said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
+    if unknown := [one.label for one in states if not one.is_known]:
+        said += f"; what it holds of {several(unknown)} is not known"
     return Facts("recover", rows, (*text, said, *_after_accepting(node, journal, others)))
 
 

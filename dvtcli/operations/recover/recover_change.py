@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, Restarted, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.recover.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
 from dvtcli.operations.recover.stores_begun import furthest, stored_before, stores_of, waiting
@@ -15,6 +15,8 @@ from dvtcli.operations.recover.waiting_journals import waiting_paths, with_other
 from dvtcli.operations.results import Changed, ChangedNodes, Facts
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dvtcli.device.change.finish_interrupted import Recovery
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.node import Node
@@ -46,8 +48,14 @@ def recover(
 
 def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed | ChangedNodes | Facts:
     found: dict[Path, Journal] = {}
-    for path in waiting_paths(session, file):
-        found |= {one.path: one for one in with_others(session, path)}
+    refused: list[DvtcliError] = []  # of one node; the others are put back all the same
+    for path in waiting_paths(session, file, refused):
+        try:
+            found |= {one.path: one for one in with_others(session, path)}
+        except (InputFileError, SafetyRefusal) as unusable:
+            refused.append(unusable)
+    if refused and not found:
+        raise _first_of(refused)
     if not found:
         return nothing_to_recover(session)
     journals = list(found.values())
@@ -62,7 +70,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
     session.consent(f"{text} will be put back as before {what}; recover?", _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
         session.tell.note(said)
-    done, failed = _put_back(session, journals)
+    done, failed = _put_back(session, journals, refused)
     if failed is not None:
         ids = [str(one.node) for one in done if not _restarted_since(session.node(one.node))]
         if ids:
@@ -120,8 +128,19 @@ def _whole_text(journal: Journal, journals: list[Journal]) -> str:
     return f"{journal.part.name} was interrupted: every line of it is taken back, on node {', '.join(map(str, ids))}"
 
 
-def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed], DvtcliError | None]:
-    """What was put back, and the first error; the other nodes are put back all the same."""
+def _first_of(failures: Sequence[DvtcliError]) -> DvtcliError:
+    """The first of *failures*, which names the others."""
+    failures[0].details += [("also", other.text) for other in failures[1:]]
+    return failures[0]
+
+
+def _put_back(
+    session: Session, journals: list[Journal], refused: Sequence[DvtcliError]
+) -> tuple[list[Changed], DvtcliError | None]:
+    """What was put back, and the first error; the other nodes are put back all the same.
+
+    *refused* are journals that could not be used at all.
+    """
     from dvtcli.device.change.finish_interrupted import Recovery, recover_together
 
     started = time.monotonic()
@@ -138,12 +157,17 @@ def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed],
     for one in begun:
         try:
             if one.node.node_id not in failed:
-                done.append(_ended(session, one, stored_before(one.journal, journals), time.monotonic() - started))
+                ended = _ended(session, one, stored_before(one.journal, journals), time.monotonic() - started)
+                left = one.left_unknown()
+                if left is None:
+                    done.append(ended)
+                else:
+                    failures.append(left)
         except DvtcliError as error:
             failures.append(error)
+    failures += refused
     if failures:
-        failures[0].details += [("also", other.text) for other in failures[1:]]
-        return done, failures[0]
+        return done, _first_of(failures)
     return done, _restarted(session, done)
 
 

@@ -13,19 +13,21 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.private_file import file_name
-from dvtcli.errors import InputFileError, NoAnswer, UsageError
+from dvtcli.errors import InputFileError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.user.keeping import state_folder
 from dvtcli.operations.user.options import is_file
 
 if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
+    from dvtcli.errors import DvtcliError
     from dvtcli.operations.session.session import Session
 
 
-def waiting_paths(session: Session, file: str | None) -> list[Path]:
+def waiting_paths(session: Session, file: str | None, refused: list[DvtcliError] | None = None) -> list[Path]:
     """The journals that are meant, whether they can be read or not; empty where no change was interrupted.
 
-    UsageError where *file* is none, SafetyRefusal where another dvtcli is at work on one of the nodes.
+    UsageError where *file* is none, SafetyRefusal where another dvtcli is at work on one of the nodes: *refused* has
+    that, where it is given, if several are meant.
     """
     if file is not None:
         if not is_file(file):
@@ -34,7 +36,15 @@ def waiting_paths(session: Session, file: str | None) -> list[Path]:
     selected = session.selected_id()
     if selected is not None:
         return _of_node(session, selected)
-    return [path for node_id in _waiting_ids(session) for path in _of_node(session, node_id)]
+    found: list[Path] = []
+    for node_id in _waiting_ids(session):
+        try:
+            found += _of_node(session, node_id)
+        except SafetyRefusal as at_work:
+            if refused is None:
+                raise
+            refused.append(at_work)
+    return found
 
 
 def _of_node(session: Session, node_id: int) -> list[Path]:
