@@ -73,11 +73,16 @@ def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> Lef
     )
 
 
-def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change]) -> str:
-    """The state after a refusal of *blind*, which cannot be read back, once the rest of *begun* was put back."""
+def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_known: bool) -> str:
+    """The state after a refusal of *blind*, which cannot be read back, once the rest of *begun* was put back.
+
+    *is_known* says whether the device is known to have taken nothing of it.
+    """
     read = [change.label for change in begun if change not in blind]
     names = several(change.label for change in blind)
     back = f"{several(read)} is as it was, read back equal; " if read else ""
+    if not is_known:
+        return f"{names} was refused; unknown whether anything was taken: it cannot be read; {back}nothing was stored"
     return f"rolled back: {back}{names} was refused, and what it holds cannot be read; nothing was stored"
 
 

@@ -48,6 +48,8 @@ from dvtcli.errors import (
 
 #: how many bytes make a download long: half a second of segments at 125 kbit/s
 _LONG_BYTES = 1000
+#: how many bytes one frame takes (expedited): a refusal of more may come when a part was taken
+_AT_ONCE = 4
 
 
 @dataclass(slots=True)
@@ -85,6 +87,8 @@ class Transaction:
     answered_otherwise: dict[str, bytes] = field(default_factory=dict, init=False)
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
+    #: an object that the device refused, and does not let be read since then
+    _unsure: ValueChange | None = None
     _boot_ups: int = 0
     #: boot-ups seen when the way back began; None: the other PDOs could not be read then
     _boot_ups_back: int | None = None
@@ -228,7 +232,7 @@ class Transaction:
         try:
             otherwise = self._put_back()
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
-            raise self._left_changed(fault, second) from fault
+            otherwise = self._put_others_back(fault, second)
         if isinstance(fault, DvtcliError):
             self._say_unreadable(fault)
             fault.details += [("put back", finding.text) for finding in put_back_findings(otherwise)]
@@ -248,6 +252,23 @@ class Transaction:
                 fault.hint = fault.hint or Hint(
                     Action.SHOW_FRAMES, why="two nodes with one node-ID, or another SDO client? {} shows the frames"
                 )
+
+    def _put_others_back(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
+        """After a roll-back that failed with *second*: put back all but an object that was refused and cannot be read.
+
+        As a domain of which a part was sent. LeftChanged if that is not why, or fails, too.
+        """
+        refused = self._started[-1] if self._started else None
+        place = second.place if isinstance(second, SdoAborted) else None
+        is_refusal = isinstance(fault, DeviceRefused) and fault.abort is not None
+        if not (is_refusal and isinstance(refused, ValueChange) and refused.step.object == place):
+            raise self._left_changed(fault, second) from fault
+        self._unsure = refused
+        others = [change for change in self.plan.changes if change is not refused]
+        try:
+            return self._restored(others)[0] if others else ()
+        except (Exception, KeyboardInterrupt) as third:  # noqa: BLE001
+            raise self._left_changed(fault, third) from fault
 
     def _left_changed(self, fault: BaseException, second: BaseException) -> LeftChanged:
         """The error of a roll-back that failed with *second*: it names what is not as before, as read now."""
@@ -271,8 +292,17 @@ class Transaction:
             raise left from fault
         refusal = isinstance(fault, DeviceRefused)
         fault.state = "unknown" if unreadable and not refusal else "rolled_back"
+        if self._unsure is not None:
+            unreadable = (*unreadable, self._unsure)
         if unreadable and refusal:
-            fault.state_text = refused_unreadable(self._started, unreadable)
+            if self._unsure is not None or any(len(change.step.after) > _AT_ONCE for change in unreadable):
+                fault.state = "unknown"
+                fault.hint = fault.hint or Hint(
+                    Action.RESET_NODE,
+                    {"node": self.plan.node_id},
+                    "brings back what it has stored; or write it again, whole, when the device takes it",
+                )
+            fault.state_text = refused_unreadable(self._started, unreadable, is_known=fault.state == "rolled_back")
 
     def _say_lost(self, fault: DvtcliError) -> None:
         """What is as it was is the plan's alone: nobody put back what else a restart took."""
