@@ -568,6 +568,52 @@ def test_where_one_does_not_come_up_all_get_back_what_they_had(tmp_path: Path) -
         assert [(one.node_id, one.lss.pending) for one in nodes] == [(UNCONFIGURED, UNCONFIGURED)] * 2
 
 
+def failing(one: StrictDevice, how: str, wanted: int, before: int) -> None:
+    """Let *one* not take *wanted*: refuse it, say nothing to it, acknowledge it only, or forget it at its reset."""
+    handle, reset = one.lss.handle, one.lss.reset
+    answers = {"refuses": b"\x11\1\0\0\0\0\0\0", "only acknowledges": b"\x11\0\0\0\0\0\0\0", "is silent": None}
+
+    def handled(request: bytes) -> bytes | None:
+        answer = handle(request)
+        if request[:2] == bytes((0x11, wanted)) and answer is not None and how in answers:
+            one.lss.pending = before
+            return answers[how]
+        return answer
+
+    def forgetting(*, communication_only: bool = True) -> None:
+        if one.lss.pending == wanted:
+            one.lss.pending = before
+        reset(communication_only=communication_only)
+
+    one.lss.handle = handled  # type: ignore[method-assign]
+    if how == "forgets":
+        one.lss.reset = forgetting  # type: ignore[method-assign]
+
+
+@settings(max_examples=8)
+@given(
+    st.lists(st.sampled_from(["generic", "lss-echo", "lss-reset", "no-boot-up"]), min_size=3, max_size=3),
+    st.tuples(*(st.sampled_from([UNCONFIGURED, 11 + at, (5, 6, 7)[at - 2]]) for at in range(3))),
+    st.integers(0, 2), st.sampled_from(["refuses", "only acknowledges", "is silent", "forgets"]), st.booleans(),
+)  # fmt: skip
+def test_where_one_does_not_take_its_node_id_the_others_have_theirs_or_are_named(
+    families: list[str], before: tuple[int, ...], which: int, how: str, tells_pending: bool
+) -> None:
+    nodes = [unconfigured(1 + at, families[at], before[at]) for at in range(3)]
+    for one in nodes:
+        one.lss._family = replace(one.family, lss_tells_pending=tells_pending)
+    failing(nodes[which], how, 5 + which, before[which])
+    lines = (f"{name}: {{node_id: {5 + at}, identity: {{serial: {1 + at}}}}}" for at, name in enumerate("abc"))
+    file = network(Path.cwd(), *lines)
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file} --json")
+    now = [one.node_id for one in nodes]
+    if ran.code == 0:
+        assert now == [5, 6, 7]
+    elif ran.code != 7:
+        assert (now, [one.lss.pending for one in nodes]) == ([*before], [*before]), ran.stdout
+
+
 def test_a_node_that_is_another_one_once_it_boots_is_left_and_said(tmp_path: Path) -> None:
     nodes = [unconfigured(1), unconfigured(2)]
     nodes[1].set_value(0x1018, 4, b"\x03\0\0\0")  # until it boots up
