@@ -1,10 +1,15 @@
 """Changes to the code that no test notices: one small fault at a time, in a copy, against the tests that run its lines.
 
     python tests/benchmarks/mutation.py [--sample N] [--seed TEXT] [--modules PATTERN…] [--jobs N] [--list]
+    python tests/benchmarks/mutation.py --baseline FILE
 
 First finds out which tests run which lines (`--map FILE` keeps that for the next run of the same code), then tries each
 mutant on them, the quickest first. What passes is printed, unless `mutation_explained.toml` says why it changes
 nothing. Exits with 1 where anything is left to explain.
+
+A baseline is a file of mutants of domain and device with what became of each. Its mutants that the code still has are
+tried again, on tests that are quick, and others by lot in the place of those that are gone; then the file is written
+anew. Exits with 1 if a mutant survives that was noticed before.
 """
 
 from __future__ import annotations
@@ -38,11 +43,15 @@ WIDE = (
     "tests/laws", "tests/simulator/test_twin.py", "tests/commands", "tests/transcripts", "tests/scripts",
     "tests/recovery", "tests/faults", "tests/serve",
 )  # fmt: skip
+#: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
+BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
+_SUBJECTS = ("tests/network_check", "tests/lint", "tests/network", "tests/whole_device", "tests/gateway", "tests/files")
+QUICK = ("-m", "quick", *WIDE, *_SUBJECTS, "tests/learn", "tests/dvt", "tests/operations", "tests/view")
 
 
-def record(to: Path, tests: Sequence[str]) -> None:
-    """Find out what *tests* run of all files that mutants are made of."""
-    words = ["-m", "tests.benchmarks.mutation_lines", str(to), *MODULES, "--", *tests]
+def record(to: Path, modules: Sequence[str], tests: Sequence[str]) -> None:
+    """Find out what *tests* run of the files of *modules*."""
+    words = ["-m", "tests.benchmarks.mutation_lines", str(to), *modules, "--", *tests]
     done = subprocess.run([sys.executable, *words], cwd=ROOT, check=False)
     if done.returncode not in (0, 1):  # a test that fails is left out, and was named
         raise SystemExit(f"the tests could not be run: exit code {done.returncode}")
@@ -86,12 +95,46 @@ def chosen(patterns: Sequence[str], sample: int | None, seed: str) -> list[Mutan
     return sorted(random.Random(seed).sample(every, sample))
 
 
+def of_baseline(file: Path, patterns: Sequence[str], seed: str) -> list[Mutant]:
+    """The mutants of a baseline that the code still has, and others by lot until there are as many as before."""
+    every = chosen(patterns, None, seed)
+    random.Random(seed).shuffle(every)
+    known = _outcomes_in(file)
+    kept = {_without_line(str(mutant)): mutant for mutant in reversed(every) if _without_line(str(mutant)) in known}
+    others = [mutant for mutant in every if _without_line(str(mutant)) not in known]
+    if known:
+        print(f"{len(known) - len(kept)} of {len(known)} mutants of {file} are gone")
+    return sorted([*kept.values(), *others[: max(0, BASELINE - len(kept))]])
+
+
+def _outcomes_in(file: Path) -> dict[str, str]:
+    """What became of each mutant of a baseline by then; nothing if there is no such file."""
+    lines = file.read_text("utf-8").splitlines() if file.exists() else []
+    return {line[15:]: line[:15].rstrip() for line in lines if line and not line.startswith("#")}
+
+
+def write_baseline(file: Path, every: Sequence[Mutant], outcomes: Sequence[Outcome]) -> list[str]:
+    """Write what became of *every* mutant; those that survive and were noticed before, as they stand in the file.
+
+    What was not tried stays as it stands there, or is explained.
+    """
+    before = _outcomes_in(file)
+    now = {key: before.get(key, "explained") for key in map(_without_line, map(str, every))}
+    now |= {_without_line(str(outcome.mutant)): outcome.what for outcome in outcomes}
+    counts = ", ".join(f"{number} {what}" for what, number in sorted(Counter(now.values()).items()))
+    rows = [f"{what:14} {mutant}" for mutant, what in sorted(now.items())]
+    head = ["# Small faults in the code, and whether a test notices: see mutation.py --baseline.", f"# {counts}"]
+    file.write_text("\n".join([*head, *rows, ""]), "utf-8")
+    unnoticed = ("survived", "no test")
+    return [row for row in rows if row[:14].rstrip() in unnoticed and before.get(row[15:], "survived") not in unnoticed]
+
+
 def arguments() -> argparse.Namespace:
     """What was given."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sample", type=int, metavar="N", help="this many mutants, chosen by --seed [all]")
     parser.add_argument("--seed", default="dvtcli", help="which ones [dvtcli]")
-    parser.add_argument("--modules", nargs="+", default=MODULES, metavar="PATTERN", help=f"files {' '.join(MODULES)}")
+    parser.add_argument("--modules", nargs="+", metavar="PATTERN", help=f"files {' '.join(MODULES)}")
     parser.add_argument("--matching", default="", metavar="TEXT", help="only those that --list prints with TEXT in it")
     parser.add_argument(
         "--again", type=Path, metavar="LOG", help="only those that an earlier run's output says survived"
@@ -111,13 +154,20 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--in-file", type=float, default=60, metavar="S", help="of tests with the file wrong [60]")
     parser.add_argument("--once", action="store_true", help="with the file wrong: only what cannot be made in place")
     parser.add_argument("--twice", action="store_true", help="noticed is what the same test notices again: when busy")
+    parser.add_argument("--baseline", type=Path, metavar="FILE", help="try what it names again, and write it anew")
     parser.add_argument("--list", action="store_true", help="only list the mutants")
-    return parser.parse_args()
+    given = parser.parse_args()
+    given.modules = given.modules or (MODULES if given.baseline is None else BASELINE_MODULES)
+    return given
 
 
 def main() -> int:
     given = arguments()
-    todo = [one for one in chosen(given.modules, given.sample, given.seed) if given.matching in str(one)]
+    if given.baseline is None:
+        every = chosen(given.modules, given.sample, given.seed)
+    else:
+        every = of_baseline(given.baseline, given.modules, given.seed)
+    todo = [one for one in every if given.matching in str(one)]
     if given.again is not None:
         survivors = _said_of(given.again, "survived", "no test")
         todo = [one for one in todo if _without_line(str(one)) in survivors]
@@ -138,6 +188,10 @@ def main() -> int:
         end="",
     )
     print(", ".join(f"{number} {what}" for what, number in sorted(counts.items())) or "none left")
+    if given.baseline is not None:
+        lost = write_baseline(given.baseline, every, outcomes)
+        print(*lost, f"{len(lost)} that were noticed before are not now", sep="\n")
+        return 1 if lost else 0
     for mutant in survived:
         print(f'\n[[explained]]\nmodule = "{mutant.module}"\nfunction = "{mutant.function}"')
         print(f"change = '''{mutant.change}'''\nwhy = \"\"  # line {mutant.line}")
@@ -159,8 +213,10 @@ def _tried(open_ones: Sequence[Mutant], given: argparse.Namespace) -> list[Outco
     with tempfile.TemporaryDirectory(prefix="dvtcli-mutation-") as folder, ProcessPoolExecutor(given.jobs) as pool:
         lines = (given.map or Path(folder) / "lines").resolve()
         if not lines.exists():
-            record(lines, NEAR if given.narrow else (*NEAR, *WIDE))
-        limits = Limits(given.in_place, given.in_file, given.once, given.twice)
+            record(lines, given.modules, NEAR if given.narrow or given.baseline else (*NEAR, *WIDE))
+            if given.baseline is not None:
+                record(lines, given.modules, QUICK)
+        limits = Limits(given.in_place, given.in_file, given.once or given.baseline is not None, given.twice)
         shares = [open_ones[start :: given.jobs] for start in range(given.jobs)]
         done = as_completed([pool.submit(work, share, lines, limits) for share in shares if share])
         return [outcome for share in done for outcome in share.result()]

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from tests.benchmarks.mutation_lines import MUTANT, PROFILE, Known, own_s
+from tests.benchmarks.mutation_lines import MUTANT, PROFILE, SEED, Known, own_s
 from tests.benchmarks.mutators import Mutant, functions_by_file, given_its_code, mutated, reach
 
 ROOT = Path(__file__).parents[2]
@@ -35,7 +35,7 @@ _NOT_SO = 3  # exit code of a child whose mutant cannot be made in place
 _WAYS = {0: _IN_PLACE, _VALUES: "in place, in its values", _NOT_SO: "cannot be made in place"}
 _COPIED = ("dvtcli", "tests", "scripts", "docs", "pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
 _WORDS = ["-x", "-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-o", "tmp_path_retention_policy=none"]
-_WORDS += ["--hypothesis-profile", PROFILE]
+_WORDS += ["--hypothesis-profile", PROFILE, f"--randomly-seed={SEED}"]
 _WORDS += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # imported before, on purpose
 
 
@@ -158,6 +158,7 @@ class _Template:
         items = {item.nodeid: item for item in session.items}
         for module in sorted({mutant.module for mutant in self.wanted}):
             importlib.import_module(module.removesuffix(".py").replace("/", "."))
+        gc.unfreeze()  # what was collected was taken out of sight when that was over
         self.functions = functions_by_file()
         gc.collect()
         gc.freeze()  # a child need not copy what it only looks at

@@ -23,6 +23,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]  # a test's folder has `tests` as a link
 #: Hypothesis' profile for these runs
 PROFILE = "mutation"
+#: of these runs: which cases a lot takes must be the same in all of them
+SEED = 1
 #: for the processes that tests start: the file to add lines to, and the patterns; or module and number of a mutant
 _TO, _WANTED, MUTANT = "PYTEST_MUTATION_LINES", "PYTEST_MUTATION_PATTERNS", "PYTEST_MUTATION_MUTANT"
 
@@ -202,6 +204,7 @@ def main() -> int:
     patterns, tests = rest[: rest.index("--")], rest[rest.index("--") + 1 :]
     recorder = Recorder(Path(to).resolve(), tuple(patterns))
     words = ["-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "--hypothesis-profile", PROFILE]
+    words += [f"--randomly-seed={SEED}"]
     words += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # imported before, on purpose
     return int(pytest.main([*words, *tests], plugins=[recorder]))
 
