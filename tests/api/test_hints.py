@@ -15,6 +15,7 @@ from dvtcli.operations.api.called_hints import called
 from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_hints import hint_in_python, in_python
 from tests.api.hints_of_the_product import all_hints, all_texts
+from tests.sample import heavy
 
 _NAMES = "|".join(map(re.escape, command_names()))
 #: calls, and programs of a terminal
@@ -60,6 +61,7 @@ def test_what_is_typed_is_noticed(hint: str, monkeypatch: pytest.MonkeyPatch) ->
     assert not_a_call(hint)
 
 
+@heavy
 @pytest.mark.parametrize(("table", "begins"), [("_SENTENCES", ""), ("_ARGUMENTS", "--")])
 def test_what_is_translated_is_said_somewhere(table: str, begins: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without an entry some text of the product would come out otherwise."""

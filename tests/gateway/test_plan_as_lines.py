@@ -33,6 +33,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
+@heavy
 def test_a_plan_is_written_as_lines_and_run(file: Path) -> None:
     lines = file.with_suffix(".309")
     with Bench(("generic@4",), {"yes": True}) as bench:

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.commands.bench import Bench, Ran
+from tests.sample import heavy
 from tests.small_eds import communication, mapping, plain
 
 JUDGES = ("check", "plan", "diff", "apply", "verify")
@@ -288,6 +289,7 @@ ODD_PDOS = (
 )
 
 
+@heavy
 @pytest.mark.parametrize(("cob_id", "entries", "rule"), ODD_PDOS)
 def test_what_a_device_holds_against_a_rule_is_a_warning_until_it_is_changed(
     cob_id: str, entries: list[str], rule: str, tmp_path: Path

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 TRIALS = [
     "map tpdo1 606C --sync 1",
@@ -55,6 +56,7 @@ def test_history_has_each_step(tmp_path: Path, suffix: str) -> None:
     assert [line.split()[0] for line in lines] == [line.split()[0] for line in TRIALS]
 
 
+@heavy
 @pytest.mark.parametrize("suffix", ["dvt", "tcl"])
 def test_all_is_everything_that_the_pdos_hold(tmp_path: Path, suffix: str) -> None:
     saved = tmp_path / f"x.{suffix}"
