@@ -52,7 +52,7 @@ def test_a_format_lacks_nothing() -> None:
 
 
 @pytest.mark.parametrize("suffix", [suffix for suffix in WRITABLE if suffix != ".mf4"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=max(8, settings().max_examples // 2), deadline=None)
 @given(sent=frames())
 def test_what_is_recorded_is_read_back(suffix: str, sent: list[Frame]) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -114,7 +114,7 @@ taking = st.sets(st.sampled_from([Access.RW, Access.RWW, Access.WO]), min_size=1
 
 @settings(
     deadline=None,
-    max_examples=max(10, settings().max_examples // 4),
+    max_examples=max(3, settings().max_examples // 4),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     phases=(Phase.explicit, Phase.generate),  # a device is small as it is drawn, and each takes a second to learn
 )

@@ -312,7 +312,7 @@ def any_pdo(draw: st.DrawFn, end: Endpoint) -> PicturePdo:
 
 
 @pytest.mark.long
-@settings(max_examples=max(10, settings().max_examples // 4))  # each draws a page, twice
+@settings(max_examples=max(2, settings().max_examples // 4))  # each draws a page, twice
 @given(picture=pictures())
 def test_every_text_stays_text_and_every_pdo_is_there(picture: NetworkPicture) -> None:
     data = page(picture)

@@ -33,7 +33,7 @@ NO_SETTING = frozenset(
 LIFTED = frozenset(one for one in NotWritten if one.is_lifted_by_include)
 
 
-@settings(max_examples=5)
+@settings(max_examples=max(1, settings().max_examples // 15))
 @given(st.data())
 def test_what_a_node_holds_otherwise_is_a_difference_or_named(data: st.DataObject) -> None:
     family = data.draw(st.sampled_from(FAMILIES))

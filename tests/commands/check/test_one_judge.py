@@ -361,7 +361,7 @@ def errors(ran: Ran) -> set[tuple[str, int | None, int | None]]:
     return {(rule, line, column) for rule, severity, line, column in found(ran) if severity == "error"}
 
 
-@settings(max_examples=max(10, settings().max_examples // 3), deadline=None)
+@settings(max_examples=max(3, settings().max_examples // 3), deadline=None)
 @given(network_files())
 def test_check_and_plan_agree_on_errors(file: dict[str, Any]) -> None:
     """Offline, by the EDS of a family, and with nodes as new from it."""

@@ -559,7 +559,7 @@ def test_a_preference_holds_until_a_file_goes_first_without_it(offline: Bench) -
     assert _taken() == "n.eds"
 
 
-@settings(max_examples=5)
+@settings(max_examples=max(2, settings().max_examples // 20))
 @given(st.lists(st.tuples(st.sampled_from(["add", "add", "prefer"]), st.sampled_from(LABELS)), max_size=8))
 def test_what_is_said_to_be_taken_is_taken(steps: list[tuple[str, str]]) -> None:
     for one in stored_files():

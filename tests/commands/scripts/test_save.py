@@ -140,7 +140,7 @@ STEPS = [
 
 
 @settings(
-    max_examples=max(10, settings().max_examples // 3),
+    max_examples=max(3, settings().max_examples // 3),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
