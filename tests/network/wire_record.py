@@ -34,6 +34,9 @@ class WireRecord:
         #: how many events there had been when we sent a frame last
         self.known = 0
         self._asked: dict[int, Event] = {}
+        #: the last download that we began of each node, by its number in `events`, and those that were refused
+        self._begun: dict[int, int] = {}
+        self._refused: set[int] = set()
         self._downloads: dict[int, int] = {}
         self._reads: dict[int, int] = {}
         self._most_reads: dict[int, int] = {}
@@ -58,6 +61,7 @@ class WireRecord:
             written = data[4 : 8 - (data[0] >> 2 & 3)] if data[0] & 0x02 and specifier == 1 else None
             self.events.append(Event("download", node_id, place, written, ours))
             if ours:
+                self._begun[node_id] = len(self.events) - 1
                 self._downloads[node_id] = self._downloads.get(node_id, 0) + 1
                 self._reads[node_id] = 0
         elif ours and (specifier == 2 or (specifier == 5 and data[0] & 3 == 0)):
@@ -67,6 +71,9 @@ class WireRecord:
 
     def _answer(self, node_id: int, data: bytes) -> None:
         asked, place = self._asked.get(node_id), (int.from_bytes(data[1:3], "little"), data[3])
+        begun = self._begun.get(node_id)
+        if data[0] >> 5 == 4 and begun is not None and self.events[begun].place == place:
+            self._refused.add(begun)
         if asked is None or data[0] >> 5 not in (2, 6) or place != asked.place:
             return
         read = data[4 : 8 - (data[0] >> 2 & 3)] if data[0] & 0x02 and data[0] >> 5 == 2 else None
@@ -82,10 +89,11 @@ class WireRecord:
         return [event.node_id for event in self.events if event.kind == "download" and event.ours]
 
     def wrote(self, place: tuple[int, int, int]) -> bool:
-        """Whether we wrote the object at *place* (node-ID, index, sub-index)."""
-        node_id, *rest = place
+        """Whether we wrote the object at *place* (node-ID, index, sub-index), and were not refused that each time."""
         return any(
-            one.kind == "download" and one.ours and (one.node_id, *one.place) == (node_id, *rest) for one in self.events
+            one.kind == "download" and one.ours and (one.node_id, *one.place) == place
+            for number, one in enumerate(self.events)
+            if number not in self._refused
         )
 
     def others_wrote(self, place: tuple[int, int, int]) -> bool:
