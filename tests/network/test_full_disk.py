@@ -18,6 +18,7 @@ from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
 from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.session.session import Session
+from tests.commands.bench import Bench
 from tests.network.bench import Chain
 from tests.network.test_network_faults import OPERATIONAL
 from tests.sample import part
@@ -51,6 +52,26 @@ def _link(session: Session, _chain: Chain) -> None:
     link_pdos(session, PRODUCER, CONSUMERS)
 
 
+def _script(*lines: str) -> Callable[[Session, Chain], object]:
+    """Run *lines*, in which FILE is that of the network, as an atomic script; DvtcliError with its exit code."""
+
+    def act(session: Session, chain: Chain) -> None:
+        file = _file(chain)
+        session.close()
+        chain.bus._closed = False
+        path = chain.folder.parent.parent.parent / "lines.dvt"
+        path.write_text("\n".join(lines).replace("FILE", file))
+        given = {"yes": True, "journal": str(chain.folder), "node": None}
+        with Bench((), given, bus=chain.bus) as bench:
+            ran = bench.run(f"run {path} --atomic")
+        if ran.code:
+            failed = DvtcliError(ran.stderr, state="rolled_back")
+            failed.exit_code = ran.code
+            raise failed
+
+    return act
+
+
 JOBS = {
     "apply": Job(lambda session, chain: applied(session, _file(chain))),
     "apply-store": Job(lambda session, chain: applied(session, _file(chain, stores=True, stamp=True))),
@@ -61,6 +82,10 @@ JOBS = {
     ),
     "link": Job(_link),
     "unlink": Job(lambda session, _chain: unlink_pdos(session, PRODUCER, CONSUMERS), _link),
+    "script": Job(
+        _script("set 1:tpdo1 --timer 40", "set 5:tpdo1 --timer 40", "set 1:tpdo2 --timer 9", "set 9:tpdo1 --timer 4")
+    ),
+    "script-apply": Job(_script("set 1:tpdo2 --timer 9", "set 5:tpdo2 --timer 9", "apply FILE")),
     "undo": Job(
         lambda session, _chain: undo(session, everything=True), lambda session, chain: applied(session, _file(chain))
     ),
