@@ -50,6 +50,11 @@ def replaceable(folder: str) -> tuple[str, str] | None:
     return None
 
 
+def is_own_user(number: int | None) -> bool:
+    """Whether the user-ID *number*, None for an unknown one, is the user's, or that of the one who called sudo."""
+    return number is not None and number in _own_users()
+
+
 def sudo_user() -> int | None:
     """The user-ID of the one who called sudo; only root may have been called, so nobody else's word counts."""
     if sys.platform == "win32" or os.geteuid() != 0:

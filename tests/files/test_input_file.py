@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli import check_eds
 from dvtcli.errors import DvtcliError, InputFileError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.input_file import forget_pipes, open_input, read_input, read_input_head
@@ -139,3 +140,17 @@ def test_blank_lines_of_a_dbc_cost_no_more_than_others(tmp_path: Path) -> None:
     file.write_text("\n" * 2_000_000, "ascii")
     with pytest.raises(InputFileError, match="no DBC"):
         read_dbc(str(file))
+
+
+@needs_pipes
+def test_a_call_of_the_api_is_not_answered_with_what_an_earlier_pipe_said(tmp_path: Path) -> None:
+    pipe = tmp_path / "a.eds"
+    os.mkfifo(pipe)
+    said = []
+    for name in ("first", "second"):
+        text = f"[FileInfo]\nFileName=a.eds\n[DeviceInfo]\nVendorName={name}\n{name}=1\n"
+        writer = threading.Thread(target=pipe.write_text, args=(text, "utf-8"), daemon=True)
+        writer.start()
+        said.append(str(check_eds(str(pipe)).document()))
+        writer.join()
+    assert ["first" in said[0], "first" in said[1], "second" in said[1]] == [True, False, True]

@@ -169,6 +169,7 @@ CASES = [
     _network("5,000 unknown keys for 127 nodes", lambda: _shared(5_000, 127) + "  n1: {}\n"),
     _network("a number of 5,000 digits", lambda: f"nodes: {{a: {{node_id: 0{'1' * 5_000}}}}}\n"),
     _network("400 kB in one line", lambda: "nodes: [" + "{a: 1}, " * 50_000 + "]\n"),
+    _network("short lines and commas", lambda: "nodes: {" + "a: 1,\n" * 39_000 + "}\n"),
     _network("1 MB of brackets", lambda: "nodes: " + "[" * (_MB - 8)),
     _network("1 MB of one word", lambda: "nodes: " + "x" * (_MB - 8)),
     _network("1 MB of comments", lambda: "#\n" * 500_000),

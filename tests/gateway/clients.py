@@ -52,12 +52,13 @@ def served(
     tell: Heard | None = None,
     dry_run: bool = False,
     in_virtual_time: bool = False,
+    any_user: bool = False,
 ) -> Iterator[tuple[Session, Gateway]]:
     """A session on simulated nodes, and its gateway, which runs in a thread."""
     options = Options(sim=sim, yes=True, dry_run=dry_run)
     with (
         _session(options, tell or Heard(), in_virtual_time=in_virtual_time) as session,
-        gateway(session, ("127.0.0.1", 0), allow_changes=allow_changes, dialect=dialect) as running,
+        gateway(session, ("127.0.0.1", 0), allow_changes=allow_changes, any_user=any_user, dialect=dialect) as running,
     ):
         failed: list[BaseException] = []
 
@@ -82,9 +83,14 @@ def served(
 class Client:
     """A socket that says lines; what comes without being asked is kept."""
 
-    def __init__(self, running: Gateway) -> None:
-        assert running.hub.port is not None
-        self.link = socket.create_connection(("127.0.0.1", running.hub.port), timeout=PATIENCE_S)
+    def __init__(self, running: Gateway, path: str | None = None) -> None:
+        if path is None:
+            assert running.hub.port is not None
+            self.link = socket.create_connection(("127.0.0.1", running.hub.port), timeout=PATIENCE_S)
+        else:
+            self.link = socket.socket(socket.AF_UNIX)
+            self.link.settimeout(PATIENCE_S)
+            self.link.connect(path)
         self._file = self.link.makefile("r", encoding="ascii", newline="\n")
         self.events: list[str] = []
         self._numbers = count(1)
@@ -109,6 +115,12 @@ class Client:
         with suppress(ConnectionError):
             return self._file.readline().rstrip("\r\n")
         return ""
+
+    def reply(self) -> str:
+        """The next line that is no event, empty where the connection ended."""
+        while (came := self.line()) and not came.startswith("["):
+            self.events.append(came)
+        return came
 
     def wait(self, event: str) -> None:
         """Wait for an event, which may have come before the last answer."""

@@ -286,9 +286,9 @@ def test_idle_hostile_and_leaving_clients_stop_nobody() -> None:
             gone.say(b"[1] 4 r 0x1017 0 u16\r\n" * 50)
             gone.link.shutdown(socket.SHUT_RDWR)
             assert client.ask("4 r 0x1017 0 u16") == "500"
-            assert long.line() == ""
+            assert long.reply() == ""
             half.say(b"17 0 u16\r\n")
-            assert half.line() == "[1] 500"
+            assert half.reply() == "[1] 500"
         assert client.ask("4 r 0x1017 0 u16") == "500"
     assert any("a line of more than" in one for one in heard.said)
 
@@ -301,12 +301,12 @@ def test_what_a_browser_posts_is_not_carried_out(method: str) -> None:
     with served("generic@4", tell=heard) as (session, running), Client(running) as client:
         with Client(running) as page, Client(running) as slow:
             page.say((head + body).encode())
-            assert page.line() == ""
+            assert page.reply() == ""
             slow.say(head[:9].encode())
             assert client.ask("4 r 0x1017 0 u16") == "500"
             with suppress(ConnectionError):
                 slow.say((head[9:] + body).encode())
-            assert slow.line() == ""
+            assert slow.reply() == ""
         assert client.ask("4 r 0x1017 0 u16") == "500"
         assert not session.record.lines
     assert sum("an HTTP request, as a web page sends it" in one for one in heard.said) == 2

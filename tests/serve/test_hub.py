@@ -53,7 +53,7 @@ def generic() -> StrictDevice:
 @pytest.fixture
 def bench() -> Iterator[Bench]:
     said: list[str] = []
-    hub = Hub(("127.0.0.1", 0), said.append, STALL_S)
+    hub = Hub([("127.0.0.1", 0)], said.append, STALL_S)
     server = Server(stations([generic()]), hub, Wire())
     thread = threading.Thread(target=server.run)
     thread.start()
@@ -259,7 +259,7 @@ def test_the_bus_waits_for_a_slow_client(bench: Bench) -> None:
 def test_nobody_but_the_sender_waits_for_who_reads_nothing() -> None:
     """One stalls, one floods, and the third one's requests are answered meanwhile, however long that takes."""
     said: list[str] = []
-    hub = Hub(("127.0.0.1", 0), said.append, 3600.0)
+    hub = Hub([("127.0.0.1", 0)], said.append, 3600.0)
     server = Server(stations([generic()]), hub, Wire())
     thread = threading.Thread(target=server.run)
     thread.start()
@@ -347,7 +347,7 @@ def test_there_is_room_for_many_and_more_are_refused(bench: Bench) -> None:
 @contextmanager
 def raw_pair(said: list[str]) -> Iterator[tuple[Hub, Client, socket.socket]]:
     """A hub that nobody serves but the test, with one client in raw mode."""
-    hub = Hub(("127.0.0.1", 0), said.append, 3600.0)
+    hub = Hub([("127.0.0.1", 0)], said.append, 3600.0)
     assert hub.port is not None
     with socket.create_connection(("127.0.0.1", hub.port)) as theirs:
         theirs.sendall(b"< open can0 >< rawmode >")
@@ -383,7 +383,7 @@ def test_nodes_that_answer_each_other_for_ever_lose_what_is_too_much() -> None:
         device.download(0x1800, 1, (0x4000_0080).to_bytes(4, "little"))
         devices.append(device)
     said: list[str] = []
-    hub, wire = Hub(None, said.append), Wire()
+    hub, wire = Hub([], said.append), Wire()
     starter = Starter([Frame(0x000, b"\x01\x00"), Frame(0x080, b"")])
     server = Server(stations(devices), hub, wire, [starter], frames_lost=lambda: said.append("lost"))
     thread = threading.Thread(target=server.run, daemon=True)

@@ -12,11 +12,19 @@ from dvtcli.cli.params import TEXT
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.results.gateway_events import GatewayEvent
 
 
 @click.command("gateway", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
-@click.option("--listen", type=TEXT, metavar="HOST:PORT", help="Where to listen [127.0.0.1:60000]; port 0: a free one.")
+@click.option(
+    "--listen",
+    type=TEXT,
+    multiple=True,
+    metavar="HOST:PORT|unix:PATH",
+    help="Where to listen [127.0.0.1:60000]; port 0: a free one; repeatable.",
+)
 @click.option("--allow-changes", is_flag=True, help="Let clients write, send NMT commands and set node-IDs.")
+@click.option("--any-user", is_flag=True, help="Let programs of other users in, too (Linux).")
 @click.option(
     "--dialect",
     type=click.Choice(["hash", "paren"]),
@@ -24,22 +32,43 @@ if TYPE_CHECKING:
     help="Errors as `ERROR:0x06020000 #text` (hash) or `ERROR: 06020000 (text)` (paren) [hash].",
 )
 @click.pass_obj
-def command(session: Conversation, /, listen: str | None, allow_changes: bool, dialect: str) -> None:
+def command(
+    session: Conversation, /, listen: tuple[str, ...], allow_changes: bool, any_user: bool, dialect: str
+) -> None:
     """Serve a CANopen gateway until Ctrl-C: SDO, NMT, settings, PDOs and LSS, in the lines of CiA 309-3.
 
-    Only programs on this machine can reach it. It reads; with --allow-changes what clients write goes the way of
-    `write`: checked, read back, put back where that differs. Questions are answered by --yes, else they are refused.
+    Only programs on this machine can reach it, on Linux only those of the same user, and a Unix socket is its user's
+    alone. It reads; with --allow-changes what clients write goes the way of `write`: checked, read back, put back where
+    that differs. Questions are answered by --yes, else they are refused. stderr says who comes and what is written.
 
     \b
     gateway
     gateway --listen 127.0.0.1:0 --allow-changes
+    gateway --listen unix:gateway.sock
     gateway --dialect paren
     gateway --allow-changes --dry-run     clients change a twin
     """
     from dvtcli.domain.gateway.gateway_answers import Dialect
-    from dvtcli.operations.gateway.serve_gateway import DEFAULT_PORT, serve_gateway
-    from dvtcli.operations.opening.serve import LOOPBACK, address
+    from dvtcli.operations.gateway.serve_gateway import DEFAULT_PORT, listen_address, serve_gateway
+    from dvtcli.operations.opening.serve import LOOPBACK
 
-    where = (LOOPBACK, DEFAULT_PORT) if listen is None else address(listen)
-    begun = session.output.result
-    serve_gateway(session, where, begun, allow_changes=allow_changes, dialect=Dialect(dialect))
+    output = session.output
+
+    def told(event: GatewayEvent) -> None:
+        if output.json:
+            output.told(event.document())
+        elif event.event == "warning":
+            output.warning(event.text)
+        else:
+            output.note(event.text)
+
+    where = [listen_address(one) for one in listen]
+    serve_gateway(
+        session,
+        where or [(LOOPBACK, DEFAULT_PORT)],
+        output.result,
+        allow_changes=allow_changes,
+        any_user=any_user,
+        dialect=Dialect(dialect),
+        told=told,
+    )

@@ -288,6 +288,15 @@ class Output:
                 self.stdout.write(encode(one) + "\n")
             self.stdout.flush()
 
+    def told(self, document: Document) -> None:
+        """Print one document to stderr, in a line: what happens beside the answers."""
+        import json
+
+        text = json.dumps(document, ensure_ascii=True, separators=(",", ":"), default=self._as_json)
+        with self._saying():
+            self.stderr.write(text + "\n")
+            self.stderr.flush()
+
     @contextmanager
     def _streaming(self) -> Iterator[None]:
         try:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: a file for 127 nodes with all their PDOs has less than half of this
 MOST_CHARACTERS = 1_000_000
+#: lines, commas and brackets in all: each takes a reader some 60 µs, and no file for 127 nodes has half as many
+MOST_ENTRIES = 80_000
 #: values in all, those counted that aliases repeat
 MOST_VALUES = 400_000
 _TAG = "tag:yaml.org,2002:"
@@ -73,6 +75,12 @@ def read_tree(text: str, log: FileLog) -> Tree | None:
 
     if len(text) > MOST_CHARACTERS:
         log.complain(Mark(1, 1), f"{len(text)} characters are no network file")
+        return None
+    entries = sum(map(text.count, "\n,[]{}"))
+    if entries > MOST_ENTRIES:
+        log.complain(
+            Mark(1, 1), f"{entries} lines, commas and brackets are no network file: it has at most {MOST_ENTRIES}"
+        )
         return None
     try:
         root = _composed(text)

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.rules.finding import Finding
 from dvtcli.errors import DvtcliError, RuleError
+from dvtcli.files.input_file import forget_pipes
 from dvtcli.operations.api.called_hints import called
 from dvtcli.operations.api.python_hints import hint_in_python, in_python
 
@@ -42,6 +43,8 @@ def python_words(*, others: bool = False) -> Iterator[None]:
         for label, said in _further(raised):
             raised.add_note(f"{label}: {said}")
         raise
+    finally:
+        forget_pipes()  # the next call may be for another pipe of this name
 
 
 def answer_in_python(answer: T) -> T:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import SIGNATURES
@@ -31,20 +32,27 @@ if TYPE_CHECKING:
 
     from dvtcli.domain.gateway.requests import Request
     from dvtcli.operations.gateway.line_client import LineClient
+    from dvtcli.operations.gateway.unattended import Unattended
     from dvtcli.operations.nodes.command_nmt import BegunReset
     from dvtcli.operations.session.session import Session
 
+#: how long a client may make others wait for silent nodes (s); then none is asked again for it so long (s) after it
+#: was silent
+WAITING_S, SILENT_S = 5.0, 10.0
+
 
 class GatewayWork:
-    """Carries requests out on *session*; changes only where *allow_changes* says so."""
+    """Carries requests out on *session*; changes only where *allow_changes* says so; *tell* hears what was changed."""
 
-    def __init__(self, session: Session, *, allow_changes: bool) -> None:
-        self._session = session
+    def __init__(self, session: Session, tell: Unattended, *, allow_changes: bool) -> None:
+        self._session, self._tell = session, tell
         self._allow_changes = allow_changes
         self._lss = LssLines(session, allow_changes=allow_changes)
         self._pdos = GatewayPdos(session, allow_changes=allow_changes)
         self.heartbeats = HeartbeatWatches(session)
         self._resets: list[_Reset] = []
+        #: until when (s) a node is taken for silent: it did not answer a request
+        self._silent_until_s: dict[int, float] = {}
         #: whether a line wrote or commanded anything, and what the last one of those could not put back
         self._wrote = False
         self._left: LeftChanged | None = None
@@ -63,21 +71,35 @@ class GatewayWork:
             gone.state, gone.state_text = "unknown", "what clients wrote is as their answers said; nobody read it again"
         return gone
 
-    def answer(self, client: LineClient, request: Request) -> Answer | None:
-        """What *client* is answered, None where `later` says it; BusUnavailable and Interrupted end the gateway."""
+    def answer(self, client: LineClient, request: Request, *, alone: bool) -> Answer | None:
+        """What *client* is answered, None where `later` says it; BusUnavailable and Interrupted end the gateway.
+
+        Where it is not *alone*, no node has a longer time-out for it than the options say.
+        """
         net = client.net if request.net is None else request.net
         if net is None:
             return Failed(GatewayError.NO_DEFAULT_NET)
         if net != NET:
             return Failed(GatewayError.UNSUPPORTED_NET)
-        return self._tried(client, lambda: self._done(client, request))
+        with self._in_the_name_of(client):
+            return self._tried(client, lambda: self._done(client, request, alone=alone), alone=alone)
+
+    @contextmanager
+    def _in_the_name_of(self, client: LineClient) -> Iterator[None]:
+        """A block in which what happens is *client*'s doing."""
+        self._tell.client = client.name
+        try:
+            yield
+        finally:
+            self._tell.client = None
 
     def later(self) -> Iterator[tuple[LineClient, Request, Answer]]:
         """Each request whose answer had to be waited for, once there is one, also where its client has left."""
         for reset in [one for one in self._resets if one.begun.sent.is_over()]:
             self._resets.remove(reset)
             ended = partial(self._end_reset, reset)
-            answer = self._tried(reset.client, ended)
+            with self._in_the_name_of(reset.client):
+                answer = self._tried(reset.client, ended, alone=False)
             if answer is not None:
                 yield reset.client, reset.request, answer
 
@@ -92,9 +114,11 @@ class GatewayWork:
         node_id = _node_of(client, request)
         return any(node_id in (0, one.begun.node_id) for one in self._resets)
 
-    def _tried(self, client: LineClient, work: Callable[[], Answer | None]) -> Answer | None:
+    def _tried(self, client: LineClient, work: Callable[[], Answer | None], *, alone: bool) -> Answer | None:
         """What *work* answers for *client*, or why it failed."""
-        given = {} if client.timeout_s is None else {"timeout": client.timeout_s}
+        given, usual_s = {}, self._session.options.timeout
+        if client.timeout_s is not None:
+            given["timeout"] = client.timeout_s if alone else min(client.timeout_s, usual_s)
         try:
             with self._session.under(**given):
                 return work()
@@ -103,10 +127,10 @@ class GatewayWork:
         except DvtcliError as failed:
             if isinstance(failed, LeftChanged):
                 self._left = failed
-                self._session.tell.warning(failed.text)
+                self._tell.warning(failed.text)
             return failure(failed)
 
-    def _done(self, client: LineClient, request: Request) -> Answer | None:
+    def _done(self, client: LineClient, request: Request, *, alone: bool) -> Answer | None:
         match request.command:
             case Order(name, numbers) if name in LSS:
                 self._wrote |= self._allow_changes
@@ -116,11 +140,13 @@ class GatewayWork:
             case Order(name, numbers):
                 return ordered(client, name, numbers)
             case Read() | Write() | Nmt() as command:
-                return self._to_node(client, request, command)
+                return self._to_node(client, request, command, alone=alone)
             case command:
                 return self._pdos.answer(command)
 
-    def _to_node(self, client: LineClient, request: Request, command: Read | Write | Nmt) -> Answer | None:
+    def _to_node(
+        self, client: LineClient, request: Request, command: Read | Write | Nmt, *, alone: bool
+    ) -> Answer | None:
         node_id = _node_of(client, request)
         if node_id is None:
             return Failed(GatewayError.NO_DEFAULT_NODE)
@@ -129,12 +155,12 @@ class GatewayWork:
         if not self._allow_changes and not isinstance(command, Read):
             return READ_ONLY
         if not isinstance(command, Nmt):
-            try:
-                self._session.node(node_id)
-            except NoAnswer as silent:
-                return Failed(GatewayError.TIME_OUT, _silent(node_id, command, silent))
+            silent = self._silence(client, node_id, command, alone=alone)
+            if silent is not None:
+                return silent
         if isinstance(command, Read):
-            return self._read(node_id, command)
+            with self._counted(client, node_id):
+                return self._read(node_id, command)
         with self._line():
             if isinstance(command, Write):
                 return self._write(node_id, command)
@@ -143,6 +169,31 @@ class GatewayWork:
                 self._note_nmt(node_id, command.command)
                 return None
             return self._nmt(node_id, command.command)
+
+    def _silence(self, client: LineClient, node_id: int, command: Read | Write, *, alone: bool) -> Failed | None:
+        """What to answer where the node does not say who it is, or was silent and *client* made others wait before."""
+        left_s = self._silent_until_s.get(node_id, 0.0) - monotonic()
+        if left_s > 0 and not alone and client.waited_s > WAITING_S:
+            return Failed(GatewayError.TIME_OUT, _known_silent(node_id, left_s))
+        try:
+            with self._counted(client, node_id):
+                self._session.node(node_id)
+        except NoAnswer as silent:
+            return Failed(GatewayError.TIME_OUT, _silent(node_id, command, silent))
+        return None
+
+    @contextmanager
+    def _counted(self, client: LineClient, node_id: int) -> Iterator[None]:
+        """A block whose time is what *client* made the others wait, if the node is silent in it."""
+        begun_s = monotonic()
+        try:
+            yield
+            self._silent_until_s.pop(node_id, None)
+        except NoAnswer:
+            ended_s = monotonic()
+            self._silent_until_s[node_id] = ended_s + SILENT_S
+            client.waited_s += ended_s - begun_s
+            raise
 
     @contextmanager
     def _line(self) -> Iterator[None]:
@@ -180,7 +231,10 @@ class GatewayWork:
             signature(session, node, command.index, command.sub_index, word)
         else:
             write_bytes(session, node, command.index, command.sub_index, command.data)
-        session.tell.note(f"node {node_id}: {place} <- {command.data.hex(' ').upper()}")
+        secret = (command.index, command.sub_index) in session.secrets.objects
+        data = None if secret else command.data.hex(" ").upper()
+        text = f"node {node_id}: {place} <- {'(a passcode)' if secret else data}"
+        self._tell.happened("written", text, node=node_id, object=place.removeprefix("0x"), data=data)
         return Done()
 
     def _nmt(self, node_id: int, command: NmtCommand) -> Answer:
@@ -195,7 +249,7 @@ class GatewayWork:
         return Failed(GatewayError.TIME_OUT, f"sent, and not seen to be obeyed: {nobody}")
 
     def _note_nmt(self, node_id: int, command: NmtCommand) -> None:
-        self._session.tell.note(f"node {node_id or 'all'}: nmt {command.word}")
+        self._tell.happened("nmt", f"node {node_id or 'all'}: nmt {command.word}", node=node_id)
 
     def _end_reset(self, reset: _Reset) -> Answer:
         with self._line():
@@ -224,6 +278,13 @@ def _silent(node_id: int, command: Read | Write, silent: NoAnswer) -> str:
     """What is to be said where a node did not even say who it is, which is asked before anything else."""
     place = f"0x{command.index:04X}:{command.sub_index:02X}"
     return f"node {node_id} did not answer for {place}, nor before that for who it is: {silent.text}"
+
+
+def _known_silent(node_id: int, left_s: float) -> str:
+    return (
+        f"node {node_id} was silent, and you made others wait for more than {WAITING_S:g} s: it is asked again in "
+        f"{left_s:.1f} s, or once you are alone"
+    )
 
 
 def failure(failed: DvtcliError) -> Failed:

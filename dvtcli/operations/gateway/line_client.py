@@ -39,6 +39,10 @@ class LineClient(Client):
     selected: LssAddress | None = None
     #: whether its next line has to wait for a node that restarts
     stalled: bool = False
+    #: when its next turn comes, on the gateway's count of the time that lines took (s)
+    turn_s: float = 0.0
+    #: how long all had to wait for nodes that did not answer it (s)
+    waited_s: float = 0.0
 
     def greet(self) -> None:
         """A gateway says nothing first."""

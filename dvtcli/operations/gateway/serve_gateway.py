@@ -1,62 +1,82 @@
 """A gateway for other programs (CiA 309-3): clients come and go, and each gets its answers in its turn.
 
-One thread does everything. A client that says nothing, reads nothing or says nonsense is nobody else's trouble: one
-line of each is done before the next one's turn. Who waits for a node that restarts waits alone. Does not know what
-lines mean.
+One thread does everything. A client that says nothing, reads nothing or says nonsense is nobody else's trouble: the
+next line is that of a newcomer, or of the client that took least of the time. Who waits for a node that restarts waits
+alone. Does not know what lines mean.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from time import monotonic
 from typing import TYPE_CHECKING
 
+from dvtcli.device.trust import is_own_user, replaceable
 from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.gateway_answers import Answer, Dialect, Failed, format_answer, format_event
 from dvtcli.domain.gateway.parse import parse_request, sequence_of
 from dvtcli.domain.node_events import BootUp, Emergency
-from dvtcli.errors import BusUnavailable, SafetyRefusal
+from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 from dvtcli.operations.gateway.client_orders import NET
 from dvtcli.operations.gateway.gateway_work import GatewayWork
 from dvtcli.operations.gateway.line_client import MOST_LINES, LineClient
 from dvtcli.operations.gateway.unattended import Unattended
-from dvtcli.operations.opening.serve import is_loopback
+from dvtcli.operations.opening.serve import address, is_loopback
 from dvtcli.operations.results import Facts
-from dvtcli.simulator.network.hub import Hub
+from dvtcli.simulator.network.hub import Address, Hub
 
 if TYPE_CHECKING:
     from dvtcli.domain.gateway.requests import Request
     from dvtcli.domain.node_events import NodeEvent
+    from dvtcli.operations.results.gateway_events import GatewayEvent
     from dvtcli.operations.session.session import Session
     from dvtcli.simulator.network.hub_client import Client
 
 #: where a gateway listens unless somebody says where
 DEFAULT_PORT = 60000
-#: how long is waited for clients, and how long the bus is read in between (s)
-_TURN_S, _BUS_S = 0.02, 0.001
+#: how long is waited for clients, for how long lines are answered before clients are heard again, and how long the bus
+#: is read in between (s)
+_TURN_S, _ANSWERING_S, _BUS_S = 0.02, 0.05, 0.001
+#: what a line takes of the time at least (s), so that lines that cost nothing are counted, too
+_LEAST_S = 1e-4
+#: clients at once
+MOST_CLIENTS = 256
 
 
 @contextmanager
 def gateway(
-    session: Session, where: tuple[str, int], *, allow_changes: bool = False, dialect: Dialect = Dialect.HASH
+    session: Session,
+    *where: Address,
+    allow_changes: bool = False,
+    any_user: bool = False,
+    dialect: Dialect = Dialect.HASH,
+    told: Callable[[GatewayEvent], None] | None = None,
 ) -> Iterator[Gateway]:
-    """A gateway to the bus of *session* at *where*, a loopback address; port 0 is a free one.
+    """A gateway to the bus of *session* at *where*: loopback addresses, of which port 0 is free, paths of Unix sockets.
 
-    Without *allow_changes* nothing is written or commanded. SafetyRefusal where others than this machine could reach
-    it, BusUnavailable where the address or the bus is not to be had.
+    Without *allow_changes* nothing is written or commanded. On Linux nobody but the same user is let in, unless
+    *any_user*. *told* hears what happens, None: the session's own user. SafetyRefusal where others than this machine
+    could reach it, BusUnavailable where an address or the bus is not to be had.
     """
-    if not is_loopback(where[0]):
-        raise SafetyRefusal(
-            f"{where[0]} is no loopback address: a gateway has no login, and whoever reaches it reaches the bus",
-            hint="--listen 127.0.0.1:60000, and ssh -L for who sits elsewhere",
-        )
+    for one in where:
+        if isinstance(one, str):
+            _check_folder_of(one)
+        elif not is_loopback(one[0]):
+            raise SafetyRefusal(
+                f"{one[0]} is no loopback address: a gateway has no login, and whoever reaches it reaches the bus",
+                hint="--listen 127.0.0.1:60000, and ssh -L for who sits elsewhere",
+            )
     bus = session.open_network().bus
-    tell, session.tell = session.tell, Unattended(session.tell)
+    tell, unattended = session.tell, Unattended(session.tell, told)
+    session.tell = unattended
     served: Gateway | None = None
-    work = GatewayWork(session, allow_changes=allow_changes)
+    work = GatewayWork(session, unattended, allow_changes=allow_changes)
     try:
-        served = Gateway(session, where, work, dialect)
+        served = Gateway(session, where, work, dialect, unattended, any_user=any_user)
         stop = bus.on_event(served.note)
         try:
             yield served
@@ -71,35 +91,78 @@ def gateway(
 
 def serve_gateway(
     session: Session,
-    where: tuple[str, int],
+    where: Sequence[Address],
     begun: Callable[[Facts], None],
     *,
     allow_changes: bool = False,
+    any_user: bool = False,
     dialect: Dialect = Dialect.HASH,
+    told: Callable[[GatewayEvent], None] | None = None,
 ) -> None:
     """Serve a gateway until Ctrl-C; *begun* is told where, once clients can come. Raises as `gateway`."""
-    with gateway(session, where, allow_changes=allow_changes, dialect=dialect) as served:
+    with gateway(session, *where, allow_changes=allow_changes, any_user=any_user, dialect=dialect, told=told) as served:
         port = served.hub.port
         mode = "changes allowed" if allow_changes else "read-only"
-        place = f"{f'[{where[0]}]' if ':' in where[0] else where[0]}:{port}"
-        rows = (("host", where[0]), ("port", port), ("allow_changes", allow_changes), ("dialect", dialect.value))
+        paths = [one for one in where if isinstance(one, str)]
+        hosts = [one[0] for one in where if not isinstance(one, str)]
+        places = [f"{f'[{host}]' if ':' in host else host}:{port}" for host in hosts] + [f"unix:{one}" for one in paths]
+        rows = (
+            ("host", hosts[0] if hosts else None),
+            ("port", port),
+            ("path", paths[0] if paths else None),
+            ("allow_changes", allow_changes),
+            ("any_user", any_user),
+            ("dialect", dialect.value),
+        )
+        place = " and ".join(places)
         begun(Facts("gateway", rows, (f"listening on {place} (CiA 309-3, net {NET}, {mode}); Ctrl-C ends it",)))
         served.run()
+
+
+def listen_address(text: str) -> Address:
+    """Read HOST:PORT, or `unix:PATH`; UsageError otherwise."""
+    if not text.startswith("unix:"):
+        return address(text)
+    path = text.removeprefix("unix:")
+    if not path or "\0" in path:
+        raise UsageError(f"--listen {text}: not unix:PATH", hint="for example unix:gateway.sock")
+    return path
+
+
+def _check_folder_of(path: str) -> None:
+    """SafetyRefusal where anybody could put another socket in the place of *path*."""
+    folder = os.path.dirname(os.path.abspath(path))  # noqa: PTH100, PTH120
+    if os.path.isdir(folder) and (found := replaceable(folder)) is not None:  # noqa: PTH112
+        raise SafetyRefusal(f"unix:{path}: {found[0]}", place=path, hint=found[1])
 
 
 class Gateway:
     """Lets clients in and does what they say with *work*; answers in *dialect*."""
 
-    def __init__(self, session: Session, where: tuple[str, int], work: GatewayWork, dialect: Dialect) -> None:
-        self._session, self._work, self._dialect = session, work, dialect
+    def __init__(
+        self,
+        session: Session,
+        where: Sequence[Address],
+        work: GatewayWork,
+        dialect: Dialect,
+        tell: Unattended,
+        *,
+        any_user: bool,
+    ) -> None:
+        self._session, self._work, self._dialect, self._tell = session, work, dialect, tell
+        may_come = None if any_user or sys.platform != "linux" else is_own_user
         try:
-            self.hub = Hub(where, session.tell.note, admit=LineClient)
+            self.hub = Hub(where, tell.note, admit=LineClient, most=MOST_CLIENTS, may_come=may_come)
         except OSError as failed:
+            place = " and ".join(f"unix:{one}" if isinstance(one, str) else f"{one[0]}:{one[1]}" for one in where)
             raise BusUnavailable(
-                f"cannot listen on {where[0]}:{where[1]}",
+                f"cannot listen on {place}",
                 why=failed.strerror or str(failed),
                 hint="is another gateway running? --listen 127.0.0.1:0 takes a free port",
             ) from failed
+        #: how far the count of the time is that lines took (s)
+        self._turn_s = 0.0
+        self._newcomer_next = False
         self._events: deque[NodeEvent] = deque(maxlen=1000)
         self._known: set[Client] = set()
         self._stopping = False
@@ -132,13 +195,34 @@ class Gateway:
                 raise KeyboardInterrupt
             waiting = any(self._may_go_on(client) for client in self._clients())
             self.hub.wait(0.0 if waiting else _TURN_S, _may_read)
-            for client in self._clients():
-                if client.lines and not self._work.waits(client):
-                    self._answer(client, client.lines.popleft())
+            self._answer_lines()
             self._session.bus.idle(_BUS_S)
             self._tell_events()
             for client, request, answer in self._work.later():
                 self._reply(client, request, answer)
+
+    def _answer_lines(self) -> None:
+        """Answer lines for a short while: in turn the first one of who came last, and of who took least of the time."""
+        until_s = monotonic() + _ANSWERING_S
+        clients, stalled = self._clients(), set[LineClient]()
+        while ready := [one for one in clients if one.lines and one not in stalled and not self._work.waits(one)]:
+            client = self._next(ready)
+            begun_s = monotonic()
+            self._answer(client, client.lines.popleft(), alone=len(clients) == 1)
+            ended_s = monotonic()
+            self._turn_s = max(self._turn_s, client.turn_s)
+            client.turn_s = self._turn_s + max(ended_s - begun_s, _LEAST_S)
+            if client.stalled:
+                stalled.add(client)
+            if ended_s >= until_s:
+                break
+
+    def _next(self, ready: list[LineClient]) -> LineClient:
+        """Whose line is answered next: many newcomers keep out neither a further one nor who was heard before."""
+        newcomers = [one for one in ready if not one.turn_s]
+        known = [one for one in ready if one.turn_s]
+        self._newcomer_next = not known or (bool(newcomers) and not self._newcomer_next)
+        return newcomers[-1] if self._newcomer_next else min(known, key=lambda one: one.turn_s)
 
     def _may_go_on(self, client: LineClient) -> bool:
         """Whether *client* said a line that, as far as is known, can be answered at once."""
@@ -149,13 +233,13 @@ class Gateway:
         now = self.hub.connected
         for client in now:
             if client not in self._known:
-                self._session.tell.note(f"client {client.name} connected")
+                self._tell.happened("connected", f"client {client.name} connected", client=client.name)
         for client in self._known - set(now):
-            self._session.tell.note(f"client {client.name} left")
+            self._tell.happened("left", f"client {client.name} left", client=client.name)
         self._known = set(now)
         return [client for client in now if isinstance(client, LineClient)]
 
-    def _answer(self, client: LineClient, line: str) -> None:
+    def _answer(self, client: LineClient, line: str, *, alone: bool) -> None:
         sequence, _ = sequence_of(line[:64])
         try:
             request = parse_request(line)
@@ -167,7 +251,7 @@ class Gateway:
         if client.stalled:
             client.lines.appendleft(line)
         elif request is not None:
-            answer = self._work.answer(client, request)
+            answer = self._work.answer(client, request, alone=alone)
             if answer is not None:
                 self._reply(client, request, answer)
         elif sequence is not None:

@@ -2,20 +2,46 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from time import time
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.operations.results.gateway_events import GatewayEvent
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import BusEvent
+    from dvtcli.operations.results.gateway_events import GatewayHappening
     from dvtcli.operations.user.telling import Teller
 
 
 class Unattended:
-    """Hands everything on to *tell* but questions, and progress, which would be a client's."""
+    """Hands what happens to *told*, or as text to *tell* where that is None; questions and progress to nobody.
 
-    def __init__(self, tell: Teller) -> None:
-        self._tell = tell
-        self.note, self.warning = tell.note, tell.warning
+    *client* is the name of the one whose line is done now, None for nobody's.
+    """
+
+    def __init__(self, tell: Teller, told: Callable[[GatewayEvent], None] | None = None) -> None:
+        self._tell, self._told = tell, told
+        self.client: str | None = None
+
+    def happened(self, event: GatewayHappening, text: str, **facts: Any) -> None:
+        """Tell of an *event*; *facts* are further fields of it."""
+        if self._told is not None:
+            self._told(GatewayEvent(event, time(), text, **{"client": self.client, **facts}))
+        elif event == "warning":
+            self._tell.warning(text)
+        else:
+            self._tell.note(text)
+
+    def note(self, text: str) -> None:
+        """Hand it on."""
+        self.happened("note", text)
+
+    def warning(self, text: str) -> None:
+        """Hand it on."""
+        self.happened("warning", text)
 
     def bus(self, event: BusEvent) -> None:
         """Hand it on."""

@@ -166,7 +166,7 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
     from dvtcli.simulator.network.hub import Hub
 
     try:
-        hub = Hub(where, warn)
+        hub = Hub([] if where is None else [where], warn)
     except OSError as failed:
         host, port = where or (LOOPBACK, 0)
         raise BusUnavailable(

@@ -1,4 +1,4 @@
-"""Who is connected to one bus over TCP: lets clients in, waits for them, passes frames on, drops them.
+"""Who is connected to one bus over TCP or a Unix socket: lets clients in, waits for them, passes frames on, drops them.
 
 One thread calls everything but `wake`. Loses no frame: what a client does not read yet is kept. Who sends faster than
 another one reads waits for it, and nobody else does; one that takes nothing for `STALL_S`, or is megabytes behind, is
@@ -8,16 +8,20 @@ dropped. Where all places are taken whoever has most of them gives one away. Doe
 from __future__ import annotations
 
 import errno
+import os
 import selectors
 import socket
+import stat
+import struct
+import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from time import monotonic
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.hub_client import LOOK_S, Client
-from dvtcli.simulator.network.hub_owners import owners
+from dvtcli.simulator.network.hub_owners import Peer, owners, users
 
 #: how long a client may take nothing while something waits for it (s)
 STALL_S = 5.0
@@ -31,25 +35,33 @@ _FULL_S = 1.0
 #: the same after it was looked up whose the connections are, which takes some milliseconds (s)
 _CROWDED_S = 0.1
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-Peer = tuple[str, int]
+#: connections that are taken at once, and that may wait for that: who knocks in vain keeps nobody else's knock away
+_AT_ONCE, _BACKLOG = 64, 1024
+_INTERNET = (socket.AF_INET, socket.AF_INET6)
+#: host and port, or the path of a Unix socket
+Address = tuple[str, int] | str
 MayRead = Callable[[Client], bool]
 
 
 class Hub:
-    """Listens at *address* (host, port; port 0 is a free one), or only waits where that is None.
+    """Listens at *addresses* (host, port, of which 0 is a free one; or a path), or only waits where there is none.
 
     *tell* takes one line about a client; one that takes nothing for *stall_s* is dropped. *admit* makes a client, which
-    speaks its own protocol, of a connection. OSError where the address is not to be had. Ends with `close`.
+    speaks its own protocol, of a connection; there are at most *most*. *may_come* tells whether a user-ID of this
+    machine, None where nobody knows it, is let in. OSError where an address is not to be had. Ends with `close`.
     """
 
     def __init__(
         self,
-        address: tuple[str, int] | None,
+        addresses: Sequence[Address],
         tell: Callable[[str], None],
         stall_s: float = STALL_S,
         admit: type[Client] = Client,
+        *,
+        most: int = MOST_CLIENTS,
+        may_come: Callable[[int | None], bool] | None = None,
     ) -> None:
-        self._admit = admit
+        self._admit, self._most, self._may_come = admit, most, may_come
         self._tell = tell
         self._stall_s = stall_s
         self._selector = selectors.SelectSelector()  # the only one that waits for less than a millisecond
@@ -57,15 +69,46 @@ class Hub:
         #: until when nobody is let in (s), None where clients may come; and whether the user was told
         self._full_until_s: float | None = None
         self._full_told = False
-        self._listener = None if address is None else _listener(address)
+        #: whose the connections are, while newcomers are let in
+        self._whose: dict[Peer, str] = {}
+        self._listeners: list[socket.socket] = []
+        self._paths: list[str] = []
         #: port that it listens at, None where it does not
-        self.port: int | None = None if self._listener is None else self._listener.getsockname()[1]
+        self.port: int | None = None
+        try:
+            for address in addresses:
+                self._add_listener(address)
+        except BaseException:
+            self._close_listeners()
+            raise
         self._awake, self._waker = socket.socketpair()
         for each in (self._awake, self._waker):
             each.setblocking(False)
         self._selector.register(self._awake, selectors.EVENT_READ)
-        if self._listener is not None:
-            self._selector.register(self._listener, selectors.EVENT_READ)
+        self._listen_to_newcomers()
+
+    def _add_listener(self, address: Address) -> None:
+        if isinstance(address, str):
+            self._listeners.append(_unix_listener(address))
+            self._paths.append(address)
+            return
+        listener = _listener(address)
+        self._listeners.append(listener)
+        self.port = listener.getsockname()[1]
+
+    def _listen_to_newcomers(self) -> None:
+        for listener in self._listeners:
+            self._selector.register(listener, selectors.EVENT_READ)
+
+    def _close_listeners(self) -> None:
+        for listener in self._listeners:
+            with suppress(KeyError, ValueError, AttributeError):  # not listened to now, or not yet
+                self._selector.unregister(listener)
+            listener.close()
+        for path in self._paths:
+            with suppress(OSError):  # somebody took it away
+                os.unlink(path)  # noqa: PTH108
+        self._listeners, self._paths = [], []
 
     @property
     def clients(self) -> int:
@@ -105,8 +148,9 @@ class Hub:
         for key, events in self._selector.select(max(0.0, self._shorter(timeout_s))):
             if key.fileobj is self._awake:
                 self._awake.recv(4096)
-            elif key.fileobj is self._listener:
-                self._accept()
+            elif key.fileobj in self._listeners:
+                assert isinstance(key.fileobj, socket.socket)  # noqa: S101 - a listener
+                self._accept(key.fileobj)
             elif isinstance(key.data, Client):
                 self._serve(key.data, events, frames)
         return frames
@@ -115,18 +159,15 @@ class Hub:
         """Leave: clients see their connection end. May be called twice."""
         for client in tuple(self._clients.values()):
             self._drop(client, None)
-        for each in (self._listener, self._awake, self._waker):
-            if each is not None:
-                each.close()
+        self._close_listeners()
+        for each in (self._awake, self._waker):
+            each.close()
         self._selector.close()
 
     def cut(self) -> None:
         """Let the bus die: every connection ends, and no new one is taken."""
-        if self._listener is not None:
-            with suppress(KeyError):  # cut before
-                self._selector.unregister(self._listener)
-            self._listener.close()
-            self._full_until_s = None
+        self._close_listeners()
+        self._full_until_s = None
         for client in tuple(self._clients.values()):
             self._drop(client, None)
 
@@ -154,50 +195,83 @@ class Hub:
             self._selector.modify(client.connection, events, client)
         client.events = events
 
-    def _accept(self) -> None:
-        assert self._listener is not None  # noqa: S101 - it just said that somebody calls
-        try:
-            connection, where = self._listener.accept()
-        except OSError as failed:  # the caller has hung up already, or
-            if failed.errno in _NO_ROOM:
-                self._close_for_a_while(failed)
-            return
-        if len(self._clients) >= MOST_CLIENTS:
-            self._make_room(where[:2])
-        if len(self._clients) >= MOST_CLIENTS:
+    def _accept(self, listener: socket.socket) -> None:
+        """Take all that wait, as far as they may come and there is room: nobody waits behind who is refused."""
+        came: list[tuple[socket.socket, Peer]] = []
+        while len(came) < _AT_ONCE:
+            try:
+                connection, where = listener.accept()
+            except BlockingIOError:
+                break
+            except OSError as failed:  # the caller has hung up already, or
+                if failed.errno in _NO_ROOM:
+                    self._close_for_a_while(failed)
+                break
+            connection.setblocking(False)
+            came.append((connection, where[:2] if listener.family in _INTERNET else _unix_peer(connection)))
+        if self._may_come is not None:
+            came = self._allowed(came, self._may_come)
+        peers = [peer for _, peer in came]
+        for connection, peer in came:
+            if len(self._clients) >= self._most:
+                self._make_room(peer, peers)
+            if len(self._clients) >= self._most:
+                connection.close()
+            else:
+                self._take(connection, peer)
+        self._whose = {}
+
+    def _allowed(
+        self, came: list[tuple[socket.socket, Peer]], may_come: Callable[[int | None], bool]
+    ) -> list[tuple[socket.socket, Peer]]:
+        """Those who came whose user may come; the others are closed, which is said."""
+        whose = users([(connection.getsockname(), peer) for connection, peer in came if _is_internet(connection)])
+        allowed = []
+        for connection, peer in came:
+            user = whose.get(peer) if _is_internet(connection) else _unix_user(connection)
+            if may_come(user):
+                allowed.append((connection, peer))
+                continue
             connection.close()
-            return
+            self._tell(
+                f"refused client {_name(peer)}: it is {'nobody knows whose' if user is None else f'user {user}'}"
+            )
+        return allowed
+
+    def _take(self, connection: socket.socket, peer: Peer) -> None:
         self._full_told = False
-        connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if _is_internet(connection):
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)  # or the system keeps megabytes
-        client = self._admit(connection, f"{where[0]}:{where[1]}", self._tell, peer=where[:2], said_s=monotonic())
+        client = self._admit(connection, _name(peer), self._tell, peer=peer, said_s=monotonic())
         self._clients[connection] = client
         self._selector.register(connection, client.events, client)
         client.greet()
         self._drop_if_gone(client)
 
-    def _make_room(self, newcomer: Peer) -> None:
+    def _make_room(self, newcomer: Peer, newcomers: list[Peer]) -> None:
         """Drop who came first of those that only hold a place: they opened no bus yet.
 
         Else one of the program, or host, that has most connections, if it has more than that of *newcomer* would have:
-        the one that was silent longest. Else the newcomer is refused.
+        the one that was silent longest. Else the newcomer is refused. Whose connections are is looked up once for all
+        *newcomers*.
         """
         idle = next((client for client in self._clients.values() if not client.opened), None)
         if idle is not None:
-            self._drop(idle, f"it opened no bus, and {MOST_CLIENTS} are connected")
+            self._drop(idle, f"it opened no bus, and {self._most} are connected")
             return
-        assert self.port is not None  # noqa: S101 - somebody has come
-        self._close_for(_CROWDED_S)
-        whose = owners([newcomer, *(client.peer for client in self._clients.values())], self.port)
+        if not self._whose:
+            self._close_for(_CROWDED_S)
+            self._whose = owners([*newcomers, *(client.peer for client in self._clients.values())], self.port or 0)
+        whose = self._whose
         places = Counter(whose[client.peer] for client in self._clients.values())
         (greedy, most), own = places.most_common(1)[0], places[whose[newcomer]]
         if own + 1 < most:
             of_greedy = [client for client in self._clients.values() if whose[client.peer] == greedy]
             silent = min(of_greedy, key=lambda client: client.said_s)
-            self._drop(silent, f"{greedy} has {most} of {MOST_CLIENTS} places, and another program wants one")
+            self._drop(silent, f"{greedy} has {most} of {self._most} places, and another program wants one")
         else:
-            self._tell(f"refused a client: {MOST_CLIENTS} are connected already, {own} of them of {whose[newcomer]}")
+            self._tell(f"refused a client: {self._most} are connected already, {own} of them of {whose[newcomer]}")
 
     def _close_for_a_while(self, failed: OSError) -> None:
         """Let nobody in: who knocks would wake the thread again and again."""
@@ -207,14 +281,15 @@ class Hub:
         self._close_for(_FULL_S)
 
     def _close_for(self, duration_s: float) -> None:
-        assert self._listener is not None  # noqa: S101 - it has just let somebody in, or not
-        self._selector.unregister(self._listener)
+        if self._full_until_s is None:
+            for listener in self._listeners:
+                self._selector.unregister(listener)
         self._full_until_s = monotonic() + duration_s
 
     def _open_again(self) -> None:
-        if self._full_until_s is not None and self._listener is not None and self._full_until_s <= monotonic():
+        if self._full_until_s is not None and self._full_until_s <= monotonic():
             self._full_until_s = None
-            self._selector.register(self._listener, selectors.EVENT_READ)
+            self._listen_to_newcomers()
 
     def _serve(self, client: Client, events: int, frames: list[tuple[Client, Frame]]) -> None:
         if events & selectors.EVENT_WRITE:
@@ -245,8 +320,67 @@ class Hub:
             self._tell(f"dropped client {client.name}: {why}")
 
 
+def _name(peer: Peer) -> str:
+    """What a client is called that comes from *peer*."""
+    return f"{peer[0]}:{peer[1]}" if peer[1] else peer[0]
+
+
+def _is_internet(connection: socket.socket) -> bool:
+    return connection.family in _INTERNET
+
+
 def _listener(address: tuple[str, int]) -> socket.socket:
     family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
-    listener = socket.create_server(address, family=family, backlog=MOST_CLIENTS)
+    listener = socket.create_server(address, family=family, backlog=_BACKLOG)
     listener.setblocking(False)
     return listener
+
+
+def _unix_listener(path: str) -> socket.socket:
+    """A socket at *path* that only its user can connect to; one that nobody listens at any more is taken away.
+
+    OSError where something else is in its place, or somebody listens there.
+    """
+    if sys.platform == "win32":
+        raise OSError(errno.EOPNOTSUPP, "Windows has no Unix sockets here")
+    listener = socket.socket(socket.AF_UNIX)
+    try:
+        try:
+            listener.bind(path)
+        except OSError as failed:
+            if failed.errno != errno.EADDRINUSE or not _is_left_over(path):
+                raise
+            os.unlink(path)  # noqa: PTH108
+            listener.bind(path)
+        os.chmod(path, 0o600)  # noqa: PTH101 - before anybody can connect: nobody listens yet
+        listener.listen(_BACKLOG)
+        listener.setblocking(False)
+    except BaseException:
+        listener.close()
+        raise
+    return listener
+
+
+def _is_left_over(path: str) -> bool:
+    """Whether *path* is a socket that nobody listens at."""
+    if sys.platform == "win32" or not stat.S_ISSOCK(os.lstat(path).st_mode):
+        return False
+    with socket.socket(socket.AF_UNIX) as probe:
+        return probe.connect_ex(path) == errno.ECONNREFUSED
+
+
+def _unix_peer(connection: socket.socket) -> Peer:
+    """The process that a Unix socket's *connection* comes from, as far as the system tells it."""
+    return f"process {process}" if (process := _credentials(connection)[0]) else "a process", 0
+
+
+def _unix_user(connection: socket.socket) -> int | None:
+    """The user-ID of the process that a Unix socket's *connection* comes from, None where the system tells none."""
+    return _credentials(connection)[1]
+
+
+def _credentials(connection: socket.socket) -> tuple[int | None, int | None]:
+    if sys.platform != "linux":
+        return None, None
+    process, user, _ = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+    return process, user

@@ -7,19 +7,37 @@ from __future__ import annotations
 
 import ipaddress
 import os
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 _TABLES = ("/proc/net/tcp", "/proc/net/tcp6")
 #: columns of such a table: both ends as ADDRESS:PORT in hex, whose user's it is, and the socket's number
-_FROM, _TO, _USER, _SOCKET = 1, 2, 7, 9
+_FROM, _TO, _STATE, _USER, _SOCKET = 1, 2, 3, 7, 9
+#: the state of a connection that has ended, whose user is not told any more
+_TIME_WAIT = "06"
+#: host and port; of a Unix socket the process, and 0
 Peer = tuple[str, int]
+
+
+def users(connections: Iterable[tuple[Peer, Peer]]) -> dict[Peer, int]:
+    """The user-ID of each peer on this machine, by both ends of its connection: ours, and the peer's.
+
+    One that Linux does not tell is left out.
+    """
+    wanted = {(_plain(peer[0]), peer[1], _plain(own[0]), own[1]): peer for own, peer in connections}
+    found: dict[Peer, int] = {}
+    for columns in _rows() if wanted else ():
+        ends = (*_end(columns[_FROM]), *_end(columns[_TO]))
+        if ends in wanted and columns[_STATE] != _TIME_WAIT:
+            found[wanted[ends]] = int(columns[_USER])
+    return found
 
 
 def owners(peers: Iterable[Peer], port: int) -> dict[Peer, str]:
     """Who each of *peers*, host and port, is that is connected to *port* of this machine, in words."""
-    found = {peer: f"host {peer[0]}" for peer in peers}
+    found = {peer: f"host {peer[0]}" if peer[1] else peer[0] for peer in peers}
     local = {peer[1]: peer for peer in found if _is_loopback(peer[0])}
     sockets = _sockets(local.keys(), port) if local else {}
     programs = _programs({number for number, _ in sockets.values()}) if sockets else {}
@@ -38,14 +56,37 @@ def _is_loopback(host: str) -> bool:
 def _sockets(ports: Iterable[int], to: int) -> dict[int, tuple[str, str]]:
     """The numbers of the sockets, and their users, that are connected from *ports* to port *to*."""
     wanted, found = {f"{one:04X}": one for one in ports}, {}
+    for columns in _rows():
+        one = wanted.get(columns[_FROM].rpartition(":")[2])
+        if one is not None and columns[_TO].endswith(f":{to:04X}"):
+            found[one] = columns[_SOCKET], columns[_USER]
+    return found
+
+
+def _rows() -> Iterator[list[str]]:
+    """The columns of each TCP connection of this machine."""
     for table in _TABLES:
         with suppress(OSError):  # no Linux, or one without IPv6
             for line in Path(table).read_text("ascii").splitlines()[1:]:
-                columns = line.split()
-                one = wanted.get(columns[_FROM].rpartition(":")[2])
-                if one is not None and columns[_TO].endswith(f":{to:04X}"):
-                    found[one] = columns[_SOCKET], columns[_USER]
-    return found
+                yield line.split()
+
+
+def _end(text: str) -> tuple[str, int]:
+    """Address and port of one end as such a table has them: words of 32 bits in the machine's own order."""
+    address, _, port = text.partition(":")
+    words = bytes.fromhex(address)
+    if sys.byteorder == "little":
+        words = b"".join(words[at : at + 4][::-1] for at in range(0, len(words), 4))
+    return _plain(str(ipaddress.ip_address(words))), int(port, 16)
+
+
+def _plain(host: str) -> str:
+    """An address in one form, an IPv4 address within an IPv6 one as itself."""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    return str(getattr(address, "ipv4_mapped", None) or address)
 
 
 def _programs(numbers: set[str]) -> dict[str, str]:

@@ -1,0 +1,204 @@
+"""Who is let in to a gateway, what is told of it, and that nobody makes the others wait."""
+
+from __future__ import annotations
+
+import errno
+import signal
+import socket
+import stat
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
+from dvtcli.operations.gateway.gateway_work import WAITING_S
+from dvtcli.operations.gateway.line_client import LineClient
+from dvtcli.operations.gateway.serve_gateway import gateway, listen_address
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from tests.commands.program.settings_bench import STRANGER, WHY_NOT, as_user
+from tests.gateway.clients import Client, Heard, served
+from tests.process import PATIENCE_S, documents, environment, start
+from tests.serve.served import wait_for
+
+UNIX = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no Unix sockets in Python")
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose a connection is")
+#: connects, says a line, and prints what comes
+ASK = """
+import socket, sys
+with socket.create_connection(("127.0.0.1", int(sys.argv[1]))) as link:
+    link.settimeout(20)
+    try:
+        link.sendall(b"[1] 4 r 0x1017 0 u16\\n")
+        while b"[1]" not in (came := link.recv(100)) and came:
+            pass
+    except ConnectionError:
+        came = b""
+print(came.decode())
+"""
+
+
+@UNIX
+def test_a_unix_socket_is_its_users_alone_and_stands_beside_tcp(tmp_path: Path) -> None:
+    path = tmp_path / "g.sock"
+    with Session(Options(sim=("generic@4",))) as session:
+        for wrong in ("unix:", "unix:a\0b", "nowhere"):
+            with pytest.raises(UsageError):
+                listen_address(wrong)
+        with gateway(session, ("127.0.0.1", 0), listen_address(f"unix:{path}")) as first:
+            assert stat.S_IMODE(path.stat().st_mode) == 0o600
+            assert first.hub.port
+            with pytest.raises(BusUnavailable, match="cannot listen on unix:"), gateway(session, str(path)):
+                pass
+            left_over = tmp_path / "left.sock"
+            with socket.socket(socket.AF_UNIX) as gone:
+                gone.bind(str(left_over))
+            with gateway(session, str(left_over)) as second:
+                assert second.hub.port is None
+            assert not left_over.exists(), "it goes with its gateway"
+            file = tmp_path / "a file"
+            file.write_text("kept")
+            with pytest.raises(BusUnavailable), gateway(session, str(file)):
+                pass
+            assert file.read_text() == "kept"
+            everybody = tmp_path / "everybody"
+            everybody.mkdir()
+            everybody.chmod(0o777)
+            with pytest.raises(SafetyRefusal, match="everybody can write"), gateway(session, str(everybody / "g")):
+                pass
+        assert not path.exists()
+
+
+@UNIX
+def test_json_says_on_stderr_who_came_and_what_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "g.sock"
+    words = ["--sim", "generic@4", "--json", "gateway", "--listen", f"unix:{path}", "--allow-changes"]
+    process = start(words, env=environment())
+    wait_for(lambda: path.exists() or process.poll() is not None, "the gateway")
+    with socket.socket(socket.AF_UNIX) as link:
+        link.settimeout(PATIENCE_S)
+        link.connect(str(path))
+        link.sendall(b"[1] 4 w 0x1017 0 u16 400\n")
+        came = b""
+        while b"[1] OK" not in came:
+            came += link.recv(100)
+    process.send_signal(signal.SIGINT)
+    said, error = process.communicate(timeout=PATIENCE_S)
+    begun = documents(said)[0]
+    assert (begun["host"], begun["port"], begun["path"]) == (None, None, str(path))
+    told = [
+        one
+        for one in documents("".join(line for line in error.splitlines(keepends=True) if line[0] == "{"))
+        if one["schema"] == "dvtcli.gateway_event/1"
+    ]
+    connected, written = (next(one for one in told if one["event"] == wanted) for wanted in ("connected", "written"))
+    assert connected["client"] == written["client"]
+    assert (written["node"], written["object"], written["data"]) == (4, "1017:00", "90 01")
+
+
+def test_a_passcode_is_not_told() -> None:
+    heard = Heard()
+    with served("gen4-locked@1", tell=heard) as (_, running), Client(running) as client:
+        assert client.ask("1 w 0x5000 2 u16 0x4444").startswith("ERROR:102 #0x5000:02 takes a passcode")
+    assert not any("44 44" in one or "4444" in one for one in heard.said)
+
+
+@LINUX
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+@pytest.mark.parametrize("any_user", [False, True])
+def test_another_user_is_not_let_in(any_user: bool) -> None:
+    heard = Heard()
+    with served("generic@4", tell=heard, any_user=any_user) as (_, running), Client(running) as own:
+        asked = [*as_user(STRANGER), sys.executable, "-c", ASK, str(running.hub.port)]
+        answer = subprocess.run(asked, capture_output=True, encoding="ascii", timeout=PATIENCE_S, check=True).stdout
+        assert ("[1] 500" in answer) == any_user
+        assert own.ask("4 r 0x1017 0 u16") == "500"
+    refused = [one for one in heard.said if one.startswith("refused client") and f"user {STRANGER}" in one]
+    assert bool(refused) != any_user
+
+
+def test_a_newcomer_is_next_after_the_line_under_way() -> None:
+    """Two hundred who talk of silent nodes keep nobody out: the next line is that of who had none of the time."""
+    with (
+        Session(Options(sim=("generic@4",), timeout=0.001)) as session,
+        gateway(session, ("127.0.0.1", 0)) as running,
+        ExitStack() as stack,
+    ):
+
+        def heard(wanted: int) -> None:
+            """Let clients in, and hear them, until that many have said lines."""
+            for _ in range(1000):
+                running.hub.wait(0.001, lambda _client: True)
+                if sum(bool(one.lines) for one in _clients(running.hub.connected)) >= wanted:
+                    return
+            raise AssertionError("somebody was not let in")
+
+        for number in range(200):
+            talker = stack.enter_context(Client(running))
+            talker.say(b"".join(b"[1] %d r 0x1018 1 u32\n" % (5 + (number + at) % 100) for at in range(9)))
+        heard(200)
+        for _ in range(3):
+            running._answer_lines()
+        waiting = sum(bool(one.lines) for one in _clients(running.hub.connected))
+        newcomer = stack.enter_context(Client(running))
+        newcomer.say(b"[7] 4 r 0x1017 0 u16\n")
+        heard(waiting + 1)
+        running._answer_lines()
+        assert newcomer.reply() == "[7] 500"
+        assert any(one.lines for one in _clients(running.hub.connected)), "the others wait still"
+
+
+def _clients(found: tuple[object, ...]) -> list[LineClient]:
+    return [one for one in found if isinstance(one, LineClient)]
+
+
+def _port(client: Client) -> int:
+    port = client.link.getsockname()[1]
+    assert isinstance(port, int)
+    return port
+
+
+def _is(one: LineClient, client: Client) -> bool:
+    return one.peer[1] == _port(client)
+
+
+def test_nobody_makes_others_wait_for_silent_nodes() -> None:
+    with served("generic@4", in_virtual_time=True) as (session, running), Client(running) as slow:
+        assert slow.ask("set sdo_timeout 5000") == "OK"
+
+        def waited_s() -> float:
+            begun_s = session.bus.now_s()
+            assert slow.ask("9 r 0x1018 1 u32").startswith("ERROR:103 ")
+            return session.bus.now_s() - begun_s
+
+        assert waited_s() > 4, "alone it may wait as long as it wants"
+        with Client(running) as other:
+            assert other.ask("4 r 0x1017 0 u16") == "500"
+            assert waited_s() < 2.5, "with others there, twice the usual time-out"
+            (told,) = (one for one in _clients(running.hub.connected) if _is(one, slow))
+            told.waited_s = WAITING_S + 1
+            assert "you made others wait" in slow.ask("9 r 0x1018 1 u32")
+            assert "you made others wait" not in other.ask("9 r 0x1018 1 u32")
+            assert slow.ask("4 r 0x1017 0 u16") == "500"
+
+
+@UNIX
+def test_who_knocks_in_vain_keeps_nobody_elses_knock_away() -> None:
+    """All who wait are looked at together, so that a newcomer does not wait behind who is refused."""
+    heard = Heard()
+    with served("generic@4", tell=heard) as (_, running):
+        links = []
+        try:
+            for _ in range(300):
+                link = socket.socket()
+                link.setblocking(False)
+                assert link.connect_ex(("127.0.0.1", running.hub.port or 0)) in (0, errno.EINPROGRESS)
+                links.append(link)
+            with Client(running) as client:
+                assert client.ask("4 r 0x1017 0 u16") == "500"
+        finally:
+            for link in links:
+                link.close()
