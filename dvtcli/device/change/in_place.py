@@ -6,6 +6,7 @@ counts. Whatever ends in the middle of a write leaves the other line. Knows no c
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import zlib
@@ -17,6 +18,8 @@ from dvtcli.device.trust import open_private
 #: the checksum (CRC-32), the number, and a space behind each
 _HEAD = re.compile(rb"([0-9a-f]{8}) ([0-9]{10}) ")
 HEAD_BYTES = 20
+#: what a disk that takes nothing more says
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def create(path: Path, content: str, size: int) -> None:
@@ -46,10 +49,16 @@ def replace_content(path: Path, content: str, room: int = 0) -> bool:
             return False
         numbers = [_number(line) for line in lines]
         file.seek(numbers.index(min(numbers)) * len(lines[0]))
-        left = memoryview(_line(content, max(numbers) + 1, size).encode())
-        while left:
-            left = left[file.write(left) :]
-        to_disk(file.fileno())
+        try:
+            left = memoryview(_line(content, max(numbers) + 1, size).encode())
+            while left:
+                left = left[file.write(left) :]
+            to_disk(file.fileno())
+        except OSError as failed:
+            if failed.errno not in _FULL:
+                raise
+            why = f"{failed.strerror} for what has its space: this file system copies on write"
+            raise OSError(failed.errno, why, str(path)) from failed
     return True
 
 
