@@ -3,7 +3,15 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.domain.datatypes import U8, U16, U32
-from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject, normalised
+from dvtcli.domain.object_dictionary import (
+    Access,
+    ObjectDictionary,
+    ObjectType,
+    OdEntry,
+    OdObject,
+    normalised,
+    standard_default,
+)
 
 
 def variable(index: int, name: str, **more: object) -> OdObject:
@@ -99,3 +107,18 @@ def test_access() -> None:
 
 def test_names_keep_letters_with_accents() -> None:
     assert normalised("  Température (°C) ") == "température_c"
+
+
+@pytest.mark.parametrize(
+    ("place", "cob_id"),
+    [
+        ((0x1005, 0), 0x080), ((0x1012, 0), 0x100), ((0x1014, 0), 0x089), ((0x1200, 1), 0x609), ((0x1200, 2), 0x589),
+        ((0x1201, 1), 1 << 31), ((0x12FF, 2), 1 << 31), ((0x1201, 3), None), ((0x1004, 0), None), ((0x1300, 1), None),
+    ],
+)  # fmt: skip
+def test_cob_ids_of_services_are_the_standard_s_where_a_file_tells_none(
+    place: tuple[int, int], cob_id: int | None
+) -> None:
+    assert standard_default(*place, 9) == cob_id
+    data = OdEntry(*place, "COB-ID", U32).at_power_on(9)
+    assert data == (None if cob_id is None else cob_id.to_bytes(4, "little"))

@@ -13,6 +13,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.rules import Proposal
+from dvtcli.domain.rules.can_id import EMCY, SYNC, service_findings
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
     length_findings,
@@ -211,3 +212,20 @@ def test_the_first_and_last_parameter_of_each_kind(index: int) -> None:
     findings = parameter_findings(proposal, now, ParameterWrite(index, 2, 245), tuple)
     expected = "transmission-type" if index == pdo.communication_index else "mapping-while-valid"
     assert (findings[0].rule, findings[0].place) == (expected, f"0x{index:04X}:02")
+
+
+@pytest.mark.parametrize(
+    ("index", "raw", "rules"),
+    [
+        (EMCY, 0x085, []),
+        (EMCY, 0x089, ["can-id-default"]),
+        (EMCY, 0x8000_0089, []),
+        (EMCY, 0x601, ["can-id-restricted"]),
+        (EMCY, 0x2000_0089, []),
+        (SYNC, 0x080, []),
+        (SYNC, 0x089, []),
+        (SYNC, 0x701, ["can-id-restricted"]),
+    ],
+)
+def test_the_cob_id_of_a_service_is_judged_by_whose_it_is(index: int, raw: int, rules: list[str]) -> None:
+    assert [found.rule for found in service_findings(5, index, raw)] == rules
