@@ -23,7 +23,7 @@ _QUANTITY = re.compile(
     r"(?:\s*\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
 )
 #: a word as `text` shows it, raw in parentheses
-_WITH_RAW = re.compile(r"(?P<word>.*?)\s*\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)
+_WITH_RAW = re.compile(r"(?P<word>.*)\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)
 #: blanks, marks of a sentence, brackets, and the hyphen within a word
 _LEFT_OUT = re.compile(r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+")
 
@@ -193,7 +193,11 @@ class Physical:
         """The raw value whose word is *text*, to the letter; or but for blanks and capitals, which a number is not."""
         shown = _WITH_RAW.fullmatch(text)
         told = None if shown is None else _number(shown["raw"])
-        if shown and told is not None and _spelling(self.values.get(told, "")) == _spelling(shown["word"]) != "":
+        if (
+            shown
+            and told is not None
+            and _spelling(self.values.get(told, "")) == _spelling(shown["word"].rstrip()) != ""
+        ):
             return told
         wanted = _spelling(text) if _number(text) is None else ""
         named = [raw for raw, word in self.values.items() if word == text and text] or [

@@ -13,7 +13,7 @@ _CANDUMP = re.compile(r"(?:\(\s*[-\d .:]+\)\s*)?(?:(?P<interface>\S+)\s+)?(?P<re
 _SPACED = re.compile(
     r"(?:0x)?([0-9A-F]{1,8})(?:\s+\[(\d{1,2})\])?((?:\s+(?:0x)?[0-9A-F]{2})*|\s+remote request.*)", re.I
 )
-_ASIDE = re.compile(r"\s+'.*'$|\s{2,}(?:ERRORFRAME|[A-Z-]+)$|\s+[TR]$")
+_ASIDE = re.compile(r"(?<!\s)(?:\s+'.*'$|\s{2,}(?:ERRORFRAME|[A-Z-]+)$|\s+[TR]$)")
 _MOST_STANDARD, _MOST_EXTENDED = 0x7FF, 0x1FFF_FFFF
 _SHORT_DIGITS, _MOST_BYTES = 3, 8
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 _Failures = tuple[type[Exception], ...]
 #: a line that every DBC file has: its version, its nodes, or a message
 _SECTION = re.compile(r"^[ \t]*(?:VERSION\b|NS_[ \t]*:|BS_[ \t]*:|BU_[ \t]*:|BO_\s)", re.MULTILINE)
-#: no DBC of a machine is larger
-_MOST_BYTES = 8 << 20
+#: no DBC of a machine is larger; cantools takes 4 s and more for each MB, and 0.1 ms for each message and signal
+_MOST_BYTES, _MOST_ENTRIES = 2 << 20, 50_000
 #: the length of a message in bytes, and where a signal begins and how long it is in bits
 _SIZES = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+[ \t]+\w+[ \t]*:[ \t]*(\d+)|SG_[^:\n]*:[ \t]*(\d+)\|(\d+)@)", re.MULTILINE)
 #: what a message has at most (ISO 15765-2): cantools takes 200 bytes of memory for each byte of one
@@ -64,8 +64,11 @@ def read_dbc(file: str) -> dict[Address, Layout]:
 
 
 def _refuse_sizes(text: str, path: Path) -> None:
-    """InputFileError, with the line, if a message or a signal is larger than any that is sent."""
-    for found in _SIZES.finditer(text):
+    """InputFileError if a message or a signal is larger than any that is sent, or there are too many."""
+    for number, found in enumerate(_SIZES.finditer(text)):
+        if number >= _MOST_ENTRIES:
+            what = f"more than {_MOST_ENTRIES:,} messages and signals"
+            raise InputFileError(f"{path.name}: {what}", place=str(path), why="no DBC of a machine has so many")
         length, *bits = (0 if digits is None else int(digits[:20]) for digits in found.groups())
         if length > _MOST_MESSAGE_BYTES or any(bit > 8 * _MOST_MESSAGE_BYTES for bit in bits):
             line = text.count("\n", 0, found.start()) + 1

@@ -18,7 +18,7 @@ def drawing(width: int, height: int, name: str, title: str) -> Element:
     """An empty drawing; *name* goes before its ids, *title* is what it shows, for who cannot see it."""
     root = Element(
         "svg", {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {width} {height}", "width": str(width),
-                "height": str(height), "class": "drawing", "role": "img", "aria-labelledby": f"{name}-title"},
+                "height": str(height), "class": "drawing", "role": "img", "aria-labelledby": safe(f"{name}-title")},
     )  # fmt: skip
     add(root, "title", title, id=f"{name}-title")
     return root

@@ -1,0 +1,133 @@
+"""Text from a device, a file, a peer or the network is made safe at each sink: sinks are walked, not commands."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import tomllib
+import unicodedata
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+
+import pytest
+from click.shell_completion import CompletionItem
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from dvtcli.cli.shell_completion import safe_items
+from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.output import Output
+from dvtcli.cli.view.paint import painted
+from dvtcli.cli.view.reports.junit_case_lines import junit_error_lines
+from dvtcli.device.change.private_file import file_name
+from dvtcli.errors import InputFileError
+from dvtcli.files import dbc_text, family_toml
+from dvtcli.files.picture import svg
+from dvtcli.files.values.csv_values import csv_text
+
+#: what a stranger's file has in a name: commands of terminals, of shells, formulas, ends of strings and of markup
+HOSTILE = (
+    *("\x1b]52;c;cm0gLXJmIH4K\x07", "\x1b]8;;http://x\x1b\\click\x1b]8;;\x1b\\", "\x9b31m", "a\u202eb", "\u2028x"),
+    *('=HYPERLINK("http://x")', "+1", "-1", "@SUM(1)", "\t=1", "\r=1", "\r\nx", "a\0b", "\ud800", "\\", '"""'),
+    *("'; rm -rf ~; '", "$(id)", "`id`", "|id", "../../x", '";\nBO_ 1 X: 8 A'),
+    *("</title><script>alert(1)</script>", "]]>", '" onload="x', "&lt;"),
+)
+STEERING = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
+
+
+def steers(text: str) -> str:
+    """The characters of *text* that could steer who shows it."""
+    return "".join(char for char in text if unicodedata.category(char) in STEERING)
+
+
+def terminal(text: str) -> None:
+    for colored in (False, True):
+        shown = painted([Cell(text, "bold"), Cell(text)], io.StringIO(), colored=colored, plain=False, width=0)
+        assert steers(re.sub(r"\x1b\[\d+m", "", shown)) == ""
+
+
+def wrapped(text: str) -> None:
+    assert steers(painted([Cell(text)], io.StringIO(), colored=False, plain=True, width=20).replace("\n", "")) == ""
+
+
+def messages(text: str) -> None:
+    """Notes and warnings; and documents, which are ASCII on one line."""
+    out, error = io.StringIO(), io.StringIO()
+    output = Output(out, error)
+    output.note(text)
+    output.warning(text)
+    output.told({"text": text})
+    output.documents([{"text": text}])
+    assert steers(error.getvalue().replace("\n", "")) == ""
+    assert out.getvalue().isascii()
+    assert out.getvalue().count("\n") == 1
+    assert json.loads(out.getvalue())["text"] == text
+
+
+def completion(text: str) -> None:
+    for item in safe_items([CompletionItem(text, help=text), CompletionItem("plain", help=text)]):
+        assert steers(item.value + (item.help or "")) == ""
+
+
+def csv_cells(text: str) -> None:
+    cell = csv_text(text)
+    assert not cell.startswith(("=", "+", "-", "@", "\t", "\r"))
+    assert cell.removeprefix("'") in (text, text.removeprefix("'"))
+    file = io.StringIO(newline="")
+    csv.writer(file).writerow([cell, "next"])
+    if "\0" not in text:
+        assert next(csv.reader(io.StringIO(file.getvalue(), newline=""))) == [cell, "next"]
+
+
+def pages(text: str) -> None:
+    root = svg.drawing(100, 100, text, text)
+    svg.add(root, "text", text, id=text)
+    read = ET.fromstring(svg.markup(root))  # noqa: S314 - our own
+    assert not [one for one in read.iter() if one.tag.endswith("script")]
+    assert all(not name.startswith("on") for one in read.iter() for name in one.attrib)
+    assert steers("".join(read.itertext()).replace("\n", "")) == ""
+
+
+def junit(text: str) -> None:
+    error = InputFileError(text, place=text, why=text, hint=text)
+    read = ET.fromstring("\n".join(str(line) for line in junit_error_lines(error)))  # noqa: S314 - our own
+    assert [one.tag for one in read.iter()][-2:] == ["testcase", "error"]
+    assert steers("".join(read.itertext()).replace("\n", "")) == ""
+
+
+def dbc(text: str) -> None:
+    quoted = dbc_text.quoted(text)
+    assert quoted[0] == quoted[-1] == '"'
+    assert not set('"\\\n') & set(quoted[1:-1])
+    assert steers(quoted) == ""
+
+
+def toml(text: str) -> None:
+    quoted = family_toml.quoted(text)
+    assert steers(quoted) == ""
+    assert isinstance(tomllib.loads(f"a = {quoted}")["a"], str)
+
+
+def names(text: str) -> None:
+    assert re.fullmatch(r"[A-Za-z0-9._]+", file_name(text))
+    assert "/" not in file_name(text)
+
+
+SINKS: dict[str, Callable[[str], None]] = {
+    sink.__name__: sink for sink in (terminal, wrapped, messages, completion, csv_cells, pages, junit, dbc, toml, names)
+}
+
+
+@pytest.mark.parametrize("sink", SINKS)
+def test_no_sink_shows_what_a_stranger_steers_with(sink: str) -> None:
+    for text in HOSTILE:
+        SINKS[sink](text)
+
+
+@pytest.mark.hypothesis
+@given(st.text(max_size=40) | st.lists(st.sampled_from(HOSTILE), max_size=3).map("".join), st.sampled_from([*SINKS]))
+@example("\x1b]0;x\x07", "terminal")
+def test_whatever_the_text_no_sink_is_steered(text: str, sink: str) -> None:
+    SINKS[sink](text)
