@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from types import TracebackType
 
+from dvtcli.device.resets import SentReset
 from dvtcli.domain import lss_services as lss
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import LssAddress, LssRanges
@@ -81,6 +82,10 @@ class LssMaster:
     def reset_node(self, node_id: int) -> None:
         """Let the node with *node_id* begin anew, with what it stored."""
         self._bus.send_nmt(NmtCommand.RESET_NODE, node_id)
+
+    def comes_up(self, node_id: int, seen: int, within_s: float) -> bool:
+        """Whether the node boots up as *node_id*, or answers so; *seen* boot-up messages of it were heard before."""
+        return SentReset(self._bus, node_id, seen, self._bus.now_s(), within_s).comes_back()
 
     def select(self, address: LssAddress) -> int:
         """Let the node with *address* alone be configured; how many answered that they are it.

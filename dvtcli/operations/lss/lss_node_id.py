@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.device.resets import SentReset
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
@@ -118,18 +117,17 @@ def give(session: Session, master: LssMaster, given: LssGiven) -> None:
     try:
         master.configure_node_id(given.node_id)
         activate(master, given.before)
-        if not _comes_up(bus, given.node_id, seen) and given.before == UNCONFIGURED and not answers(bus, given.node_id):
+        if (
+            not master.comes_up(given.node_id, seen, BOOT_UP_S)
+            and given.before == UNCONFIGURED
+            and not answers(bus, given.node_id)
+        ):
             master.reset_communication(UNCONFIGURED)  # some slaves take their first node-ID by a reset only
-            _comes_up(bus, given.node_id, seen)
+            master.comes_up(given.node_id, seen, BOOT_UP_S)
         require_on(bus, given.address, given.node_id)
     except DvtcliError as failed:
         raise _taken_back(bus, master, given, failed) from failed
     forget(session, given)
-
-
-def _comes_up(bus: CanopenBus, node_id: int, seen: int) -> bool:
-    """Whether *node_id* boots up or answers within `BOOT_UP_S`; *seen* boot-up messages of it were heard before."""
-    return SentReset(bus, node_id, seen, bus.now_s(), BOOT_UP_S).comes_back()
 
 
 def activate(master: LssMaster, before: int) -> None:
@@ -170,7 +168,7 @@ def take_back(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
         seen = bus.boot_ups(given.before)
         activate(master, now)
         if given.before != UNCONFIGURED:
-            _comes_up(bus, given.before, seen)
+            master.comes_up(given.before, seen, BOOT_UP_S)
         now = selected(master, given.address)
     master.let_wait()
     if now != given.before:
