@@ -223,7 +223,13 @@ class SafetyRefusal(DvtcliError):
 
 def stopped_node(node_id: int) -> SafetyRefusal:
     """What refuses to go on with a node that is STOPPED."""
-    return SafetyRefusal(f"node {node_id} is STOPPED: it answers no SDO", node=node_id, hint=f"nmt preop {node_id}")
+    from dvtcli.domain.hint import Action, Hint
+
+    return SafetyRefusal(
+        f"node {node_id} is STOPPED: it answers no SDO",
+        node=node_id,
+        hint=Hint(Action.ENTER_PRE_OPERATIONAL, {"node": node_id}),
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import errno
 
+from dvtcli.domain.hint import Hint
+
 #: what the system says of a link, a port or a connection that is no more
 _GONE = frozenset(
     {errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ECONNABORTED}
@@ -50,7 +52,7 @@ class Carrier:
         """What should be known of it and was not told yet, in words."""
         return []
 
-    def next_step(self, error: Exception) -> str:
+    def next_step(self, error: Exception) -> Hint | str:
         """What to do after *error* of sending or receiving."""
         if isinstance(error, ConnectionError):
             return "is the server still running?"

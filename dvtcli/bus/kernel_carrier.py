@@ -122,7 +122,7 @@ class KernelCarrier(Carrier):
             self._told_lost = lost
         return news
 
-    def next_step(self, error: Exception) -> str:
+    def next_step(self, error: Exception) -> Hint | str:
         """What the link's state says to do about *error*."""
         if self.is_full(error):
             return (
@@ -131,7 +131,9 @@ class KernelCarrier(Carrier):
             )
         link = kernel_link(self._channel)
         if link is None and getattr(error, "error_code", None) in (errno.ENODEV, errno.ENXIO, errno.ENETDOWN):
-            return f"{self._channel} is gone: plug the adapter in again; `dvtcli doctor` lists what is there"
+            return Hint(
+                Action.CHECK_SETUP, why=f"{self._channel} is gone: plug the adapter in again; {{}} lists what is there"
+            )
         return (link and link.problem) or super().next_step(error)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import can
 
 from dvtcli.bus.carrier import Carrier
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.errors import BusUnavailable
 
 #: what is to be installed for each interface, besides python-can
@@ -49,13 +49,16 @@ def is_missing(error: Exception) -> bool:
     return any(words in str(error).lower() for words in _MISSING)
 
 
-def what_to_install(interface: str) -> str | None:
+def what_to_install(interface: str) -> Hint | None:
     """The next step where the library of *interface* is missing; None where none is known."""
     library = _LIBRARIES.get(interface)
     if library is None:
         return None
-    kernels = "; or let Linux drive the adapter: -i socketcan -c can0"
-    return f"install {library}{kernels if sys.platform == 'linux' and interface in _KERNEL_KNOWS else ''}"
+    install = as_hint(f"install {library}")
+    if sys.platform != "linux" or interface not in _KERNEL_KNOWS:
+        return install
+    kernels = Hint(Action.GIVE_INTERFACE, {"interface": "socketcan"}, "or let Linux drive the adapter: {}")
+    return install + kernels + Hint(Action.GIVE_CHANNEL, {"channel": "can0"}, " {}")
 
 
 def why_missing(interface: str) -> str:

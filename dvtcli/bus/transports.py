@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.interpreter import python_words
 
 #: the group of their entry points
@@ -27,11 +28,11 @@ if not callable(EntryPoint("", sys.argv[1], "").load()):
 
 @dataclass(frozen=True, slots=True)
 class Brought:
-    """A way to a bus with its name for `-i`; *about* says whose it is and what is wrong, *problem* what to do then."""
+    """A way to a bus by its *name*; *about* says whose it is and what is wrong, *problem* what to do then."""
 
     name: str
     about: str
-    problem: str | None = None
+    problem: Hint | str | None = None
 
 
 def transports() -> Mapping[str, EntryPoint]:
@@ -46,16 +47,17 @@ def brought() -> Iterator[Brought]:
     for name, one in sorted(transports().items()):
         about = f"of {_package(one)}: {one.value}"
         if name in VALID_INTERFACES:
-            yield Brought(name, about, f"never opened: -i {name} is python-can's interface")
+            yield Brought(name, about, "never opened: python-can has an interface of this name")
             continue
-        hint = None
+        hint: Hint | str | None = None
         if (why := _problem(one)) is not None:
             about, hint = f"{about}; {why}", "`pip check` says what its package lacks"
         others = [f"that of {_package(other)}: {other.value}" for other in entry_points(group=GROUP, name=name)]
         others.remove(f"that of {_package(one)}: {one.value}")
         if others:
             about = f"{about}; never opened: {', '.join(others)}"
-            hint = f"-i {name} opens that of {_package(one)}: uninstall the package that is not meant"
+            which = f"{{}} opens that of {_package(one)}: uninstall the package that is not meant"
+            hint = Hint(Action.GIVE_INTERFACE, {"interface": name}, which)
         yield Brought(name, about, hint)
 
 

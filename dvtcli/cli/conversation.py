@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.cli.view.output import Output
     from dvtcli.cli.view.typed_hints import TypedCall
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
@@ -53,11 +54,11 @@ class OnScreen:
         self._output = output
         self._may_ask = may_ask
 
-    def note(self, text: str) -> None:
+    def note(self, text: Hint | str) -> None:
         """Show a message."""
         self._output.note(text)
 
-    def warning(self, text: str) -> None:
+    def warning(self, text: Hint | str) -> None:
         """Show a warning."""
         self._output.warning(text)
 

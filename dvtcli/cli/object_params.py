@@ -13,6 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from dvtcli.cli.params import CanopenType
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.object_syntax import (
     MappedObject,
@@ -93,7 +94,7 @@ class ObjectType(CanopenType):
             else:
                 return
         if isinstance(failure, UnknownName):
-            raise ValueError(f"{failure}; {name_hint(failure)}")
+            raise ValueError(f"{failure}; {typed(name_hint(failure))}")
         if failure is not None:
             raise failure
 

@@ -137,4 +137,4 @@ def level_finding(access: Access) -> tuple[Finding, ...]:
         return ()
     place = f"0x{policy.level[0]:04X}:{policy.level[1]:02X}"
     text = f"the access level is too low: it is {held}, and this needs {policy.needed}"
-    return (error("access-level", place, text, Abort.GENERAL, f"login {policy.needed}"),)
+    return (error("access-level", place, text, Abort.GENERAL, Hint(Action.LOG_IN, {"level": policy.needed})),)

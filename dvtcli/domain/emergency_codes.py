@@ -5,6 +5,8 @@ Does not know how they travel, nor what a maker's own codes mean.
 
 from __future__ import annotations
 
+from dvtcli.domain.hint import Action, Hint
+
 #: Emergency error codes of CiA 301, table 26, and their classes.
 _CODES = {
     0x8110: "CAN overrun",
@@ -62,16 +64,20 @@ _DRIVE_CODES = {
     0x8611: "following error",
 }
 #: what helps, where the standard itself says what happened
-_REMEDIES = {
-    0x8110: "frames came faster than it takes them: lower the bus load (`load`)",
+_REMEDIES: dict[int, Hint | str] = {
+    0x8110: Hint(Action.SHOW_LOAD, why="frames came faster than it takes them: lower the bus load ({})"),
     0x8120: "look at wiring, termination and bit rate",
-    0x8130: "a node that it watches (0x1016) is silent: `scan`, and look at that node's 0x1017",
+    0x8130: Hint(
+        Action.FIND_NODES, why="a node that it watches (0x1016) is silent: {}, and look at that node's 0x1017"
+    ),
     0x8140: "look at wiring, termination and bit rate",
-    0x8150: "two nodes send the same CAN-ID: `scan`, and compare the COB-IDs (`pdo --all`)",
-    0x8210: "the producer sends fewer bytes than the RPDO maps: compare both mappings (`pdo`)",
-    0x8220: "the producer sends more bytes than the RPDO maps: compare both mappings (`pdo`)",
-    0x8240: "compare 0x1019 with what the SYNC producer sends (`sync --check`)",
-    0x8250: "the producer of an RPDO is silent: `pdo` shows the event timer, `monitor` who sends",
+    0x8150: Hint(Action.FIND_NODES, why="two nodes send the same CAN-ID: {}")
+    + Hint(Action.SHOW_PDOS, {"all": True}, ", and compare the COB-IDs ({})"),
+    0x8210: Hint(Action.SHOW_PDOS, why="the producer sends fewer bytes than the RPDO maps: compare both mappings ({})"),
+    0x8220: Hint(Action.SHOW_PDOS, why="the producer sends more bytes than the RPDO maps: compare both mappings ({})"),
+    0x8240: Hint(Action.CHECK_SYNC, why="compare 0x1019 with what the SYNC producer sends ({})"),
+    0x8250: Hint(Action.SHOW_PDOS, why="the producer of an RPDO is silent: {} shows the event timer")
+    + Hint(Action.MONITOR, why=", {} who sends"),
 }
 _REGISTER = (
     "generic", "current", "voltage", "temperature", "communication", "device profile", "reserved", "manufacturer",
@@ -91,7 +97,7 @@ def emergency_text(code: int, device_type: int | None = None) -> str:
     return _CODES.get(code) or _CLASSES.get(high) or _CLASSES.get(high & 0xF0) or "reserved"
 
 
-def emergency_remedy(code: int) -> str:
+def emergency_remedy(code: int) -> Hint | str:
     """What helps against an emergency error code; empty where the standard does not say what happened."""
     return _REMEDIES.get(code, "")
 

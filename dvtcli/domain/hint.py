@@ -30,7 +30,10 @@ class Action(Enum):
     EXTEND = "take a CAN-ID of 29 bits"
     FORBID_RTR = "forbid remote frames"
     ALLOW_RTR = "allow remote frames"
+    READ = "read the object"
     WRITE = "write the object"
+    EDIT_PDO = "edit the PDO"
+    SHOW_VPDO = "show the virtual PDO"
     LINK = "link the PDOs"
     # going back
     UNDO = "undo the last change"
@@ -45,6 +48,9 @@ class Action(Enum):
     PROVE_POWER = "store, and compare after a power cycle"
     # the network
     RESET_NODE = "reset the node"
+    RESET_COMMUNICATION = "reset the communication"
+    START_NODE = "start the node"
+    SEND_SYNC = "send SYNC"
     ENTER_PRE_OPERATIONAL = "enter PRE-OPERATIONAL"
     CHECK_LIVE = "check the network on the bus"
     SHOW_LOAD = "show the bus load"
@@ -61,21 +67,37 @@ class Action(Enum):
     LSS_SCAN = "find the nodes without node-ID"
     LSS_SELECT = "select a node by its LSS address"
     LSS_STORE = "store the node-ID"
+    LSS_ASSIGN = "give every node its node-ID"
+    LSS_BIT_RATE = "change the bit rate"
+    LSS_IDENTIFY = "ask for the LSS address"
+    LSS_NODE_ID = "give a node-ID"
     LSS = "change node-ID or bit rate"
     LOG_IN = "log in"
     LEARN = "learn the device"
     # files
     CHECK_EDS = "check the device file"
+    ADD_EDS = "add the file to the library"
+    SHOW_EDS = "show the device file"
+    LIST_EDS = "list the library"
     REMOVE_EDS = "remove the file from the library"
     LOG = "record the frames"
     LOG_VALUES = "record the values"
     READ_VALUES = "read the values again and again"
     SAVE_PLAN = "save the plan"
+    CONVERT = "convert the file"
+    EXPORT = "export the node"
+    IMPORT = "write the network to a file"
+    BACKUP = "back the node up"
+    SAVE_SCRIPT = "save the changes as a script"
+    DECODE = "decode the recording"
+    DRAW = "draw the network"
+    LIST_PROFILES = "list the families"
     SHOW_HABITS = "show what is remembered of devices"
     FORGET_HABITS = "forget what is remembered of devices"
     DOWNLOAD = "download the program"
     FORGET_DOWNLOAD = "forget the download"
     # options of the same call
+    GIVE = "give the argument"
     GIVE_EDS = "name the EDS"
     GIVE_PROFILE = "name the profile"
     GIVE_USER = "name the user"
@@ -87,7 +109,6 @@ class Action(Enum):
     GIVE_SETTING = "give a setting of the interface"
     GIVE_JOURNAL = "name the folder of journals"
     GIVE_TIMEOUT = "wait longer"
-    GIVE_EMCY_TIME = "name the time between emergencies"
     GIVE_NAME = "save it under another name"
     GIVE_DBC = "name the DBC file"
     AGREE = "answer yes"
@@ -187,8 +208,8 @@ def plain_json(value: object) -> str | None:
 def filled(template: str, arguments: Mapping[str, Any]) -> list[str]:
     """The words of *template* with the *arguments*.
 
-    `{name}` is an argument's value, the word is left out without it; `{name?word}` is the word if the argument is
-    true; `{name|WORD}` is the value, or the placeholder WORD.
+    `{name}` is an argument's value, or each of several; the word is left out without it; `{name?word}` is the word if
+    the argument is true; `{name|WORD}` is the value, or the placeholder WORD.
     """
     found: list[str] = []
     for word in template.split():
@@ -198,7 +219,7 @@ def filled(template: str, arguments: Mapping[str, Any]) -> list[str]:
         elif mark == "?":
             found += [other] if arguments.get(name) not in (None, False) else []
         elif (value := arguments.get(name)) is not None:
-            found.append(str(value))
+            found += map(str, value if isinstance(value, tuple) else (value,))
         elif mark:
             found.append(other)
     return found

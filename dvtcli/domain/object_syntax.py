@@ -158,7 +158,9 @@ def parse_cob_id(text: str) -> int:
         value = int(text, 16)
         if value <= 0x1FFF_FFFF:
             return value
-        raise ValueError(f"{text} is more than a CAN-ID's 29 bits; bits 29..31 have options: --extended --no-rtr --off")
+        raise ValueError(
+            f"{text} is more than a CAN-ID's 29 bits; bits 29..31 (extended, RTR, valid) have options of their own"
+        )
     if re.fullmatch(r"[0-9A-Fa-f]{1,8}", text):
         likely = text.isdecimal() and PDO_CAN_IDS[0] <= int(text) <= PDO_CAN_IDS[1]
         decimal = f"0x{int(text):X} (decimal {text}) or " if likely else ""

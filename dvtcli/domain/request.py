@@ -11,6 +11,7 @@ from itertools import islice
 from typing import Literal
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoCommunicationParameter, PdoConfig
@@ -138,8 +139,8 @@ def instead_findings(want: PdoWant, proposal: Proposal) -> Iterator[Finding]:
     kept_proposal = replace(proposal, want=_with_cob_id(proposal.want, usual))
     refusals = (one for one in can_id_findings(kept_proposal) if one.severity is Severity.ERROR)
     for refused in islice(refusals, 1):
-        text = f"{refused.text}: {got} instead (--cob-id {usual} --force takes it all the same)"
-        yield note("can-id-instead", proposal.communication_place(1), text)
+        same = Hint(Action.SELECT_CAN_ID, {"can_id": usual}) + Hint(Action.FORCE, why=" {} takes it all the same")
+        yield note("can-id-instead", proposal.communication_place(1), f"{refused.text}: {got} instead", same)
 
 
 def _with_cob_id(config: PdoConfig, cob_id: CobId) -> PdoConfig:
@@ -157,14 +158,14 @@ def _cob_id(request: PdoRequest, proposal: Proposal) -> CobId:
     flags = replace(held, valid=enabled, rtr_allowed=_rtr(request, proposal))
     if isinstance(request.cob_id, int):
         if request.cob_id > HIGHEST_BASE_CAN_ID and not request.extended:
-            raise ValueError(f"CAN-ID 0x{request.cob_id:X} has more than 11 bits; add --extended for a 29-bit CAN-ID")
+            raise ValueError(f"CAN-ID 0x{request.cob_id:X} has more than 11 bits: it is an extended one (29 bits)")
         return replace(flags, can_id=request.cob_id, extended=request.extended)
     kept = replace(flags, extended=held.extended or request.extended)
     if request.cob_id == "keep" or (request.cob_id is None and (not enabled or _legal(proposal, kept))):
         return kept
     automatic = automatic_can_id(proposal)
     if automatic is None:
-        raise ValueError("every CAN-ID of 0x680..0x6DF is in use on this node; give one with --cob-id")
+        raise ValueError("every CAN-ID of 0x680..0x6DF is in use on this node; give one")
     return replace(flags, can_id=automatic, extended=False)
 
 

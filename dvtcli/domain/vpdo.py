@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.plan import Step, ValueChange
 from dvtcli.domain.profile import VpdoGroup
@@ -53,7 +54,13 @@ class Pins:
             yield error("vpdo-range", self.place(pin), text, Abort.GENERAL, "or the word none")
         elif value != self.group.none and dictionary is not None and value not in dictionary:
             text = f"0x{value:04X} is not in {dictionary.source}: the device has nothing to tie the pin to"
-            yield error("vpdo-object", self.place(pin), text, Abort.GENERAL, "objects TEXT searches the dictionary")
+            yield error(
+                "vpdo-object",
+                self.place(pin),
+                text,
+                Abort.GENERAL,
+                Hint(Action.FIND_OBJECTS, why="searches the dictionary"),
+            )
 
     def tie(self, pin: int, value: int, name: str = "") -> Iterator[ValueChange]:
         """The writes that tie *pin* (1…) to the object at index *value*, called *name*; the group's none unties it.

@@ -6,7 +6,6 @@ Who uses the file for its values is told, since else `eds check` alone says it. 
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -32,9 +31,7 @@ def unread_values(read: EdsFile | XddFile, file: str) -> tuple[str, ...]:
     if len(told) <= _MOST:
         return tuple(told)
     more = len(told) - _MOST + 1
-    return *told[
-        : _MOST - 1
-    ], f"{file}: {more} more lines like these; `dvtcli eds check {shlex.quote(file)}` names them"
+    return *told[: _MOST - 1], f"{file}: {more} more lines like these; a check of the file names them"
 
 
 def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:

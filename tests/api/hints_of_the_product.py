@@ -44,19 +44,6 @@ def all_hints() -> dict[str, str]:
     return found
 
 
-@cache
-def all_texts() -> frozenset[str]:
-    """Every text of these rooms that is no docstring, hints among them."""
-    found = set(all_hints())
-    for module in modules():
-        if module.room in ROOMS and not module.name.startswith("operations/api/"):
-            said = {id(one.value) for one in ast.walk(module.tree) if isinstance(one, ast.Expr)}
-            found |= {
-                _text(one) or "" for one in ast.walk(module.tree) if isinstance(one, _TEXTS) and id(one) not in said
-            }
-    return frozenset(found)
-
-
 def _asked(module: Module) -> Iterator[ast.expr]:
     """What is given as a hint: by its name, by its place, by an assignment, or as what a function of that name says."""
     for node in ast.walk(module.tree):

@@ -19,10 +19,11 @@ from canopen.sdo import SdoCommunicationError
 
 import dvtcli
 from dvtcli import errors
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.operations import results as room
-from dvtcli.operations.api.hints import answer_in_python
+from dvtcli.operations.api.called_hints import answer_in_calls
 from dvtcli.operations.api.told import Told
 from dvtcli.operations.results import NetworkApplied
 from dvtcli.results import Changed, Message, Pdo, Progress, Synced
@@ -96,7 +97,6 @@ def test_nmt_is_judged_by_the_state_that_is_seen() -> None:
         assert not bus.node().nmt("start")
 
 
-@heavy
 def test_a_change_of_an_earlier_program_is_recovered(dvtcli_serve: Serve) -> None:
     served = dvtcli_serve("gen4@5")
     killed = """
@@ -416,7 +416,6 @@ def test_another_threads_call_is_no_part_of_a_dry_run() -> None:
         assert not bus.node().pdo("tpdo1").config.enabled
 
 
-@heavy
 def test_what_stood_or_fell_together_is_recovered_on_every_node(dvtcli_serve: Serve) -> None:
     served = dvtcli_serve("gen4@1", "gen4@3")
     killed = f"""
@@ -541,7 +540,6 @@ def test_a_wrong_sync_is_told(wrong: dict[str, Any]) -> None:
         bus.sync(**wrong)
 
 
-@heavy
 def test_an_answer_has_a_short_text() -> None:
     with dvtcli.simulate("gen4") as bus:
         node = bus.node()
@@ -561,18 +559,18 @@ def test_answers_speak_of_calls() -> None:
         node = bus.node(1)
         changed = node.map("tpdo1", "606C")
         assert changed.keep == "`node.store()` keeps it"
-        said = Finding("can-id", Severity.NOTE, "1800:01", "taken", None, "or --cob-id auto")
+        said = Finding("can-id", Severity.NOTE, "1800:01", "taken", None, Hint(Action.SELECT_CAN_ID, why="or {}"))
         noted = replace(changed, findings=(said,))
-    assert answer_in_python(noted).findings[0].hint == "or cob_id='auto'"
-    assert answer_in_python(noted.plan) is noted.plan
-    applied = NetworkApplied(None, False, 0.0, keep={1: changed.keep, 5: "`store` keeps it"})  # type: ignore[arg-type]
-    assert answer_in_python(applied).keep[5] == "`node.store()` keeps it"
+    assert answer_in_calls(noted).findings[0].hint == "or cob_id='auto'"
+    assert answer_in_calls(noted.plan) is noted.plan
+    applied = NetworkApplied(None, False, 0.0, keep={1: changed.keep, 5: Hint(Action.STORE, why="keeps it")})  # type: ignore[arg-type]
+    assert answer_in_calls(applied).keep[5] == "`node.store()` keeps it"
 
 
 def test_questions_speak_of_calls() -> None:
     asked: list[str] = []
-    Told(ask_user=lambda question: bool(asked.append(question))).ask("put it back with `undo`, and --force?")
-    assert asked == ["put it back with `node.undo()`, and force=True?"]
+    Told(ask_user=lambda question: bool(asked.append(question))).ask("put it back, as --force and --for 5 say?")
+    assert asked == ["put it back, as force and for_s=5 say?"]
 
 
 def test_a_notebook_shows_every_answer_and_its_rows_in_short() -> None:

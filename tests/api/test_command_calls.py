@@ -10,9 +10,8 @@ import pytest
 
 from dvtcli import testing
 from dvtcli.cli.catalogue import command_names
-from dvtcli.operations.api.python_hints import CALLS
 from tests.house.pages import text
-from tests.house.reference.calls import FORMS, OWNERS, call
+from tests.house.reference.calls import CALLS, FORMS, OWNERS, call
 from tests.house.reference.commands import command
 
 #: calls that are no command's: a program's own affairs

@@ -10,16 +10,10 @@ import dvtcli
 from dvtcli.cli.catalogue import command_names
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, DvtcliError, State
-from dvtcli.operations.api import python_hints
-from dvtcli.operations.api.called_hints import called
-from dvtcli.operations.api.hints import python_words
-from dvtcli.operations.api.python_hints import hint_in_python, in_python
-from tests.api.hints_of_the_product import all_hints, all_texts
-from tests.sample import heavy
+from dvtcli.operations.api.called_hints import called, errors_in_calls, in_calls
+from tests.api.hints_of_the_product import all_hints
 
 _NAMES = "|".join(map(re.escape, command_names()))
-#: calls, and programs of a terminal
-_CALL = re.compile(r"`?(?:(?:node|bus|dvtcli)\.[\w.]+(?:\([^`()]*\))+(?:\.\w+\([^`()]*\))?|dvtcli -*\w[^`]*)`?")
 _OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*|`")
 #: a command with what is typed behind it
 _TYPED = re.compile(rf"\b(?:{_NAMES})(?: [A-Z]{{3,}}\b| \d+\b| [tr]pdo\d| [\w-]+=| --)")
@@ -30,59 +24,62 @@ _DONE = re.compile(
 )
 #: words that are a command's, said as English, or typed in another program's window
 _ENGLISH = re.compile(
-    r"node 5|write 5 or 5/5|ssh -L|vendor-product\[-revision\]|or eds$|eds takes the path|bitrate 5|give dbc, eds,"
+    r"store: (?:true|false)|node 5|write 5 or 5/5|ssh -L|vendor-product\[-revision\]|or eds$|eds takes the path"
 )
 
 
-def not_a_call(hint: str) -> list[str]:
-    """What of a *hint*, as a program is told it, is still typed at a command line."""
-    left = _ENGLISH.sub("", _CALL.sub("", hint_in_python(hint)))
+def typed_words(hint: str) -> list[str]:
+    """What of a *hint* that is text is typed at a command line."""
+    left = _ENGLISH.sub("", hint)
     return [found[0] for rule in (_OPTION, _TYPED, _DONE) for found in rule.finditer(left)]
 
 
 def test_all_hints_are_found() -> None:
-    assert len(all_hints()) > 250
-    for hint in ("eds convert net.yaml net.dbc --with emcy", "nmt preop 5"):
+    assert len(all_hints()) > 100
+    for hint in ("which one? 5", "look at its supply, then try again"):
         assert hint in all_hints()
 
 
-def test_no_hint_is_a_command_line() -> None:
-    wrong = {
-        f"{place}: {hint_in_python(hint)}": said for hint, place in all_hints().items() if (said := not_a_call(hint))
-    }
+def test_a_hint_that_is_text_names_no_command_and_no_option() -> None:
+    """These are a Hint, which the command line and this API write each in its way."""
+    wrong = {f"{place}: {hint}": said for hint, place in all_hints().items() if (said := typed_words(hint))}
     assert not wrong
 
 
 @pytest.mark.parametrize(
     "hint", ["frobnicate --nix", "read NAME", "`unknown TEXT`", "map 5 eds=x", "scan shows", "look at -x"]
 )
-def test_what_is_typed_is_noticed(hint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tests.api.test_hints.hint_in_python", str)
-    assert not_a_call(hint)
+def test_what_is_typed_is_noticed(hint: str) -> None:
+    assert typed_words(hint)
 
 
-@heavy
-@pytest.mark.parametrize(("table", "begins"), [("_SENTENCES", ""), ("_ARGUMENTS", "--")])
-def test_what_is_translated_is_said_somewhere(table: str, begins: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without an entry some text of the product would come out otherwise."""
-    stale = set()
-    entries: dict[str, str] = getattr(python_hints, table)
-    for entry in entries:
-        concerned = {text: hint_in_python(text) for text in all_texts() if f"{begins}{entry}" in text}
-        with monkeypatch.context() as without:
-            without.setattr(python_hints, table, {key: value for key, value in entries.items() if key != entry})
-            if all(hint_in_python(text) == said for text, said in concerned.items()):
-                stale.add(entry)
-    assert not stale, f"{table} of operations/api/python_hints.py: no text of the product needs these"
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("--timeout 5: a time-out is 0.001…600 seconds", "timeout_s=5: a time-out is 0.001…600 seconds"),
+        ("--with, --split-bits and --all are for a DBC file", "services, split_bits and everything are for a DBC file"),
+        ("-n 5 names several", "node_id=5 names several"),
+        ("0x1A00 -5 and CAN-ID, one-way -- as it is", "0x1A00 -5 and CAN-ID, one-way -- as it is"),
+    ],
+)
+def test_an_option_in_a_text_is_its_argument(text: str, said: str) -> None:
+    assert in_calls(text) == said
 
 
-def test_a_command_in_marks_is_its_call_or_how_it_is_typed() -> None:
-    marked = {found for text in all_texts() for found in re.findall(rf"`(?:{_NAMES})`", text)}
-    assert len(marked) > 15
-    left = {
-        one for one in marked if not re.fullmatch(r"`(?:(?:node|bus|dvtcli)\.[\w.]+\(\)|dvtcli .+)`", in_python(one))
-    }
-    assert not left, "operations/api/python_hints.py: say what these are in a program"
+@pytest.mark.parametrize(
+    ("hint", "said"),
+    [
+        (Hint(Action.GIVE, {"prove": True}, "without {}"), "without prove=True"),
+        (Hint(Action.GIVE, {"as_type": "os"}, "shows it"), "as_type='os' shows it"),
+        (Hint(Action.GIVE, {"expect": "NUMBER"}, "says it"), "expect=NUMBER says it"),
+        (Hint(Action.GIVE, {"heartbeat": False}, "leaves it"), "heartbeat=False leaves it"),
+        (Hint(Action.RECOVER, {"accept": True}, "takes it"), "`dvtcli recover --accept` takes it"),
+        (Hint(Action.LSS_STORE, {"of": "NODE"}, "or {}"), "or `bus.lss.store(NODE)`"),
+        (Hint(Action.SEND_SYNC, {"count": 100, "period": 20}), "`bus.sync(100, period_ms=20)`"),
+    ],
+)
+def test_a_hint_is_a_call(hint: Hint, said: str) -> None:
+    assert called(hint) == said
 
 
 SAID = {
@@ -121,7 +118,7 @@ def test_a_period_of_nothing_is_refused() -> None:
 def test_a_state_is_said_once(state: State, said: str, note: str) -> None:
     failed = DvtcliError("what failed", state=state)
     failed.state_text = said
-    with pytest.raises(DvtcliError) as raised, python_words():
+    with pytest.raises(DvtcliError) as raised, errors_in_calls():
         raise failed
     assert raised.value.__notes__ == [note]
 
@@ -138,8 +135,3 @@ def test_what_takes_a_network_back_is_a_call_of_the_bus() -> None:
     hint = Hint(Action.FINISH_STORES, why="goes on with the stores")
     said = called(hint + Hint(Action.RECOVER_ALL, why=", {} puts every node back"))
     assert said == "`bus.finish_stores()` goes on with the stores, `bus.recover()` puts every node back"
-
-
-def test_what_finishes_a_change_is_a_call() -> None:
-    said = hint_in_python("scan finds it; then recover finishes it, from /x/journal.json")
-    assert "`node.recover()` finishes it, from /x/journal.json" in said

@@ -16,6 +16,7 @@ from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError
 
 from dvtcli.domain.gateway.gateway_answers import Dialect
+from dvtcli.domain.hint import Hint
 from dvtcli.operations.gateway.serve_gateway import Gateway, gateway
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -30,9 +31,9 @@ class Heard(Silent):
     def __init__(self) -> None:
         self.said: list[str] = []
 
-    def note(self, text: str) -> None:
+    def note(self, text: Hint | str) -> None:
         """Keep it."""
-        self.said.append(text)
+        self.said.append(str(text))
 
     warning = note
 

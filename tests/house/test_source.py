@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import re
 
 import pytest
 
+from dvtcli.cli.catalogue import command_names
 from tests.house.draw import nodes
-from tests.house.source import modules
+from tests.house.source import Module, modules
 
 pytestmark = pytest.mark.together
 
@@ -74,3 +76,27 @@ def test_files_of_strangers_have_one_door() -> None:
         and ("." in ast.unparse(node.func) or ast.unparse(node.func) == "open")
     }
     assert found - {"files/input_file.py"} == MAY_OPEN.keys()
+
+
+#: words of a command line in an inner room that are none
+_NO_COMMAND = {"domain/script_line.py": "writes lines of scripts"}
+
+
+def test_inner_rooms_name_no_command_and_no_option() -> None:
+    """What to do next is a Hint, which `cli` writes as a line and the API as a call."""
+    typed = re.compile(rf"`(?:dvtcli|{'|'.join(map(re.escape, command_names()))})\b[^`]*`|(?<![\w-])--[a-z][a-z-]+")
+    found = [
+        f"{module.name}:{node.lineno} {node.value}"
+        for module in modules()
+        if module.room in ("domain", "device", "bus", "files", "simulator") and module.name not in _NO_COMMAND
+        for node in _texts(module)
+        if typed.search(node.value)
+    ]
+    assert not found
+
+
+def _texts(module: Module) -> list[ast.Constant]:
+    """The texts of *module* without its docstrings."""
+    docstrings = {id(node.value) for node in ast.walk(module.tree) if isinstance(node, ast.Expr)}
+    found = (node for node in ast.walk(module.tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    return [node for node in found if id(node) not in docstrings]

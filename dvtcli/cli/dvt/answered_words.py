@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.dvt.notation import meant_in_hex
-from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Hint
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, RuleError, SdoAborted, SdoProtocolError
 from dvtcli.operations.results import DvtAnswer
 
@@ -58,6 +58,6 @@ def _meant(session: Session, word: Word, values: Sequence[Any]) -> str:
     return ""
 
 
-def _reasons(error: DvtcliError) -> tuple[str, ...]:
+def _reasons(error: DvtcliError) -> tuple[Hint | str, ...]:
     """The failure in words: what, why, and what to do next."""
-    return tuple(text for text in (error.text, error.why, typed(error.hint)) if text)
+    return tuple(text for text in (error.text, error.why, error.hint) if text)

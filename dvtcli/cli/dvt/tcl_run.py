@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.dvt.tcl_calls import Calls, modern
 from dvtcli.cli.dvt.tcl_process import Late, TclProcess
 from dvtcli.cli.dvt.tcl_wire import Answer, Call, End, Frame, Gone, Limits, Ready, Setup, WireError
-from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 
 if TYPE_CHECKING:
@@ -144,7 +143,8 @@ class TclRun:
         try:
             return Answer(False, self._calls.run(call.name, call.texts, place))
         except UsageError as wrong:
-            return Answer(True, f"{wrong.text}; {typed(wrong.hint)}" if wrong.hint else wrong.text)
+            hint = wrong.hint and self._session.output.hints(wrong.node).text(wrong.hint)
+            return Answer(True, f"{wrong.text}; {hint}" if hint else wrong.text)
         finally:
             if self._session.script_changes is not None:
                 self._session.script_changes.note(place)

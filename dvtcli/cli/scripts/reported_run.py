@@ -36,8 +36,12 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
             whole.number = _line_of(file, whole.error) or 1
     finally:
         output.stdout, session.report = stdout, outer
+    cases = _cases(report, whole)
+    for line in cases:
+        if line.error is not None and line.error.hint:
+            line.hint = output.hints(line.error.node).text(line.error.hint)
     make = getattr(import_module("dvtcli.cli.view.reports.script_cases"), _REPORTS[name])
-    output.machine_lines(make(_cases(report, whole)))
+    output.machine_lines(make(cases))
     return whole.code
 
 

@@ -23,6 +23,8 @@ class LineRan:
     said: str = ""
     error: DvtcliError | None = None
     seconds: float = 0.0
+    #: what its error says to do next, as it is typed
+    hint: str = ""
 
 
 @dataclass(slots=True)

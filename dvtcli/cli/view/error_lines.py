@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from dvtcli.cli.view.complaint_lines import complaint_lines, source_lines
-from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.lines import Cell, Line, part
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.hint import Hint, next_step
 from dvtcli.domain.profile import Severity
@@ -125,11 +125,7 @@ def _hint_row(hint: Hint | str | None) -> list[tuple[str, str | Hint]]:
 
 def _rows(rows: Iterable[tuple[str, str | Hint]]) -> Iterator[Line]:
     for label, text in rows:
-        yield [Cell(f"  {label:<7} ", "dim"), _part(text)]
-
-
-def _part(text: str | Hint) -> Cell | Hint:
-    return Cell(text) if isinstance(text, str) else text
+        yield [Cell(f"  {label:<7} ", "dim"), part(text)]
 
 
 def _left_rows(error: LeftChanged) -> Iterator[tuple[str, str]]:
@@ -163,7 +159,7 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
             yield [Cell("  also    ", "dim"), Cell(finding.text)]
         yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
         if finding.hint:
-            yield [Cell("  hint    ", "dim"), _part(finding.hint)]
+            yield [Cell("  hint    ", "dim"), part(finding.hint)]
     yield from _rows(row for row in error.details if row[0] == "also")
     yield [Cell("  state   ", "dim"), Cell(_state(error, at) + _forced(error))]
 
@@ -179,7 +175,7 @@ def _placed_lines(error: RuleError, at: str | None) -> Iterator[Line]:
         yield from () if finding.complaint is None else source_lines(finding.complaint)
         yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
         if finding.hint:
-            yield [Cell("  hint    ", "dim"), _part(finding.hint)]
+            yield [Cell("  hint    ", "dim"), part(finding.hint)]
     if len(ordered) > _MOST_COMPLAINTS:
         yield f"{len(ordered)} errors ({_MOST_COMPLAINTS} shown)."
     yield from _rows(row for row in error.details if row[0] == "also")
@@ -209,4 +205,4 @@ def finding_line(finding: Finding) -> Line:
     word = "forced" if finding.severity is Severity.ERROR else str(finding.severity)
     place = "" if finding.complaint is None else f"{finding.complaint.place}: "
     line: list[Cell | Hint] = [Cell(place), Cell(f"{word}: ", _STYLES[finding.severity]), Cell(finding.text)]
-    return [*line, Cell("; "), _part(finding.hint)] if finding.hint else line
+    return [*line, Cell("; "), part(finding.hint)] if finding.hint else line

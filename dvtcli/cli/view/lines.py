@@ -30,6 +30,11 @@ class Cell:
 Line: TypeAlias = "str | Cell | Hint | Sequence[Cell | Hint]"
 
 
+def part(text: str | Hint) -> Cell | Hint:
+    """*text* as a part of a line."""
+    return Cell(text) if isinstance(text, str) else text
+
+
 @dataclass(slots=True)
 class Table:
     """Rows of cells in aligned columns; *right* names the columns that are aligned to the right.

@@ -210,18 +210,18 @@ class Output:
 
             self.progress_line.show(safe(text), done, total)
 
-    def note(self, text: str) -> None:
+    def note(self, text: Hint | str) -> None:
         """Print one message to stderr, unless only errors are wanted."""
         if not self.quiet and not self.json:
-            from dvtcli.cli.view.lines import Cell
+            from dvtcli.cli.view.lines import Cell, part
 
-            self.lines([[Cell("note: ", "cyan"), Cell(text)]])
+            self.lines([[Cell("note: ", "cyan"), part(text)]])
 
     def warning(self, text: Hint | str) -> None:
         """Print one warning to stderr, also where only errors are wanted."""
-        from dvtcli.cli.view.lines import Cell
+        from dvtcli.cli.view.lines import Cell, part
 
-        self.lines([[Cell("warning: ", "yellow"), Cell(text) if isinstance(text, str) else text]])
+        self.lines([[Cell("warning: ", "yellow"), part(text)]])
 
     def ask(self, question: str) -> bool:
         """Ask *question* at the terminal; anything but yes is no, and what was typed before it answers nothing.
@@ -334,21 +334,22 @@ class Output:
         if isinstance(line, str | Cell):
             return line
         parts = [line] if isinstance(line, Hint) else line
-        return [part if isinstance(part, Cell) else Cell(self._hints().text(part)) for part in parts]
+        return [part if isinstance(part, Cell) else Cell(self.hints().text(part)) for part in parts]
 
-    def _hints(self) -> TypedHints:
+    def hints(self, node: int | None = None) -> TypedHints:
+        """What writes hints for this call, and for *node*, which it failed about."""
         from dvtcli.cli.view.typed_hints import TypedCall, TypedHints
 
-        return TypedHints(self.call or TypedCall, self._node)
+        return TypedHints(self.call or TypedCall, node or self._node)
 
     def _as_json(self, value: Any) -> Any:
         """What a document has for a hint, and for the step that is next."""
         from dvtcli.domain.hint import Hint, NextStep
 
         if isinstance(value, Hint):
-            return self._hints().text(value)
+            return self.hints().text(value)
         if isinstance(value, NextStep):
-            return self._hints().words(value.hint)
+            return self.hints().words(value.hint)
         raise TypeError(f"{type(value).__name__} is nothing that a document holds")
 
     def _colored(self, stream: TextIO) -> bool:

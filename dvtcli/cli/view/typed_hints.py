@@ -18,17 +18,20 @@ COMMANDS: dict[Action, str] = {
     Action.FIND_OBJECTS: "objects {text|TEXT}",
     Action.SHOW_MAPPABLE: "objects --mappable {direction}",
     Action.SHOW_FAULTS: "faults",
-    Action.VERIFY: "verify",
+    Action.VERIFY: "verify {file}",
     Action.MONITOR: "monitor",
     Action.MAP: "map {pdo} {objects|OBJECT…} {off?--off}",
     Action.CLEAR: "clear {pdo}",
     Action.DISABLE: "disable {pdo}",
-    Action.SET_PDO: "set {pdo} {cob_id?--cob-id} {cob_id} {inhibit?--inhibit} {inhibit} "
+    Action.SET_PDO: "set {pdo} {cob_id?--cob-id} {cob_id} {extended?--extended} {inhibit?--inhibit} {inhibit} "
     "{sync_start?--sync-start} {sync_start}",
+    Action.READ: "read {object|OBJECT}",
     Action.WRITE: "write {object|OBJECT} {value|VALUE}",
+    Action.EDIT_PDO: "pdo edit {pdo}",
+    Action.SHOW_VPDO: "vpdo {group}",
     Action.LINK: "link {producer} {consumer}",
-    Action.UNDO: "undo {all?--all} {backup?--backup} {force?--force}",
-    Action.RECOVER: "recover {accept?--accept} {discard?--discard}",
+    Action.UNDO: "undo {all?--all} {backup?--backup} {when} {force?--force}",
+    Action.RECOVER: "recover {accept?--accept} {discard?--discard} {yes?--yes}",
     Action.RECOVER_ALL: "recover",
     Action.FINISH_STORES: "recover --finish",
     Action.STORE: "store {what} {force?--force}",
@@ -37,6 +40,9 @@ COMMANDS: dict[Action, str] = {
     Action.PROVE_RESTORE: "restore {what} --prove",
     Action.PROVE_POWER: "store --prove power {within?--within} {within}",
     Action.RESET_NODE: "nmt reset-node {node}",
+    Action.RESET_COMMUNICATION: "nmt reset-comm {node}",
+    Action.START_NODE: "nmt start {node}",
+    Action.SEND_SYNC: "sync --period {period|MS} --count {count|COUNT}",
     Action.ENTER_PRE_OPERATIONAL: "nmt preop {node}",
     Action.CHECK_LIVE: "check --live",
     Action.SHOW_LOAD: "load",
@@ -52,16 +58,31 @@ COMMANDS: dict[Action, str] = {
     Action.COMPARE: "compare {file|FILE} {all?--all}",
     Action.LSS_SCAN: "lss scan {wait?--wait} {wait}",
     Action.LSS_SELECT: "lss select ADDRESS",
-    Action.LSS_STORE: "lss store",
+    Action.LSS_STORE: "lss store {of}",
+    Action.LSS_ASSIGN: "lss assign {file|FILE}",
+    Action.LSS_BIT_RATE: "lss bitrate {rate|RATE}",
+    Action.LSS_IDENTIFY: "lss identify",
+    Action.LSS_NODE_ID: "lss node-id {id|ID}",
     Action.LSS: "lss",
-    Action.LOG_IN: "login",
-    Action.LEARN: "learn",
+    Action.LOG_IN: "login {level}",
+    Action.LEARN: "learn {save?--save} {save}",
     Action.CHECK_EDS: "eds check {file|FILE}",
+    Action.ADD_EDS: "eds add {file|FILE} {identity?--identity} {identity}",
+    Action.SHOW_EDS: "eds show {file|FILE}",
+    Action.LIST_EDS: "eds list",
     Action.REMOVE_EDS: "eds remove {file|FILE}",
     Action.LOG: "log {file|FILE}",
     Action.LOG_VALUES: "log {file|FILE} --decode",
-    Action.READ_VALUES: "read OBJECT… --every TIME",
+    Action.READ_VALUES: "read {objects|OBJECT…} --every {time|TIME} {file?-o} {file}",
     Action.SAVE_PLAN: "plan FILE -o PLAN.json",
+    Action.CONVERT: "eds convert {file|FILE} {target|TARGET} {services?--with} {services}",
+    Action.EXPORT: "export {file|FILE} {services?--with} {services} {twice?--twice}",
+    Action.IMPORT: "import {file|FILE}",
+    Action.BACKUP: "backup {file|FILE}",
+    Action.SAVE_SCRIPT: "save {file|FILE.dvt} {all?--all} {history?--history}",
+    Action.DECODE: "decode {file|FILE}",
+    Action.DRAW: "report {file|NAME.html}",
+    Action.LIST_PROFILES: "profiles",
     Action.SHOW_HABITS: "profiles habits",
     Action.FORGET_HABITS: "profiles forget",
     Action.DOWNLOAD: "download {file|FILE}",
@@ -85,7 +106,6 @@ OPTIONS: dict[Action, str] = {
     Action.GIVE_SETTING: "--bus-kwargs {setting|KEY=VALUE}",
     Action.GIVE_JOURNAL: "--journal DIR",
     Action.GIVE_TIMEOUT: "--timeout S",
-    Action.GIVE_EMCY_TIME: "--emcy MS",
     Action.GIVE_NAME: "--save",
     Action.GIVE_DBC: "-d {file}",
     Action.AGREE: "--yes",
@@ -94,23 +114,36 @@ OPTIONS: dict[Action, str] = {
     Action.ISOLATE: "--isolated",
     Action.ALLOW_STORE: "--with-store",
 }
+#: arguments whose option has another name
+_OPTION_OF = {
+    "as_type": "--as", "for_s": "--for", "node": "--for", "services": "--with", "node_id": "-n", "node_ids": "--nodes",
+    "nodes": "--sim", "faults": "--fault", "signals": "--signal", "verbose": "-v",
+}  # fmt: skip
 #: commands that are about no node, or about all
 _OF_THE_BUS = frozenset(
     {
         Action.FIND_NODES, Action.LINK, Action.CHECK_LIVE, Action.SHOW_LOAD, Action.CHECK_SYNC, Action.CHECK_SETUP,
         Action.SERVE, Action.LSS_SCAN, Action.LSS_SELECT, Action.LSS_STORE, Action.LSS, Action.CHECK_EDS, Action.CHECK,
-        Action.REMOVE_EDS, Action.LOG, Action.SHOW_HABITS, Action.FORGET_HABITS, Action.LISTEN_BIT_RATE, Action.TRUST,
+        Action.REMOVE_EDS, Action.ADD_EDS, Action.SHOW_EDS, Action.LIST_EDS, Action.CONVERT, Action.DECODE, Action.DRAW,
+        Action.LIST_PROFILES, Action.LSS_ASSIGN, Action.LSS_BIT_RATE, Action.LSS_IDENTIFY, Action.LSS_NODE_ID,
+        Action.IMPORT, Action.SEND_SYNC, Action.SAVE_SCRIPT, Action.LOG,
+        Action.SHOW_HABITS, Action.FORGET_HABITS, Action.LISTEN_BIT_RATE,
+        Action.TRUST,
     }
 )  # fmt: skip
 #: commands that need no bus
 _WITHOUT_BUS = frozenset(
     {
-        Action.SERVE, Action.CHECK, Action.CHECK_EDS, Action.REMOVE_EDS, Action.SHOW_HABITS, Action.FORGET_HABITS,
+        Action.SERVE, Action.CHECK, Action.CHECK_EDS, Action.REMOVE_EDS, Action.ADD_EDS, Action.SHOW_EDS,
+        Action.LIST_EDS, Action.CONVERT, Action.LIST_PROFILES, Action.SHOW_HABITS, Action.FORGET_HABITS,
         Action.TRUST,
     }
 )  # fmt: skip
 #: a word that stands for another one, which only the user knows
-_PLACEHOLDER = re.compile(r"[A-Z]{2,}(?:[:/=][A-Z]+)?…?|[A-Z]")
+PLACEHOLDER = re.compile(
+    r"(?:ADDRESS|COUNT|FILE|HOST|ID|KEY|MS|NAME|NODE|NUMBER|OBJECT|PLAN|RATE|S|TARGET|TEXT|TIME|TYPE|VALUE|WHAT|WHEN)"
+    r"(?:[:/=.]\w+)?…?|.*…"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +173,12 @@ class TypedHints:
     def words(self, hint: Hint) -> list[str] | None:
         """The first command of *hint* that runs as it is, word by word; None without one."""
         lines = (self._line(step) for step in hint if step.action in COMMANDS)
-        return next((line for line in lines if not any(map(_PLACEHOLDER.fullmatch, line))), None)
+        return next((line for line in lines if not any(map(PLACEHOLDER.fullmatch, line))), None)
 
     def _marked(self, step: Hint) -> str:
         assert step.action is not None  # noqa: S101 - `sentence` asks for actions only
+        if step.action is Action.GIVE:
+            return shell_line(_given(step))
         if step.action in OPTIONS:
             option, *value = filled(OPTIONS[step.action], step.arguments)
             return " ".join([option.split("/")[0] if value else option, *value])
@@ -164,6 +199,15 @@ class TypedHints:
     def _in_call(self, call: TypedCall, action: Action, words: list[str]) -> list[str]:
         """*words* behind those that choose the bus of this *call*."""
         return ["dvtcli", *(() if action in _WITHOUT_BUS else call.bus), *words] if call.alone else words
+
+
+def _given(step: Hint) -> list[str]:
+    """The option for each argument of a *step*; without a value that is None, or true."""
+    words = []
+    for name, value in step.arguments.items():
+        words.append(_OPTION_OF.get(name, f"--{'no-' if value is False else ''}{name.replace('_', '-')}"))
+        words += [] if value is None or isinstance(value, bool) else [str(value)]
+    return words
 
 
 def _of_node(call: TypedCall, node: Any) -> Sequence[str]:

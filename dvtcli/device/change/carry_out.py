@@ -160,7 +160,7 @@ def run(node: Changeable, plan: Plan, others: OtherPdos, found: Found) -> int:
         try:
             node.keeper.own_journal.note(Plan(plan.node_id, tuple(changes)))
         except SafetyRefusal as failed:  # a way back does not wait for a disk
-            node.keeper.warn(f"{failed.text}: if this ends before its time, `recover` does not know all of it")
+            node.keeper.warn(f"{failed.text}: if this ends before its time, a recovery does not know all of it")
 
     steps, total = count(1), len(plan)
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.put_back import altered_cob_ids, first_difference
 from dvtcli.device.read_pdos import WHATEVER, read_pdo
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.several import several
@@ -172,7 +173,10 @@ def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliErro
         f"node {plan.node_id} altered {labels} when {own} was put back, and {labels} could not be put back",
         node=plan.node_id,
         why="; ".join(altered.values()) if failed is None else f"{'; '.join(altered.values())}; then: {failed}",
-        hint="these PDOs depend on each other in this device: its manual says how; look at them with `pdo`",
+        hint=Hint(
+            Action.SHOW_PDOS,
+            why="these PDOs depend on each other in this device: its manual says how; look at them with {}",
+        ),
         state="left_changed",
     )
     left.state_text = f"{own} is as it was before that change, read back equal; {labels} is not; nothing was stored"

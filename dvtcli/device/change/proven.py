@@ -16,7 +16,7 @@ from dvtcli.device.held import Held
 from dvtcli.device.resets import return_to
 from dvtcli.device.store_parameters import STORE, Signed, chosen
 from dvtcli.device.wish import Says, unlike_values, value_in_hex
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.proof import Proof
@@ -68,7 +68,9 @@ def _refuse_altered(node: Node, before: Held, place: AnyPlace) -> None:
     if not altered:
         return
     text = f"node {node.node_id} altered {several(altered)} when {place.name} was changed to test the reset"
-    hint = "these depend on each other in this device: its manual says how; `store` alone stores without a proof"
+    hint = as_hint("these depend on each other in this device: its manual says how") + Hint(
+        Action.STORE, why="{} alone stores without a proof"
+    )
     changes = tuple(
         plan_pdo(pdo, held[pdo], config)
         for pdo, config in before.pdos.items()

@@ -179,7 +179,7 @@ def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
     while probes := next_probes(known):
         for probe in probes:
             if probe.where is Where.ISOLATED and not terms.isolated:
-                answers[probe.name] = Answer(probe, None, why="only with --isolated")
+                answers[probe.name] = Answer(probe, None, why="only while nothing else is on the bus")
                 continue
             answers[probe.name] = asking.ask(probe)
         if known.fits:

@@ -20,7 +20,7 @@ _RULES = {"missing-object": "an entry of an object that is not there", "type 241
 _CHECKS = {"missing-object": "missing-object", "type 241": "type"}
 _TAKEN = f" is taken{IN_OPERATIONAL}"
 _RESERVED_TYPE = 241
-_WHY_NOT = "only with --isolated, while it is OPERATIONAL"
+_WHY_NOT = "only while nothing else is on the bus, and the node is OPERATIONAL"
 #: Keys of a family that say what is checked: of a device that does not check they say nothing.
 _UNCHECKED = (
     "answers.", "pdo_types.", "rtr_bit.", "tpdo_access", "rpdo_access", "tpdo_dummies", "dummies", "granularity",
@@ -81,7 +81,7 @@ def not_while_operational(subject: Subject, *, would_be: bool) -> dict[str, Answ
     if subject.held.enabled:
         why += ", of a PDO that is off"
     if would_be:
-        why = f"{pdo.label} is enabled: only a PDO that is off is asked in OPERATIONAL (`disable {pdo}` first)"
+        why = f"{pdo.label} is enabled: only a PDO that is off is asked in OPERATIONAL (switch it off first)"
     return {probe.name: Answer(probe, None, why=why) for probe in _questions(subject)}
 
 

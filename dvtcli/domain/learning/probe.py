@@ -33,11 +33,11 @@ class Where(StrEnum):
     #: an enabled PDO, so PRE-OPERATIONAL and a CAN-ID that is neither used nor heard
     QUIET = "PRE-OPERATIONAL and a quiet CAN-ID"
     #: a CAN-ID that means something to others
-    ISOLATED = "--isolated"
+    ISOLATED = "a bus with nothing else on it"
     #: the node as it was found, in OPERATIONAL
-    OPERATIONAL = "--isolated, and a node that was found OPERATIONAL"
+    OPERATIONAL = "a bus with nothing else on it, and a node that was found OPERATIONAL"
     #: it writes the device's memory
-    STORE = "--with-store"
+    STORE = "leave to store"
 
 
 @dataclass(frozen=True, slots=True)

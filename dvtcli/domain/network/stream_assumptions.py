@@ -26,7 +26,7 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
     if emcys := sum(one.kind == "emcy" and one.assumed for one in streams):
         whose = "node sends" if emcys == 1 else "nodes send"
         every = in_ms(what_if.emcy_us or EMCY_US)
-        yield f"{emcys} {whose} an EMCY each {every} at most (0x1015 is 0; --emcy MS says another time)"
+        yield f"{emcys} {whose} an EMCY each {every} at most (0x1015 is 0, which sets no limit)"
     if any(one.kind == "time" for one in streams):
         yield f"TIME is sent each {in_ms(TIME_US)}"
     timers = [one for one in streams if one.kind == "tpdo" and one.why.startswith("timer")]

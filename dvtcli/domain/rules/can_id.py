@@ -129,7 +129,7 @@ def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
         default = proposal.pdo.default_can_id(proposal.node_id)
         own = "" if default is None else f"; this node's own default is 0x{default:03X}"
         text = f"CAN-ID {want} is a base of the pre-defined connection set, as an EDS without $NODEID gives every node"
-        hint = "--cob-id auto" if default is None else f"--cob-id 0x{default:03X}"
+        hint = Hint(Action.SELECT_CAN_ID, {} if default is None else {"can_id": f"0x{default:03X}"})
         yield warning("base-cob-id", place, f"{text}{own}", hint)
 
 

@@ -109,6 +109,6 @@ def warning(rule: str, place: str, text: str, hint: Hint | str | None = None) ->
     return Finding(rule, Severity.WARNING, place, text, None, hint)
 
 
-def note(rule: str, place: str, text: str) -> Finding:
+def note(rule: str, place: str, text: str, hint: Hint | None = None) -> Finding:
     """A finding that only explains."""
-    return Finding(rule, Severity.NOTE, place, text)
+    return Finding(rule, Severity.NOTE, place, text, None, hint)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import PdoMappingEntry
@@ -22,22 +22,22 @@ from dvtcli.domain.several import value_text
 
 _FROZEN_WHILE_VALID = "CiA 301, 7.5.2.35 to 7.5.2.38"
 RULES = (
-    Rule("access", ERROR, "`write` to a read-only object", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
-    Rule("length", ERROR, "`write` of another length than the object's",
+    Rule("access", ERROR, "write to a read-only object", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
+    Rule("length", ERROR, "write of another length than the object's",
          "the EDS, DataType (CiA 306); for a PDO's parameters CiA 301, 7.5.2.35 to 7.5.2.38",
          (Abort.TOO_LONG, Abort.TOO_SHORT)),
-    Rule("limits", ERROR, "`write` outside the object's limits", "the EDS, LowLimit and HighLimit (CiA 306)",
+    Rule("limits", ERROR, "write outside the object's limits", "the EDS, LowLimit and HighLimit (CiA 306)",
          (Abort.VALUE_HIGH, Abort.VALUE_LOW)),
-    Rule("cob-id-while-valid", ERROR, "`write` to bits 0–30 of a COB-ID while the PDO is enabled",
+    Rule("cob-id-while-valid", ERROR, "write to bits 0–30 of a COB-ID while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.VALUE_RANGE,)),
-    Rule("frozen-while-valid", ERROR, "`write` to inhibit time or SYNC start value while the PDO is enabled",
+    Rule("frozen-while-valid", ERROR, "write to inhibit time or SYNC start value while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.VALUE_RANGE,)),
-    Rule("mapping-while-valid", ERROR, "`write` to a mapping while the PDO is enabled",
+    Rule("mapping-while-valid", ERROR, "write to a mapping while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
     Rule("write-only", WARNING,
          "what is written cannot be read back: nothing shows that the device took it, and an undo does not put it back",
          "the EDS, AccessType (CiA 306); CiA 301, 7.5.2.13 and 7.5.2.14; CiA 302-2, CiA 302-3"),
-    Rule("entry-while-counted", ERROR, "`write` to an entry while the count is not 0",
+    Rule("entry-while-counted", ERROR, "write to an entry while the count is not 0",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
 )  # fmt: skip
 
@@ -155,8 +155,9 @@ def _communication(
     if write.sub_index == 1:
         wanted = CobId.from_raw(write.value)
         if parameter.cob_id.valid and wanted.valid and parameter.cob_id != wanted:
+            legal = wanted.extended or wanted.can_id <= HIGHEST_BASE_CAN_ID
             yield error("cob-id-while-valid", write.place, "bits 0…30 of a COB-ID are frozen while the PDO is enabled",
-                        Abort.VALUE_RANGE, _in_order(write, "cob_id", wanted))  # fmt: skip
+                        Abort.VALUE_RANGE, _in_order(write, "cob_id", wanted) if legal else None)  # fmt: skip
             return
         want = replace(now, communication=replace(parameter, cob_id=wanted))
         proposal = proposal_for(want)
@@ -176,7 +177,10 @@ def _communication(
 
 
 def _in_order(write: ParameterWrite, parameter: str, value: object) -> Hint:
-    return Hint(Action.SET_PDO, {"pdo": Pdo.at(write.index), parameter: value}, "does it in order")
+    extended = isinstance(value, CobId) and value.extended
+    return Hint(
+        Action.SET_PDO, {"pdo": Pdo.at(write.index), parameter: value, "extended": extended}, "does it in order"
+    )
 
 
 def _mapping(

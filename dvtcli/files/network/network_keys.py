@@ -116,7 +116,7 @@ KEYS: tuple[NetworkKey, ...] = (
     ),
     NetworkKey(Where.NODE, "node_id", Kind.INTEGER, "its node-ID", 1, 127, required=True),
     NetworkKey(Where.NODE, "dcf", Kind.TEXT, "its EDS, DCF, XDD or XDC, beside this file; `@BUS_CONFIG_PATH@` is its "
-                "folder; a simulated family's name (`dvtcli profiles`) is that one's, the whole name of a file "
+                "folder; a simulated family's name is that one's, the whole name of a file "
                 "in the EDS library is that file"),
     NetworkKey(Where.NODE, "profile", Kind.TEXT, "its device family, a profile's name; else found by its identity"),
     NetworkKey(Where.NODE, "identity", Kind.TABLE, "what 0x1018 must say before anything is written"),
@@ -164,7 +164,7 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.NODE, "prune", Kind.TRUTH, "whether enabled PDOs that are not in the file are disabled"),
     NetworkKey(
         Where.NODE, "stamp", Kind.TRUTH,
-        "whether 0x1020 gets a date and time that stand for these settings, before the store; needs `store: true`",
+        "whether 0x1020 gets a date and time that stand for these settings, before the store; needs store: true",
     ),
     *_noted(Where.NODE, "where dcfgen's output goes", "dcf_path"),
     *_noted(Where.NODE, "how the master watches the node", "heartbeat_multiplier", "retry_factor"),

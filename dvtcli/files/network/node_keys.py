@@ -57,7 +57,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     pdos = sorted(_pdos(found, name, log), key=lambda wish: (not wish.pdo.is_tpdo, wish.pdo.number))
     if found.get("stamp") and found.get("store") not in ("all", "1"):
         log.complain(key_mark(branch, "stamp"), "a stamp that is not stored with all the rest vouches for nothing: "
-                     "it needs `store: true`")  # fmt: skip
+                     "it needs store: true")  # fmt: skip
     if "node_id" not in found:
         return None
     profile: FileWord | None = found.get("profile")

@@ -1,12 +1,20 @@
-"""Hints as calls of this API: each action as the call that does it, or as an argument."""
+"""Hints as calls of this API: each action as the call that does it, or as an argument; errors and answers in them."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
 
 from dvtcli.domain.hint import Action, Hint, sentence
+from dvtcli.domain.rules.finding import Finding
+from dvtcli.errors import DvtcliError, RuleError
+from dvtcli.files.input_file import forget_pipes
+
+T = TypeVar("T")
 
 #: Actions -> the call; `node.` is that of another node where the hint names one. What has no call is a command.
 CALLS: dict[Action, str] = {
@@ -16,16 +24,19 @@ CALLS: dict[Action, str] = {
     Action.FIND_OBJECTS: "node.objects({text|TEXT})",
     Action.SHOW_MAPPABLE: "node.objects(mappable={direction})",
     Action.SHOW_FAULTS: "node.faults()",
-    Action.VERIFY: "node.verify()",
+    Action.VERIFY: "node.verify({file})",
     Action.MONITOR: "dvtcli monitor",
     Action.MAP: "node.map({pdo}, …{off? enabled=False})",
     Action.SET_PDO: "node.set({pdo}, …)",
     Action.CLEAR: "node.clear({pdo})",
     Action.DISABLE: "node.disable({pdo})",
+    Action.READ: "node.read({object|OBJECT})",
     Action.WRITE: "node.write({object|OBJECT}, {value|VALUE})",
+    Action.EDIT_PDO: "dvtcli pdo edit PDO",
+    Action.SHOW_VPDO: "node.vpdo({group})",
     Action.LINK: "bus.link({producer}, {consumer})",
-    Action.UNDO: "node.undo({all?everything=True} {backup?backup=True} {force?force=True})",
-    Action.RECOVER: "node.recover({accept?accept=True} {discard?discard=True})",
+    Action.UNDO: "node.undo({all?everything=True} {force?force=True})",
+    Action.RECOVER: "node.recover({yes?yes=True})",
     Action.RECOVER_ALL: "bus.recover()",
     Action.FINISH_STORES: "bus.finish_stores()",
     Action.STORE: "node.store({what} {force?force=True})",
@@ -34,6 +45,9 @@ CALLS: dict[Action, str] = {
     Action.PROVE_RESTORE: "node.restore({what} prove=True)",
     Action.PROVE_POWER: "node.store(prove='power'{within?, within_s=S})",
     Action.RESET_NODE: "node.nmt('reset-node')",
+    Action.RESET_COMMUNICATION: "node.nmt('reset-comm')",
+    Action.START_NODE: "node.nmt('start')",
+    Action.SEND_SYNC: "bus.sync({count|COUNT}{period?, period_ms=}{period})",
     Action.ENTER_PRE_OPERATIONAL: "node.nmt('preop')",
     Action.CHECK_LIVE: "bus.check()",
     Action.SHOW_LOAD: "bus.load()",
@@ -49,16 +63,31 @@ CALLS: dict[Action, str] = {
     Action.COMPARE: "node.compare({file|FILE})",
     Action.LSS_SCAN: "bus.lss.scan({wait_s=})",
     Action.LSS_SELECT: "bus.lss.select(ADDRESS)",
-    Action.LSS_STORE: "bus.lss.store()",
+    Action.LSS_STORE: "bus.lss.store({of})",
+    Action.LSS_ASSIGN: "bus.lss.assign({file|FILE})",
+    Action.LSS_BIT_RATE: "bus.lss.bit_rate({rate|RATE})",
+    Action.LSS_IDENTIFY: "bus.lss.identify()",
+    Action.LSS_NODE_ID: "bus.lss.node_id({id|ID})",
     Action.LSS: "bus.lss",
-    Action.LOG_IN: "node.login()",
-    Action.LEARN: "node.learn()",
+    Action.LOG_IN: "node.login({level})",
+    Action.LEARN: "node.learn({save=})",
     Action.CHECK_EDS: "dvtcli.check_eds({file|FILE})",
+    Action.ADD_EDS: "dvtcli.add_eds({file|FILE}{identity?, vendor=VENDOR, product=PRODUCT})",
+    Action.SHOW_EDS: "dvtcli eds show FILE",
+    Action.LIST_EDS: "dvtcli.eds_library()",
     Action.REMOVE_EDS: "dvtcli eds remove FILE",
     Action.LOG: "node.record(FILE)",
     Action.LOG_VALUES: "dvtcli log FILE --decode",
     Action.READ_VALUES: "dvtcli read OBJECT… --every TIME",
     Action.SAVE_PLAN: "dvtcli plan FILE -o PLAN",
+    Action.CONVERT: "dvtcli.convert({file|FILE}, {target|TARGET})",
+    Action.EXPORT: "node.export({file|FILE} {twice?twice=True})",
+    Action.IMPORT: "bus.import_network({file|FILE})",
+    Action.BACKUP: "node.backup({file|FILE})",
+    Action.SAVE_SCRIPT: "bus.script({all?everything=True} {history?history=True})",
+    Action.DECODE: "dvtcli decode FILE",
+    Action.DRAW: "bus.report({file|'NAME.html'})",
+    Action.LIST_PROFILES: "dvtcli.profiles()",
     Action.SHOW_HABITS: "dvtcli profiles habits",
     Action.FORGET_HABITS: "dvtcli profiles forget",
     Action.DOWNLOAD: "node.download({file|FILE})",
@@ -66,7 +95,7 @@ CALLS: dict[Action, str] = {
 }
 #: Actions -> the argument of the same call, or of the one that opened the bus.
 ARGUMENTS: dict[Action, str] = {
-    Action.SELECT_CAN_ID: "cob_id={can_id|auto}",
+    Action.SELECT_CAN_ID: "cob_id={can_id|'auto'}",
     Action.LEAVE_OFF: "enabled=False",
     Action.EXTEND: "extended=True",
     Action.FORBID_RTR: "rtr=False",
@@ -82,7 +111,6 @@ ARGUMENTS: dict[Action, str] = {
     Action.GIVE_SETTING: "{setting|KEY=VALUE}",
     Action.GIVE_JOURNAL: "journal=DIR",
     Action.GIVE_TIMEOUT: "timeout_s",
-    Action.GIVE_EMCY_TIME: "emcy_ms=",
     Action.GIVE_NAME: "save=",
     Action.GIVE_DBC: "dbc=FILE",
     Action.AGREE: "yes=True",
@@ -91,6 +119,21 @@ ARGUMENTS: dict[Action, str] = {
     Action.ISOLATE: "isolated=True",
     Action.ALLOW_STORE: "with_store=True",
 }
+#: options in a text -> the argument; all others are called alike
+_ARGUMENT_OF = {
+    "--as": "as_type", "--timer": "timer_ms", "--inhibit": "inhibit_ms", "--timeout": "timeout_s", "--fault": "faults",
+    "--signal": "signals", "--sim": "nodes", "--all": "everything", "--for": "for_s", "--every": "every_s",
+    "--with": "services", "-b": "bitrate", "-c": "channel", "-i": "interface", "-n": "node_id", "-p": "profile",
+}  # fmt: skip
+_OPTION = re.compile(r"(?<![\w-])(--[a-z]+(?:-[a-z]+)*|-[bcinp](?![\w-]))( (?=[A-Z\d]))?")
+#: an option with its value, at the beginning of a text that says what is wrong with that
+_WHAT_IS_WRONG = re.compile(r"^(--[a-z]+(?:-[a-z]+)*|-[bcinp]) (?=[^: ]+: )")
+#: arguments that no call has -> the command that does it
+_COMMANDS = {
+    "accept": "dvtcli recover --accept", "discard": "dvtcli recover --discard", "backup": "dvtcli undo --backup"
+}  # fmt: skip
+#: a word that stands for another one, which only the user knows
+_PLACEHOLDER = re.compile(r"[A-Z][A-Z.]*")
 _FIELD = re.compile(r"\{(\w+)(?:(\?|=|\|)([^{}]*))?\}")
 
 
@@ -102,6 +145,10 @@ def called(hint: Hint) -> str:
 def _called(step: Hint) -> str:
     assert step.action is not None  # noqa: S101 - `sentence` asks for actions only
     arguments = step.arguments
+    if step.action is Action.GIVE:
+        return ", ".join(map(_argument, arguments.items()))
+    if command := next((command for name, command in _COMMANDS.items() if arguments.get(name)), None):
+        return f"`{command}`"
     if step.action in ARGUMENTS:
         return _filled(ARGUMENTS[step.action], arguments)
     if step.action is Action.SHOW_PDOS and arguments.get("pdo") is not None:
@@ -114,6 +161,20 @@ def _called(step: Hint) -> str:
     return f"`{call}`" if node is None else f"`{re.sub(r'^node[.]', f'bus.node({node}).', call)}`"
 
 
+def _argument(given: tuple[str, Any]) -> str:
+    """An argument as Python writes it: its name alone if nothing is *given* for it."""
+    name, value = given
+    if name == "verbose":
+        return "`dvtcli -v`"
+    return name if value is None else f"{name}={_value(value)}"
+
+
+def _value(given: Any) -> str:
+    if isinstance(given, int) or _PLACEHOLDER.fullmatch(str(given)):
+        return str(given)
+    return repr(str(given))
+
+
 def _filled(template: str, arguments: Mapping[str, Any]) -> str:
     """*template* with the *arguments* as Python writes them; what is not given is left out, with its comma."""
 
@@ -124,9 +185,116 @@ def _filled(template: str, arguments: Mapping[str, Any]) -> str:
             return other if given else ""
         if given is None:
             return other if mark == "|" else ""
-        said = repr(given) if isinstance(given, int) else repr(str(given))
+        said = _value(given)
         return f"{name}={said}" if mark == "=" else said
 
     text = re.sub(r" {2,}", " ", _FIELD.sub(value, template))
     text = re.sub(r"\( | \)", lambda edge: edge[0].strip(), text)
     return re.sub(r"(?<=[\w']) (?=\w+=)", ", ", text)
+
+
+def in_calls(text: Hint | str) -> str:
+    """*text* as a program wants it: what is done next as calls, and options as the arguments that they are."""
+    return called(text) if isinstance(text, Hint) else _OPTION.sub(_argument_of, _WHAT_IS_WRONG.sub(r"\1=", text))
+
+
+def _argument_of(option: re.Match[str]) -> str:
+    return _ARGUMENT_OF.get(option[1], option[1].strip("-").replace("-", "_")) + ("=" if option[2] else "")
+
+
+def answer_in_calls(answer: T) -> T:
+    """An *answer* whose hints are calls; it is the same if it has none."""
+    changed = _hints_in_calls(answer)
+    return replace(answer, **changed) if changed else answer  # type: ignore[type-var]
+
+
+def _hints_in_calls(answer: Any) -> dict[str, Any]:
+    """The fields of *answer* that hold hints, with these as calls."""
+    if not is_dataclass(answer) or isinstance(answer, type):
+        return {}
+    said = {field.name: getattr(answer, field.name) for field in fields(answer) if field.init}
+    found = {name: _part(value) for name, value in said.items()}
+    return {name: value for name, value in found.items() if value is not said[name]}
+
+
+def _part(value: Any) -> Any:
+    """A field's *value*: a hint, rows that have some, or findings; anything else as it is."""
+    if isinstance(value, Hint):
+        return called(value)
+    if type(value) is tuple and any(isinstance(row, Hint | Finding) or _hints_in_row(row) for row in value):
+        return tuple(map(_row, value))
+    if isinstance(value, dict) and any(isinstance(row, Hint) for row in value.values()):
+        return {key: _row(row) for key, row in value.items()}
+    return value
+
+
+def _row(row: Any) -> Any:
+    if isinstance(row, Hint):
+        return called(row)
+    if isinstance(row, Finding):
+        return _finding(row)
+    found = {name: called(hint) for name, hint in _hints_in_row(row).items()}
+    return replace(row, **found) if found else row
+
+
+def _hints_in_row(row: Any) -> dict[str, Hint]:
+    said = {} if not is_dataclass(row) else {field.name: getattr(row, field.name) for field in fields(row)}
+    return {name: value for name, value in said.items() if isinstance(value, Hint)}
+
+
+def _finding(finding: Finding) -> Finding:
+    return replace(finding, text=in_calls(finding.text), hint=finding.hint and in_calls(finding.hint))
+
+
+@contextmanager
+def errors_in_calls(*, others: bool = False) -> Iterator[None]:
+    """A block whose errors speak of arguments and calls, and say in a traceback all that a command would.
+
+    *others*: this program has other buses open.
+    """
+    try:
+        yield
+    except DvtcliError as raised:
+        _say_in_calls(raised, others=others)
+        for label, said in _further(raised):
+            raised.add_note(f"{label}: {said}")
+        raise
+    finally:
+        forget_pipes()  # the next call may be for another pipe of this name
+
+
+def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
+    def said(text: Hint | str) -> str:
+        return _of_this_program(in_calls(text)) if others else in_calls(text)
+
+    raised.text = said(raised.text)
+    raised.args = (raised.text,)
+    raised.why = None if raised.why is None else said(raised.why)
+    raised.hint = raised.hint and said(raised.hint)
+    raised.details = [(label, in_calls(text)) for label, text in raised.details]
+    if isinstance(raised, RuleError):
+        raised.findings = tuple(map(_finding, raised.findings))
+
+
+def _of_this_program(text: str) -> str:
+    """*text* in which this process is not called another one: a Bus of it holds the node, and ends with its call."""
+    text = re.sub(rf"another dvtcli \(process {os.getpid()}\b[^)]*\)", "another Bus of this program", text)
+    return re.sub(
+        rf"when it has finished; where it hangs, end process {os.getpid()},.*", "when its call has ended", text
+    )
+
+
+def _further(raised: DvtcliError) -> Iterator[tuple[str, str]]:
+    """What an error says behind its first line, each with its label."""
+    yield from raised.details
+    if isinstance(raised, RuleError):
+        for finding in raised.findings:
+            also = "" if finding.text in raised.text else f"{finding.text}; "
+            yield "rule", f"{also}{finding.rule} at {finding.place}" + (f"; {finding.hint}" if finding.hint else "")
+    else:
+        yield from ((label, str(said)) for label, said in (("why", raised.why), ("hint", raised.hint)) if said)
+    if raised.exit_code not in (2, 4) or raised.state != "unchanged":
+        said = in_calls(raised.state_text or "")
+        for screen in ("LEFT CHANGED: see above; ", f"{raised.state}: "):  # it stands in front, and nothing above it
+            said = said.removeprefix(screen)
+        yield "state", f"{raised.state}: {said}" if said else raised.state

@@ -13,9 +13,9 @@ from weakref import WeakSet
 
 from dvtcli.device.restarts import losses, refuse_after_restarts
 from dvtcli.errors import Bug, BusUnavailable, DvtcliError, Interrupted, UsageError
+from dvtcli.operations.api.called_hints import answer_in_calls, errors_in_calls
 from dvtcli.operations.api.checks import flags
 from dvtcli.operations.api.ctrl_c import ctrl_c_at_safe_points
-from dvtcli.operations.api.hints import answer_in_python, python_words
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
@@ -67,7 +67,7 @@ class Calls:
                     self._tell_what_was_noticed()
             if session.cancellation.requested:
                 raise KeyboardInterrupt("Ctrl-C came too late to stop it: it is complete, and what it did stays")
-        return answer_in_python(result)
+        return answer_in_calls(result)
 
     def _failed(self, raised: BaseException) -> None:
         """Put NMT states back after *raised*, which is told what goes wrong with that."""
@@ -97,7 +97,7 @@ class Calls:
             self.refuse_closed()
             self._owner = threading.get_ident()
             try:
-                with python_words(others=self._are_others_open()):
+                with errors_in_calls(others=self._are_others_open()):
                     yield
             finally:
                 self._owner = None

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
+from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.checks import flags, path, word, words
-from dvtcli.operations.api.hints import python_words
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import FileReports
@@ -37,7 +37,7 @@ def check_eds(
         word("profile", profile, "the name of a device family, as `dvtcli profiles` lists them")
     if not chosen:
         raise UsageError("which files? 'drive.eds', …")
-    with python_words():
+    with errors_in_calls():
         found = eds_files.check_eds(
             chosen, words("rules", rules), words("without", without), strict=strict, family=profile
         )

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.checks import flags, path, words
-from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def convert(
     source, chosen = str(path("file", file)), str(path("target", target))
     described = None if eds is None else str(path("eds", eds))
     wishes = dbc_wishes(services, split_bits=split_bits, everything=everything)
-    with python_words(), Session(Options(yes=yes, eds=described)) as session:
+    with errors_in_calls(), Session(Options(yes=yes, eds=described)) as session:
         done = dict(convert_file(session, source, chosen, node, wishes).rows)
     return tuple(done.get("left_out") or done.get("losses") or ())
 

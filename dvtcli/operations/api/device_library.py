@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
+from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.checks import flags, path, whole
-from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def eds_library() -> LibraryListing:
     from dvtcli.operations.eds_library.list_files import list_files
     from dvtcli.operations.session.session import Session
 
-    with python_words(), Session() as session:
+    with errors_in_calls(), Session() as session:
         return list_files(session)
 
 
@@ -52,5 +52,5 @@ def add_eds(
         for name, value in given.items()
         if value is not None
     }
-    with python_words(), Session(Options(dry_run=dry_run)) as session:
+    with errors_in_calls(), Session(Options(dry_run=dry_run)) as session:
         return add_files(session, chosen, identity or None)

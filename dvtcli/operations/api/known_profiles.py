@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.checks import word
-from dvtcli.operations.api.hints import python_words
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import ProfileListing, ProfileShown
@@ -29,5 +29,5 @@ def profile(name: str) -> ProfileShown:
     from dvtcli.operations.known_devices.show_profiles import show_profile
 
     word("name", name, "the name of a device family, as `dvtcli profiles` lists them")
-    with python_words():
+    with errors_in_calls():
         return show_profile(name)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.bus.turns import in_callers_thread
 from dvtcli.errors import UsageError
+from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.checks import call_back, path, seconds, whole, word, words, wrong
-from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_bus import Bus
 from dvtcli.operations.api.told import Message, Told
 from dvtcli.operations.session.session import Session
@@ -91,7 +91,7 @@ def simulated_words(nodes: tuple[object, ...]) -> tuple[str, ...]:
 
 
 def _opened(given: dict[str, Any], told: Told, on_progress: Callable[[Progress], None] | None) -> Bus:
-    with python_words():
+    with errors_in_calls():
         session = Session(options_of({key: value for key, value in given.items() if value is not None}), told)
         network = session.open_network()
     if on_progress is not None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.checks import number, path, whole, word
-from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def report(
     from dvtcli.operations.session.session import Session
 
     chosen, source, wishes = str(path("target", target)), str(path("file", file)), picture_wishes(title, bit_rate, None)
-    with python_words(), Session(Options(yes=yes)) as session:
+    with errors_in_calls(), Session(Options(yes=yes)) as session:
         done = draw_network(session, chosen, source, wishes)
     return tuple(dict(done.rows)["notes"])
 

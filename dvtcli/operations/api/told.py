@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from dvtcli.bus.turns import in_callers_thread
-from dvtcli.operations.api.python_hints import in_python
+from dvtcli.operations.api.called_hints import in_calls
 
 if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.bus_events import BusEvent
 
@@ -35,13 +36,13 @@ class Told:
         self._on_message = on_message
         self._ask_user = ask_user
 
-    def note(self, text: str) -> None:
+    def note(self, text: Hint | str) -> None:
         """Something good to know."""
-        self._say(Message("note", text), logging.INFO)
+        self._say("note", text, logging.INFO)
 
-    def warning(self, text: str) -> None:
+    def warning(self, text: Hint | str) -> None:
         """Something that nobody should miss."""
-        self._say(Message("warning", text), logging.WARNING)
+        self._say("warning", text, logging.WARNING)
 
     def bus(self, event: BusEvent) -> None:
         """A bus that is gone, or back."""
@@ -49,10 +50,10 @@ class Told:
 
     def instruct(self, text: str) -> None:
         """What has to be done by hand now, such as switching a node off and on."""
-        self._say(Message("warning", text), logging.WARNING)
+        self._say("warning", text, logging.WARNING)
 
-    def _say(self, message: Message, level: int) -> None:
-        message = replace(message, text=in_python(message.text))
+    def _say(self, kind: Literal["note", "warning"], text: Hint | str, level: int) -> None:
+        message = Message(kind, in_calls(text))
         in_callers_thread(lambda: self._hand_on(message, level))
 
     def _hand_on(self, message: Message, level: int) -> None:
@@ -63,7 +64,7 @@ class Told:
     def ask(self, question: str) -> bool | None:
         """Whether the answer is yes; None where nobody is there to ask."""
         ask = self._ask_user
-        return None if ask is None else in_callers_thread(lambda: bool(ask(in_python(question))))
+        return None if ask is None else in_callers_thread(lambda: bool(ask(in_calls(question))))
 
     def progress(self, text: str, done: int, total: int) -> None:
         """Nothing: a program that wants it has *on_progress*."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.command_object import is_standard_command
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
@@ -107,7 +108,7 @@ def _is_as_stored(node: Node, applied: Applied) -> bool:
     return not may_be_unstored(node, [change.label for change in applied.plan.changes if alters(change)])
 
 
-def keep_words(node: Node, plan: Plan) -> str:
+def keep_words(node: Node, plan: Plan) -> Hint | str:
     """What keeps what *plan* wrote to *node*: a store, or its maker's way; empty where the node does so by itself."""
     policy = node.profile.store
     if not any(policy.needed_for(step.index) for step in plan.steps):
@@ -122,7 +123,7 @@ def keep_words(node: Node, plan: Plan) -> str:
         stores = takes_store(node)
     else:
         stores = True
-    return "`store` keeps it" if stores else "the device has no 0x1010 that would store it"
+    return Hint(Action.STORE, why="keeps it") if stores else "the device has no 0x1010 that would store it"
 
 
 def _described(node: Node, step: Step) -> OdEntry | None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.put_back import first_difference
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, DeviceRefused, Restarted, SafetyRefusal
 
 if TYPE_CHECKING:
@@ -89,7 +90,11 @@ class Verified:
             raise SafetyRefusal(
                 f"node {node_id} is another device than the one that was verified",
                 node=node_id,
-                hint="attach the one that was changed; `recover --discard` sets the journal of one that is gone aside",
+                hint=Hint(
+                    Action.RECOVER,
+                    {"discard": True},
+                    "attach the one that was changed; {} sets the journal of one that is gone aside",
+                ),
             )
         refuse_lost(node, self.changes.get(node_id, ()))
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TypeVar
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.script_line import change_lines
 from dvtcli.errors import DvtcliError, Restarted
@@ -77,7 +78,7 @@ def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], C
         if again:
             raise Restarted(
                 f"node {', '.join(map(str, again))} restarted after it was put back: what it had not stored is lost",
-                hint="look at its supply, then at what it holds with `pdo`",
+                hint=Hint(Action.SHOW_PDOS, why="look at its supply, then at what it holds with {}"),
                 state="unknown",
             )
     except DvtcliError as error:

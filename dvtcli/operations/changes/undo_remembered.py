@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
@@ -82,8 +83,9 @@ def _refuse_in_vain(nodes: Iterable[Node]) -> None:
             node.in_vain -= 1
             raise UsageError(
                 f"nothing to undo: a command of this session changed nothing on node {node.node_id}",
-                node=node.node_id, hint="`undo` once more goes on to what earlier commands changed",
-            )  # fmt: skip
+                node=node.node_id,
+                hint=Hint(Action.UNDO, why="once more goes on to what earlier commands changed"),
+            )
 
 
 def _nothing_kept(node_id: int) -> UsageError:
@@ -186,8 +188,9 @@ def _newer_elsewhere(past: Past, chains: list[Remembered]) -> tuple[Finding, ...
     last = past.newest_of_all()
     if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
         return ()
-    text = f"node {last.plan.node_id} was changed later, at {_time(last)}: -n {last.plan.node_id} undo puts that back"
-    return (warning("newer-change", f"node {last.plan.node_id}", text),)
+    hint = Hint(Action.UNDO, {"node": last.plan.node_id}, "puts that back")
+    text = f"node {last.plan.node_id} was changed later, at {_time(last)}"
+    return (warning("newer-change", f"node {last.plan.node_id}", text, hint),)
 
 
 def _undone_text(undone: list[Recorded], node_id: int, *, gone: bool) -> str:
@@ -214,12 +217,16 @@ def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError:
             f"nothing to undo: no change of the devices that are there as node {', '.join(map(str, others))} now is "
             "remembered",
             why="what is remembered of these node-IDs was changed on other devices (0x1018)",
-            hint="where these have other node-IDs now: `-n ID undo`",
+            hint=Hint(Action.UNDO, {"node": "ID"}, "where these have other node-IDs now: {}"),
         )
     if selected is None:
         return UsageError("nothing to undo: no change on this bus is remembered")
     error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)
     last = keeping.past().newest_of_all()
     if last is not None:
-        error.hint = f"the last change on this bus was one of node {last.plan.node_id}: -n {last.plan.node_id} undo"
+        error.hint = Hint(
+            Action.UNDO,
+            {"node": last.plan.node_id},
+            f"the last change on this bus was one of node {last.plan.node_id}: {{}}",
+        )
     return error

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.backups import backups, of_this_device, remarks, way_to
 from dvtcli.device.wish import Wish
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules.finding import Finding, warning
@@ -49,7 +50,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
             f"the backup says nothing of a PDO of node {node.node_id}",
             node=node.node_id,
             place=file,
-            hint="undo --backup WHEN takes an earlier one",
+            hint=Hint(Action.UNDO, {"backup": True, "when": "WHEN"}, "takes an earlier one"),
         )
     changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in wish.pdos}), wish.pdos)
     applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
@@ -71,7 +72,10 @@ def _keeper(session: Session) -> Keeper:
         raise UsageError(
             f"no backup of node {node_id or session.node_id()}: it is simulated in this process, which makes none",
             node=node_id or session.node_id(),
-            hint="`undo` puts the last change back, `undo --all` all that this session changed",
+            hint=Hint(Action.UNDO, why="puts the last change back")
+            + Hint(Action.UNDO, {"all": True}, ", {} all that this session changed")
+            if session.record.lines
+            else None,
         )
     return keeper
 
@@ -97,7 +101,7 @@ def _backup_file(keeper: Keeper, node: Node, when: str | None, *, force: bool) -
             f"no backup of the device that is node {node.node_id} now: those of node {node.node_id} are another one's",
             node=node.node_id,
             why="its serial number (0x1018:04) is another one",
-            hint="--force puts one back all the same, as on a spare device that takes its place",
+            hint=Hint(Action.FORCE, why="puts one back all the same, as on a spare device that takes its place"),
         )
         other.details += [("backup", f"{one.stamp}  {one.path}") for one in kind]
         raise other

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import concise_entries
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import InputFileError
@@ -36,9 +37,12 @@ def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> st
             place = f"1F22:{sub_index:02X}"
             raise InputFileError(
                 f"node {node.node_id} 0x{place}: that is no concise DCF",
-                node=node.node_id, place=place, why=str(wrong),
-                hint="`eds convert net.yaml node5.cdcf` makes one; --force writes it anyway",
-            ) from wrong  # fmt: skip
+                node=node.node_id,
+                place=place,
+                why=str(wrong),
+                hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "node5.cdcf"}, "makes one")
+                + Hint(Action.FORCE, why="writes it anyway"),
+            ) from wrong
         count = f"{len(data)} bytes that are no concise DCF"
     return f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots"
 

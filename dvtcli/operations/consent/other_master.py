@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def refuse_other_master(session: Session) -> None:
             raise SafetyRefusal(
                 f"another master is active: {said} was heard",
                 why=f"0x{frame.can_id:03X} [{len(frame.data)}] {frame.data.hex(' ').upper()}",
-                hint="stop it while the network is changed; --force goes on beside it",
+                hint=Hint(Action.FORCE, why="stop it while the network is changed; {} goes on beside it"),
             )
 
 

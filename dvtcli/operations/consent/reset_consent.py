@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -26,9 +27,12 @@ def refuse_reset(session: Session, node_ids: Collection[int]) -> None:
     """SafetyRefusal where one of *node_ids* may be a drive whose operation is enabled, also where all is agreed to."""
     for node_id, why in _may_move(session, node_ids).items():
         raise SafetyRefusal(
-            f"node {node_id} {why}: its reset lets a motor go", node=node_id,
-            hint="bring the machine to a stand, then 6040 = 6; without --prove no node is reset",
-        )  # fmt: skip
+            f"node {node_id} {why}: its reset lets a motor go",
+            node=node_id,
+            hint=Hint(
+                Action.GIVE, {"prove": True}, "bring the machine to a stand, then 6040 = 6; without {} no node is reset"
+            ),
+        )
 
 
 def _may_move(session: Session, node_ids: Collection[int]) -> dict[int, str]:

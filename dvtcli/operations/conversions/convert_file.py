@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.operations.conversions.conversion_format import Converted
 from dvtcli.operations.exchange.dbc_wishes import DbcWishes
@@ -44,7 +45,10 @@ def convert_file(
     """
     kind = _format_of(target)
     if wishes and not kind.has_wishes:
-        raise UsageError(f"{target}: {_OF_DBC} are for a DBC file", hint="eds convert net.yaml net.dbc --with emcy")
+        raise UsageError(
+            f"{target}: {_OF_DBC} are for a DBC file",
+            hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "net.dbc", "services": "emcy"}),
+        )
     if node is not None and kind.not_of_a_node:
         why, instead = kind.not_of_a_node
         raise UsageError(why, hint=instead)

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ERASED, DeviceInfo
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
@@ -68,7 +69,10 @@ def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:
     if len(sought) != 1:
         raise UsageError(f"--identity is for one file, and these are {len(sought)}", hint="add each with its own")
     if not identity.get("vendor") or "product" not in identity:
-        raise UsageError("--identity needs vendor and product", hint="--identity vendor=0x1E,product=0x0705302D")
+        raise UsageError(
+            "--identity needs vendor and product",
+            hint=Hint(Action.GIVE, {"identity": "vendor=0x1E,product=0x0705302D"}),
+        )
     return identity["vendor"], identity["product"], identity.get("revision", 0)
 
 
@@ -139,7 +143,9 @@ def _own_identity(one: Sought, info: DeviceInfo) -> Identity:
         raise InputFileError(
             f"{one.shown}: it names no {lacks}{has}, so no node is recognised by it",
             place=str(one.path),
-            hint="`scan` shows who the node is: eds add FILE --identity vendor=…,product=…; or --eds FILE each time",
+            hint=Hint(Action.FIND_NODES)
+            + Hint(Action.ADD_EDS, {"identity": "vendor=…,product=…"}, " shows who the node is: {}")
+            + Hint(Action.GIVE_EDS, why="or {} each time"),
         )
     return vendor, product, revision or 0
 

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ERASED
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, remembered
@@ -91,7 +92,7 @@ def _named(word: str, files: tuple[StoredFile, ...]) -> list[StoredFile]:
             names = ", ".join(one.path.name for one in found)
             raise UsageError(f"{word} names {len(found)} files of the library", hint=f"which one? {names}")
     if not found:
-        hint = "eds list shows them: a number, a name, or vendor-product[-revision] in hex"
+        hint = Hint(Action.LIST_EDS, why="shows them: a number, a name, or vendor-product[-revision] in hex")
         raise UsageError(f"no file of the library is {word}", hint=hint)
     return found
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.dictionary_difference import Difference, differences, without_values
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import SUFFIX as CONCISE_SUFFIX
 from dvtcli.domain.object_dictionary import Commissioning
 from dvtcli.domain.several import plural, several
@@ -76,8 +77,10 @@ def _read(file: str) -> EdsFile | XddFile:
     if file.lower().endswith(CONCISE_SUFFIX):
         raise UsageError(
             f"{file} is a concise DCF: what a manager (0x1F22) writes to one node, and no description of a device",
-            place=file, hint=f"`eds show {file}` shows it; `write 1F22:5 @{file}` gives node 5's to the manager",
-        )  # fmt: skip
+            place=file,
+            hint=Hint(Action.SHOW_EDS, {"file": file}, "shows it")
+            + Hint(Action.WRITE, {"object": "1F22:5", "value": f"@{file}"}, "gives node 5's to the manager"),
+        )
     try:
         return read_device_file(Path(file))
     except OSError as failed:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import NetworkState
 from dvtcli.domain.several import plural
 from dvtcli.errors import NoAnswer
@@ -34,7 +35,10 @@ def export_dbc(session: Session, file: str, wishes: DbcWishes = PLAIN) -> Facts:
     place_of(file, "export {}/NAME.dbc")
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
     if not ids:
-        raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
+        raise NoAnswer(
+            "no node answers",
+            hint=Hint(Action.CHECK_SETUP, why="look at bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
+        )
     state = network_state([session.node(node_id) for node_id in ids])
     return _write(session, file, None, state, {}, wishes)
 

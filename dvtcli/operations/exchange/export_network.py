@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shlex
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.several import plural
 from dvtcli.errors import UsageError
@@ -29,18 +29,26 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     """
     path = network_place(file, "export {}/NAME.yaml")
     if node_id is None and session.selected_id() is None:
-        hint = f"-n ID names it, or `node ID`; `import {shlex.quote(file)}` writes all nodes of the network"
+        hint = (
+            Hint(Action.GIVE, {"node_id": "ID"}, "names it")
+            + Hint(Action.SHOW_NODE, {"node": "ID"}, ", or {}")
+            + Hint(Action.IMPORT, {"file": file}, "writes all nodes of the network")
+        )
         raise UsageError("export writes one node to a network file, and none is selected", hint=hint)
     node = session.node(node_id)
     found = exported_node(session, node, node.pdos(), path)
     ask_before_overwriting(session, path)
     make_file(session, path, write_network(NetworkWish((found.wish,)), f"What node {node.node_id} held", found.remarks))
     count = len(found.wish.pdos)
-    said = [f"{file}: node {node.node_id}, {plural(count, 'PDO')}. Check it: dvtcli check {shlex.quote(file)}"]
+    counted = f"{file}: node {node.node_id}, {plural(count, 'PDO')}"
+    said: list[Hint | str] = [Hint(Action.CHECK, {"file": file}, f"{counted}. Check it: {{}}")]
     if note := found.left_out_note:
         said.append(f"note: {note}")
     if others := [str(one) for one in session.known_ids() if one != node.node_id]:
-        said.append(f"This is node {node.node_id} only: -n {others[0]} exports another, `import FILE.yaml` all nodes.")
+        said.append(
+            Hint(Action.GIVE, {"node_id": others[0]}, f"This is node {node.node_id} only: {{}} exports another")
+            + Hint(Action.IMPORT, {"file": "FILE.yaml"}, ", {} all nodes.")
+        )
     rows = (("file", file), ("node", node.node_id), ("pdos", count), ("left_out", list(found.left_out)))
     return Facts("export", rows, tuple(said))
 
@@ -48,6 +56,8 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
 def network_place(file: str, example: str) -> Path:
     """Where the network file *file* is to be; UsageError for another suffix, or where it cannot be."""
     if not file.lower().endswith(SUFFIXES):
-        hint = "`export FILE.dcf` writes a DCF, `save FILE.dvt --all` a script"
+        hint = Hint(Action.EXPORT, {"file": "FILE.dcf"}, "writes a DCF") + Hint(
+            Action.SAVE_SCRIPT, {"all": True}, ", {} a script"
+        )
         raise UsageError(f"{file}: a network file ends in .yaml", hint=hint)
     return place_of(file, example)

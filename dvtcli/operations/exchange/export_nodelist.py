@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.eds.writer import eds_bytes
@@ -30,17 +31,20 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
     notes: list[str] = []
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
     if not ids:
-        raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
+        raise NoAnswer(
+            "no node answers",
+            hint=Hint(Action.CHECK_SETUP, why="look at bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
+        )
     said: list[str] = []
     nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]
     untold = [str(one.node_id) for one in nodes if not one.dcf]
     if len(untold) == len(nodes):
         raise UsageError(
             f"no node that answers has an EDS here ({several(untold)}): a nodelist without a DCF says nothing of them",
-            hint="`eds add FILE` keeps one for every node of its kind, then export again",
+            hint=Hint(Action.ADD_EDS, why="keeps one for every node of its kind, then export again"),
         )
     if untold:
-        why = f"node {', '.join(untold)}: no EDS is known, so no DCF; `eds add FILE`, then export again"
+        why = f"node {', '.join(untold)}: no EDS is known, so no DCF; add one to the library, then export again"
         notes.insert(0, why)
         said.insert(0, why)
     make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))

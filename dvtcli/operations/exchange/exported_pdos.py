@@ -70,7 +70,7 @@ class Exported:
         if not self.left_out:
             return ""
         verb = "is no whole PDO" if len(self.left_out) == 1 else "are no whole PDOs"
-        return f"left out: {several(self.left_out)} {verb}, or multiplexed; `pdo` shows what is held"
+        return f"left out: {several(self.left_out)} {verb}, or multiplexed; the PDOs of the node show what is held"
 
 
 def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, said: Said) -> Exported:

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.exchange.export_network import network_place
 from dvtcli.operations.exchange.exported_node import exported_node
@@ -47,7 +48,11 @@ def import_network(session: Session, file: str, folder: str | None = None, manag
         title = f"What the network {session.bus.name} held"
         found = list(_live(session, path, notes))
         if not found:
-            raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
+            raise NoAnswer(
+                "no node answers",
+                hint=Hint(Action.CHECK_SETUP, why="look at bit rate and supply: {}")
+                + Hint(Action.FIND_NODES, why=", {}"),
+            )
     else:
         title = f"What the files of {folder} say"
         found = list(nodes_of_files(Path(folder), path, notes))
@@ -78,7 +83,7 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[FoundNode]
         yield FoundNode(found, held, _memory(node))
     if unnamed:
         who = f"node {', '.join(unnamed)}"
-        notes.append(f"{who}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
+        notes.append(f"{who}: no EDS is known, objects are numbers; add one to the library, then import again")
 
 
 def _look_ahead(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:

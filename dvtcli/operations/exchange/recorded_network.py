@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import WHATEVER, read_identity, read_pdo
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.heard_objects import HeardValues
 
-_HINT = "record while `pdo` reads the nodes, or while a master sets them up; a network file makes one without frames"
+_HINT = Hint(
+    Action.SHOW_PDOS,
+    why="record while {} reads the nodes, or while a master sets them up; a network file makes one without frames",
+)
 _COB_ID = 1
 #: which frame a PDO is, and what lies in it
 _Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
@@ -173,7 +177,10 @@ def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig
     dictionary = _dictionary(session, values)
     if dictionary is None:
         session.tell.note(
-            f"node {values.node_id} has no EDS: its values have no names, and no sign; --eds FILE has them"
+            Hint(
+                Action.GIVE_EDS,
+                why=f"node {values.node_id} has no EDS: its values have no names, and no sign; {{}} has them",
+            )
         )
     title = "" if dictionary is None else dictionary.info.product_name
     profile = _profile(session, values, dictionary)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import SYNC_OVERFLOW
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import UsageError
@@ -93,5 +94,8 @@ def services_of(text: str | None) -> tuple[str, ...]:
     """The services in *text*, with commas between them; UsageError for a word that is none."""
     words = tuple(word.strip().lower() for word in (text or "").split(",") if word.strip())
     if odd := [word for word in words if word not in SERVICES]:
-        raise UsageError(f"--with {odd[0]}: no such service", hint=f"--with {','.join(SERVICES)}, or some of these")
+        raise UsageError(
+            f"--with {odd[0]}: no such service",
+            hint=Hint(Action.GIVE, {"services": ",".join(SERVICES)}, "{}, or some of these"),
+        )
     return words

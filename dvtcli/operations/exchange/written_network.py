@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.found_links import found_links
 from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.wanted_state import NetworkWish
@@ -54,8 +54,9 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
     pdos = sum(len(wish.pdos) for wish in wishes)
     counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
     errors = _errors(file)
-    judged = f"{plural(errors, 'error')} by `check`, to be mended first" if errors else "Check it"
-    said = [f"{file}: {counts}. {judged}: dvtcli check {shlex.quote(file)}", *(f"note: {note}" for note in notes)]
+    judged = f"{plural(errors, 'error')}, to be mended first" if errors else "Check it"
+    checked = Hint(Action.CHECK, {"file": file}, f"{file}: {counts}. {judged}: {{}}")
+    said: list[Hint | str] = [checked, *(f"note: {note}" for note in notes)]
     rows = (
         ("file", file),
         ("nodes", [_row(one) for _, one in sorted(nodes.items())]),

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.operations.exchange.dbc_wishes import DbcWishes
 from dvtcli.operations.exports.export_format import Wanted
@@ -48,10 +49,11 @@ def export_file(
     kind = _format_of(file)
     if wishes and not kind.has_wishes:
         raise UsageError(
-            "--with, --split-bits and --all are for a DBC file", hint="export NAME.dbc --with emcy,heartbeat"
+            "--with, --split-bits and --all are for a DBC file",
+            hint=Hint(Action.EXPORT, {"file": "NAME.dbc", "services": "emcy,heartbeat"}),
         )
     if twice and not kind.reads_twice:
-        raise UsageError("--twice is for a DCF or XDC", hint="export NAME.dcf --twice")
+        raise UsageError("--twice is for a DCF or XDC", hint=Hint(Action.EXPORT, {"file": "NAME.dcf", "twice": True}))
     return kind.write(session, file, Wanted(node_id, twice, wishes or DbcWishes()))
 
 
@@ -71,6 +73,8 @@ def _format_of(file: str) -> ExportFormat:
     known, name = export_formats(), file.lower()
     found = next((one for suffix, one in known.items() if name.endswith(suffix)), None)
     if found is None:
-        hint = f"a name that ends in {', '.join(sorted(known))}; `save FILE.dvt --all` writes a script"
+        hint = Hint(
+            Action.SAVE_SCRIPT, {"all": True}, f"a name that ends in {', '.join(sorted(known))}; {{}} writes a script"
+        )
         raise UsageError(f"{file}: what format is that?", hint=hint)
     return found

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.recording import check_readable, read_recording
 from dvtcli.operations.frames.frame_answer import frame_seen
@@ -53,8 +53,14 @@ def write_values(
     rows = SignalRows(decoder_for(session, nodes, dbc, path), text)
     if not rows.columns:
         if text and len(rows.decoder):
-            raise UsageError(f"no signal has {text!r} in its name", hint="decode FILE shows what is in it")
-        raise UsageError("--csv needs a mapping, and none is known", hint="give --dbc, --eds, -n or --sim")
+            raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows what is in it"))
+        raise UsageError(
+            "--csv needs a mapping, and none is known",
+            hint=Hint(Action.GIVE, {"dbc": None}, "give {}")
+            + Hint(Action.GIVE, {"eds": None}, ", {}")
+            + Hint(Action.GIVE, {"node_id": None}, ", {}")
+            + Hint(Action.GIVE, {"nodes": None}, " or {}"),
+        )
     misfits = Misfits(rows.decoder.layout, session.tell.warning)
     _write(rows, misfits.passing(read_recording(path)), target, text)
     if rows.other:
@@ -117,4 +123,8 @@ def _fitting(session: Session, path: Path, frames: Iterable[Frame], decoder: Dec
 
 def _unnamed(text: str, path: Path) -> UsageError:
     said = f"nothing in {path} has {text!r} in its name"
-    return UsageError(said, hint=f"without --filter, decode {shlex.quote(str(path))} shows what is in it")
+    return UsageError(
+        said,
+        hint=Hint(Action.GIVE, {"filter": None}, "without {}")
+        + Hint(Action.DECODE, {"file": path}, ", {} shows what is in it"),
+    )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -68,7 +69,10 @@ def _of_a_failed_run(session: Session) -> list[tuple[Frame, bool, bool]]:
     if not kept:
         raise UsageError(
             "nothing was exchanged yet, and no exchange of a run that failed is kept",
-            hint="at the prompt, or in a script, behind the line it is about; -vv shows the frames of one command",
+            hint=Hint(
+                Action.SHOW_FRAMES,
+                why="at the prompt, or in a script, behind the line it is about; {} shows the frames of one command",
+            ),
         )
     session.tell.note(f"the last exchange of a run that failed, which ended at {utc(kept[-1][0].timestamp_s)}")
     return kept

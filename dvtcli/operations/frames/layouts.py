@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 #: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster
 HEARD_S = 1.2
-_WITHOUT_EDS = "its values have no names, and no sign: -1 reads 65535; --eds FILE, or `eds add FILE`, gives them"
+_WITHOUT_EDS = Hint(Action.GIVE_EDS, why="its values have no names, and no sign: -1 reads 65535; {}") + Hint(
+    Action.ADD_EDS, why=", or {}, gives them"
+)
 
 
 def open_wire(session: Session) -> CanopenBus:

@@ -7,6 +7,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
@@ -71,8 +72,13 @@ def _rows(decoder: Decoder, text: str) -> SignalRows:
     if rows.columns:
         return rows
     if text:
-        raise UsageError(f"no signal has {text!r} in its name", hint="`pdo` shows what the nodes map")
-    raise UsageError("no mapping is known: there is nothing to decode", hint="name --nodes that answer, or --dbc")
+        raise UsageError(
+            f"no signal has {text!r} in its name", hint=Hint(Action.SHOW_PDOS, why="shows what the nodes map")
+        )
+    raise UsageError(
+        "no mapping is known: there is nothing to decode",
+        hint=Hint(Action.GIVE, {"node_ids": None}, "name {} that answer") + Hint(Action.GIVE, {"dbc": None}, ", or {}"),
+    )
 
 
 def _the_same(path: Path, rows: SignalRows, known: Callable[[], Decoder]) -> Callable[[], None]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.files.recording import check_readable, read_recording
 from dvtcli.files.values.value_file import is_value_file, read_values
@@ -48,7 +49,9 @@ def recorded_tracks(
     found = [track for track in tracks.values() if track.values]
     if not found:
         names = ", ".join(track.name for track in tracks.values())
-        raise UsageError(f"{path} has no sample of {names}", hint="decode shows what is in it")
+        raise UsageError(
+            f"{path} has no sample of {names}", hint=Hint(Action.DECODE, {"file": path}, "shows what is in it")
+        )
     return found, span_s
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.frame_filter import FrameFilter, frame_filter
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.recording import check_readable, read_recorded
@@ -97,7 +98,7 @@ def _require_limit(bus: CanopenBus, choice: Choice) -> None:
     if not choice.rate and bus.bitrate is None and not bus.simulated:
         raise UsageError(
             f"--rate 0 fills the bus up to a share of it, and the bit rate of {bus.name} is not known",
-            hint="-b says it; or give another --rate",
+            hint=Hint(Action.GIVE_BIT_RATE, why="says it") + Hint(Action.GIVE, {"rate": None}, "or give another {}"),
         )
 
 
@@ -151,13 +152,15 @@ class _Part:
         if not found.count:
             said = ", ".join(f"{reason} ({count})" for reason, count in found.left_out.items() if count)
             raise UsageError(
-                f"nothing of {self._path.name} is to be sent: {said}", hint="decode FILE shows what it holds"
+                f"nothing of {self._path.name} is to be sent: {said}",
+                hint=Hint(Action.DECODE, {"file": self._path}, "shows what it holds"),
             )
         if self._choice.channel is None and len(found.channels) > 1:
             named = several(sorted(found.channels))
             raise UsageError(
                 f"{self._path.name} has frames of several channels: {named}",
-                hint=f"--from-channel {min(found.channels)} chooses one, --from-channel all sends them all",
+                hint=Hint(Action.GIVE, {"from_channel": min(found.channels)}, "chooses one")
+                + Hint(Action.GIVE, {"from_channel": "all"}, ", {} sends them all"),
             )
         return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import UsageError
@@ -67,7 +68,10 @@ def _frame(text: str) -> Frame:
 
 def _rounds(every_s: float | None, for_s: float | None, count: int | None) -> int:
     if for_s is not None and count is not None:
-        raise UsageError("a time and a count at once", hint="give --for or --count")
+        raise UsageError(
+            "a time and a count at once",
+            hint=Hint(Action.GIVE, {"for_s": None}, "give {}") + Hint(Action.GIVE, {"count": None}, " or {}"),
+        )
     if count is not None:
         return count
     if for_s is not None:

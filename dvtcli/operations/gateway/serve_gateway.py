@@ -19,6 +19,7 @@ from dvtcli.device.trust import is_own_user, replaceable
 from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.gateway_answers import Answer, Dialect, Failed, format_answer, format_event
 from dvtcli.domain.gateway.parse import parse_request, sequence_of
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.node_events import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 from dvtcli.operations.gateway.client_orders import NET
@@ -68,7 +69,7 @@ def gateway(
         elif not is_loopback(one[0]):
             raise SafetyRefusal(
                 f"{one[0]} is no loopback address: a gateway has no login, and whoever reaches it reaches the bus",
-                hint="--listen 127.0.0.1:60000, and ssh -L for who sits elsewhere",
+                hint=Hint(Action.GIVE, {"listen": "127.0.0.1:60000"}, "{}, and ssh -L for who sits elsewhere"),
             )
     bus = session.open_network().bus
     tell, unattended = session.tell, Unattended(session.tell, told)
@@ -158,7 +159,7 @@ class Gateway:
             raise BusUnavailable(
                 f"cannot listen on {place}",
                 why=failed.strerror or str(failed),
-                hint="is another gateway running? --listen 127.0.0.1:0 takes a free port",
+                hint=Hint(Action.GIVE, {"listen": "127.0.0.1:0"}, "is another gateway running? {} takes a free port"),
             ) from failed
         #: how far the count of the time is that lines took (s)
         self._turn_s = 0.0

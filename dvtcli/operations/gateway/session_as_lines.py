@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters, plan_pdo
 from dvtcli.domain.several import plural, several
@@ -41,7 +41,8 @@ def save_lines(session: Session, file: str) -> Facts:
     ask_before_overwriting(session, path)
     make_file(session, path, plan_as_lines(session, plan, stores))
     shown = several(f"node {one.node_id}" for one in plan.nodes)
-    said = f"{file}: {plural(plan.writes, 'SDO download')} for {shown}. Run it: dvtcli run {shlex.quote(file)}"
+    counted = plural(plan.writes, "SDO download")
+    said = Hint(Action.RUN, {"file": file}, f"{file}: {counted} for {shown}. Run it: {{}}")
     return Facts("save", (("file", file), ("commands", plan.writes)), (said,))
 
 
@@ -56,7 +57,9 @@ def _planned(node: Node, done: list[str], stores: list[str]) -> NodePlan:
     flat = [line for entry in done for line in entry.splitlines()]
     if unsaid := [line.split()[0] for line in flat if line.startswith(_UNSAID)]:
         raise UsageError(
-            f"gateway lines cannot say `{unsaid[0]}`", node=node.node_id, hint="save NAME.dvt writes a script"
+            f"gateway lines cannot say `{unsaid[0]}`",
+            node=node.node_id,
+            hint=Hint(Action.SAVE_SCRIPT, why="writes a script"),
         )
     plan = Plan(node.node_id, tuple(_ends(node)))
     unstored = ("what the session stored",) if stores else ()  # a store is carried out also where nothing is written

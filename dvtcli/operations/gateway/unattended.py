@@ -10,6 +10,7 @@ from dvtcli.operations.results.gateway_events import GatewayEvent
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import BusEvent
     from dvtcli.operations.results.gateway_events import GatewayHappening
@@ -26,7 +27,7 @@ class Unattended:
         self._tell, self._told = tell, told
         self.client: str | None = None
 
-    def happened(self, event: GatewayHappening, text: str, **facts: Any) -> None:
+    def happened(self, event: GatewayHappening, text: Hint | str, **facts: Any) -> None:
         """Tell of an *event*; *facts* are further fields of it."""
         if self._told is not None:
             self._told(GatewayEvent(event, time(), text, **{"client": self.client, **facts}))
@@ -35,11 +36,11 @@ class Unattended:
         else:
             self._tell.note(text)
 
-    def note(self, text: str) -> None:
+    def note(self, text: Hint | str) -> None:
         """Hand it on."""
         self.happened("note", text)
 
-    def warning(self, text: str) -> None:
+    def warning(self, text: Hint | str) -> None:
         """Hand it on."""
         self.happened("warning", text)
 

@@ -28,7 +28,7 @@ def _read(file: str) -> DeviceFile:
     except OSError as failed:
         raise UsageError(
             f"{file}: {failed.strerror}", place=file,
-            hint="eds takes the path of an EDS, DCF, XDD or XDC, or a family of `sim`",
+            hint="eds takes the path of an EDS, DCF, XDD or XDC, or a simulated family",
         ) from failed  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_whole import values_of
 from dvtcli.domain.datatypes import DOMAIN
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.operational import merged
 from dvtcli.domain.learning.storage import RESTORE, STORE
 from dvtcli.errors import SafetyRefusal, UsageError
@@ -37,11 +38,14 @@ def refuse_name(name: str) -> None:
     from dvtcli.files.learnt_folder import refuse_foreign
 
     if not re.fullmatch(r"[a-z][a-z0-9_-]*", name):
-        raise UsageError(f"{name!r} is not a profile name", hint="small letters, digits, - and _: learn --save pump")
+        raise UsageError(
+            f"{name!r} is not a profile name",
+            hint=Hint(Action.LEARN, {"save": "pump"}, "small letters, digits, - and _: {}"),
+        )
     from dvtcli.files.profile.toml import builtin_names
 
     if name in builtin_names():
-        raise UsageError(f"{name} is a profile that comes with dvtcli", hint=f"--save my-{name}")
+        raise UsageError(f"{name} is a profile that comes with dvtcli", hint=Hint(Action.GIVE, {"save": f"my-{name}"}))
     refuse_foreign(name)
 
 
@@ -58,7 +62,8 @@ def refuse_other(name: str, node: Node) -> None:
                 f"{path} was learnt of another device: {kept.title}, {_identity_text(*theirs)}; "
                 f"node {node.node_id} is {node.title}, {_identity_text(*own)}",
                 node=node.node_id,
-                hint="--save with another name, or --force to write over it",
+                hint=Hint(Action.GIVE_NAME, why="with another name")
+                + Hint(Action.FORCE, why=", or {} to write over it"),
             )
 
 
@@ -108,7 +113,12 @@ def save_learnt(
     if path is None:
         session.tell.note(f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more")
         if node.bus.bitrate is None:
-            session.tell.note(f"nobody said the bus's bit rate: no BaudRate_ key of {name}.eds is 1; -b says it")
+            session.tell.note(
+                Hint(
+                    Action.GIVE_BIT_RATE,
+                    why=f"nobody said the bus's bit rate: no BaudRate_ key of {name}.eds is 1; {{}} says it",
+                )
+            )
     _read_back(origin, learnt, eds)
     files = write_folder(Path(name), origin, learnt, eds, Kept(node.node_id, values))
     _take_up(session)

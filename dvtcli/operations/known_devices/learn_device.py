@@ -15,6 +15,7 @@ from dvtcli.device.learn.safely import Terms, ask_safely
 from dvtcli.device.learn.saving import read_storage
 from dvtcli.device.learn.subjects import mapped_subjects, subjects
 from dvtcli.device.storing import is_stored, may_store
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.absence import absent_for_family
 from dvtcli.domain.learning.conclusions import conclude
 from dvtcli.domain.learning.forecast import forecast, most_until_refused, most_writes
@@ -163,7 +164,7 @@ def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool)
             f"node {node.node_id} has no PDO that could be asked",
             node=node.node_id,
             why="none has a mapping and a COB-ID that can be written, and a configuration that it takes back",
-            hint="pdo --all shows them; clear one",
+            hint=Hint(Action.SHOW_PDOS, {"all": True}, "shows them; clear one"),
         )
     instead = mapped_subjects(node, pdos, asked)
     operational = found.state is NmtState.OPERATIONAL

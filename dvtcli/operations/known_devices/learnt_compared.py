@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.learnt_value import Conclusions, Value
 from dvtcli.errors import UsageError
 from dvtcli.operations.results.learnt import Difference
@@ -16,13 +17,17 @@ def profile_to_compare(name: str) -> object:
     path = Path(name)
     if path.name != name:
         if not has_profile(path):
-            raise UsageError(f"{name} is no folder with a profile.toml", place=name, hint="--compare takes a name, too")
+            raise UsageError(
+                f"{name} is no folder with a profile.toml",
+                place=name,
+                hint=Hint(Action.GIVE, {"compare": None}, "takes a name, too"),
+            )
         return load_folder_profile(path)
     try:
         return load_profile(name)
     except UsageError as unknown:
         if has_profile(path):
-            unknown.hint = f"--compare ./{name} takes the one in the folder"
+            unknown.hint = Hint(Action.GIVE, {"compare": f"./{name}"}, "takes the one in the folder")
         raise
 
 

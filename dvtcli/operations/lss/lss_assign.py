@@ -7,6 +7,7 @@ from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import several
@@ -128,10 +129,12 @@ def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: M
         if wish.node_id in there and wish.node_id not in moving:
             identity = there[wish.node_id]
             raise SafetyRefusal(
-                f"node-ID {wish.node_id} is in use, and not by {wish.name}", node=wish.node_id,
+                f"node-ID {wish.node_id} is in use, and not by {wish.name}",
+                node=wish.node_id,
                 why=f"0x1018 says {in_words(identity)}" if identity else "it is heard, and does not say who it is",
-                hint=f"node {wish.node_id} shows who has it; lss node-id gives it another one",
-            )  # fmt: skip
+                hint=Hint(Action.SHOW_NODE, {"node": wish.node_id}, "shows who has it")
+                + Hint(Action.LSS_NODE_ID, why="gives it another one"),
+            )
 
 
 def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BIT_TIMINGS
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import NoAnswer, SafetyRefusal, UsageError
@@ -49,7 +50,10 @@ def lss_bit_rate(
     with LssMaster(bus) as master:
         nodes = confirmed(master, all_on_bus(session, master, file))
         if not nodes:
-            raise NoAnswer("no node is on the bus that could be told", hint="bitrate listens for the bit rate in use")
+            raise NoAnswer(
+                "no node is on the bus that could be told",
+                hint=Hint(Action.LISTEN_BIT_RATE, why="listens for the bit rate in use"),
+            )
         if prove:
             refuse_resets(session, nodes)
         _agree(session, nodes, before, bit_rate, stores=stores, prove=prove)
@@ -69,7 +73,7 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
     if before is None:
         raise SafetyRefusal(
             f"the bit rate of {bus.name} is not known, so that there is no way back to it",
-            hint="-b/--bitrate says it; bitrate listens for it",
+            hint=Hint(Action.GIVE_BIT_RATE, why="says it") + Hint(Action.LISTEN_BIT_RATE, why="listens for it"),
         )
     if before not in BIT_TIMINGS:
         raise SafetyRefusal(f"{bus.name} runs at {before} bit/s, to which LSS knows no way back")

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import SCAN_S, LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BITS, PARTS, LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import plural
@@ -85,13 +86,17 @@ def selected(master: LssMaster, address: LssAddress) -> int:
     answers = master.select(address)
     if not answers:
         raise NoAnswer(
-            f"no node answers to {address}", hint="lss scan finds nodes without a node-ID; scan those that have one"
+            f"no node answers to {address}",
+            hint=Hint(Action.LSS_SCAN, why="finds nodes without a node-ID")
+            + Hint(Action.FIND_NODES, why="those that have one"),
         )
     if answers > 1:
         raise two_alike(address)
     said = master.inquire()
     if said is None or said[0] != address:
-        raise NoAnswer(f"the node with {address} does not tell who it is", hint="lss scan shows who is there")
+        raise NoAnswer(
+            f"the node with {address} does not tell who it is", hint=Hint(Action.LSS_SCAN, why="shows who is there")
+        )
     return said[1]
 
 

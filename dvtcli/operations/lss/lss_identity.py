@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
 
@@ -107,7 +108,9 @@ def address_of(bus: CanopenBus, node_id: int) -> LssAddress:
     """Who the node with *node_id* is by its 0x1018; NoAnswer, SafetyRefusal where it does not tell all four numbers."""
     identity = identity_on(bus, node_id)
     if identity is None:
-        raise NoAnswer(f"node {node_id} does not answer", node=node_id, hint="scan shows who is there")
+        raise NoAnswer(
+            f"node {node_id} does not answer", node=node_id, hint=Hint(Action.FIND_NODES, why="shows who is there")
+        )
     vendor, product, revision, serial = identity
     if vendor is None or product is None or revision is None or serial is None:
         raise SafetyRefusal(

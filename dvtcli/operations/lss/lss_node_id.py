@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
@@ -59,7 +60,7 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
     if said is None:
         raise UsageError(
             "no node is selected by LSS",
-            hint="lss select vendor=… product=… revision=… serial=…, or name these behind the node-ID; lss scan",
+            hint=Hint(Action.LSS_SELECT, why="{}, or name these behind the node-ID") + Hint(Action.LSS_SCAN),
         )
     return said
 
@@ -71,7 +72,7 @@ def refuse_used(session: Session, node_id: int) -> None:
         raise SafetyRefusal(
             f"node-ID {node_id} is in use: a node {'is heard' if heard else 'answers'} on it",
             node=node_id,
-            hint=f"choose another one; node {node_id} shows who has it",
+            hint=Hint(Action.SHOW_NODE, {"node": node_id}, "choose another one; {} shows who has it"),
         )
 
 
@@ -146,15 +147,18 @@ def _taken_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: Dvt
         take_back(bus, master, given)
     except DvtcliError as stuck:
         left = LeftChanged(
-            f"{failed.text}, and its old node-ID cannot be given back", node=given.node_id,
-            why=f"{stuck.text}; {answering_now(bus, given)}", state="left_changed",
-            hint="nothing is stored: switch it off and on, then lss scan; lss identify asks for its address",
-        )  # fmt: skip
+            f"{failed.text}, and its old node-ID cannot be given back",
+            node=given.node_id,
+            why=f"{stuck.text}; {answering_now(bus, given)}",
+            state="left_changed",
+            hint=Hint(Action.LSS_SCAN, why="nothing is stored: switch it off and on, then {}")
+            + Hint(Action.LSS_IDENTIFY, why="asks for its address"),
+        )
         left.details.append(("node", str(given.address)))
         return left
     failed.state = "rolled_back"
     failed.state_text = f"it has node-ID {told_id(given.before)} as before, nothing is stored"
-    failed.hint = failed.hint or "lss scan and scan show who is there"
+    failed.hint = failed.hint or Hint(Action.LSS_SCAN) + Hint(Action.FIND_NODES, why=" and {} show who is there")
     return failed
 
 

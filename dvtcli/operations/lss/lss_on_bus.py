@@ -9,6 +9,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import ANSWER_ID, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.several import several
@@ -51,7 +52,9 @@ def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> 
     nodes = [LssGiven(_address(node_id, identity), node_id, node_id) for node_id, identity in there.items()]
     waiting = scanned(session, master)
     if waiting and file is not None:
-        raise SafetyRefusal(f"nodes without a node-ID are on the bus, of which {file} says nothing", hint="lss scan")
+        raise SafetyRefusal(
+            f"nodes without a node-ID are on the bus, of which {file} says nothing", hint=Hint(Action.LSS_SCAN)
+        )
     for one in waiting:
         if not one.confirmed:
             raise two_alike(one.address)
@@ -65,7 +68,9 @@ def _refuse_others(file: str, there: Collection[int]) -> None:
     if others := [f"node {node_id}" for node_id in there if node_id not in wanted]:
         raise SafetyRefusal(f"{several(others)} on the bus, and not in {file}", hint="take it off, or into the file")
     if missing := [f"{name} ({node_id})" for node_id, name in wanted.items() if node_id not in there]:
-        raise SafetyRefusal(f"not on the bus, but in {file}: {several(missing)}", hint="scan shows who is there")
+        raise SafetyRefusal(
+            f"not on the bus, but in {file}: {several(missing)}", hint=Hint(Action.FIND_NODES, why="shows who is there")
+        )
 
 
 def _refuse_running(session: Session, bus: CanopenBus, there: Collection[int]) -> None:
@@ -77,7 +82,10 @@ def _refuse_running(session: Session, bus: CanopenBus, there: Collection[int]) -
             f"{several(unknown)}: no heartbeat says whether it is OPERATIONAL; the machine must stand still"
         )
     if running:
-        raise SafetyRefusal(f"OPERATIONAL: {several(running)}", hint="nmt preop all, once the machine stands still")
+        raise SafetyRefusal(
+            f"OPERATIONAL: {several(running)}",
+            hint=Hint(Action.ENTER_PRE_OPERATIONAL, {"node": "all"}, "{}, once the machine stands still"),
+        )
 
 
 def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
@@ -88,7 +96,11 @@ def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
         raise SafetyRefusal(
             f"0x{strange.can_id:03X} is heard, which none of the nodes that answer sends before it is OPERATIONAL",
             why="whoever sends it would stay at the old bit rate, or be a producer of SYNC or PDOs",
-            hint="nmt preop all ends PDOs; 1006 = 0 ends SYNC; take off the bus who knows no CANopen",
+            hint=Hint(
+                Action.ENTER_PRE_OPERATIONAL,
+                {"node": "all"},
+                "ends PDOs; 1006 = 0 ends SYNC; take off the bus who knows no CANopen",
+            ),
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.results.lss_nodes import LssGiven
 
@@ -40,7 +41,7 @@ def _aside(left: Sequence[LssGiven], not_free: Collection[int]) -> LssGiven:
     if one is None or node_id is None:
         raise SafetyRefusal(
             f"node-ID {left[0].node_id} is in use" if one is None else "no node-ID is free to swap others with",
-            hint="scan shows who is there",
+            hint=Hint(Action.FIND_NODES, why="shows who is there"),
         )
     return replace(one, node_id=node_id)
 

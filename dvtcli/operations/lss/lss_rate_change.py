@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
@@ -150,9 +151,15 @@ class RateChange:
 
     def _left(self, failed: DvtcliError, missing: Sequence[LssGiven], why: str) -> LeftChanged:
         error = LeftChanged(
-            f"{failed.text}, and not all could be brought back to {self.before} bit/s", why=why, state="left_changed",
-            hint=f"nothing new is stored: switch all nodes off and on, then open the bus with -b {self.before}",
-        )  # fmt: skip
+            f"{failed.text}, and not all could be brought back to {self.before} bit/s",
+            why=why,
+            state="left_changed",
+            hint=Hint(
+                Action.GIVE_BIT_RATE,
+                {"rate": self.before},
+                "nothing new is stored: switch all nodes off and on, then open the bus with {}",
+            ),
+        )
         error.details += [("node", f"{told_id(one.node_id)}, {one.address}") for one in missing]
         return error
 
@@ -182,11 +189,19 @@ class RateChange:
             failed.state_text = f"all nodes run at {self.after} bit/s as before, nothing new is stored"
             return failed
         told = [f"{names(stored)} stored {self.after} bit/s"] if stored else []
-        return _with_details(LeftChanged(
-            failed.text, why="; ".join([*told, f"{names(others)} may come back at another one", failed.why or "-"]),
-            state="left_changed",
-            hint=f"all run at {self.after} bit/s now; before the power goes: the same words again, or lss store NODE",
-        ), failed)  # fmt: skip
+        return _with_details(
+            LeftChanged(
+                failed.text,
+                why="; ".join([*told, f"{names(others)} may come back at another one", failed.why or "-"]),
+                state="left_changed",
+                hint=Hint(
+                    Action.LSS_STORE,
+                    {"of": "NODE"},
+                    f"all run at {self.after} bit/s now; before the power goes: the same words again, or {{}}",
+                ),
+            ),
+            failed,
+        )
 
     def unstored(self, stored: Sequence[LssGiven], failed: DvtcliError) -> DvtcliError:
         """*failed*, once those that may have *stored* have stored the old bit rate, and all run at that."""
@@ -206,12 +221,25 @@ class RateChange:
         if not left:
             kept = f"; {names(again)} stored that again" if again else ""
             error.state_text = f"all nodes run at {self.before} bit/s as before{kept}; nobody has {self.after} stored"
-            error.hint = "lss bitrate without --store; lss store NODE says again why it is not stored"
+            error.hint = (
+                Hint(Action.LSS_BIT_RATE)
+                + Hint(Action.GIVE, {"store": True}, " without {}")
+                + Hint(Action.LSS_STORE, {"of": "NODE"}, "says again why it is not stored")
+            )
             return error
-        return _with_details(LeftChanged(
-            failed.text, why="; ".join(left), state="left_changed",
-            hint=f"all run at {self.before} bit/s now; lss store NODE for these, before the power goes",
-        ), failed)  # fmt: skip
+        return _with_details(
+            LeftChanged(
+                failed.text,
+                why="; ".join(left),
+                state="left_changed",
+                hint=Hint(
+                    Action.LSS_STORE,
+                    {"of": "NODE"},
+                    f"all run at {self.before} bit/s now; {{}} for these, before the power goes",
+                ),
+            ),
+            failed,
+        )
 
 
 def _said_by(one: LssGiven) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from dvtcli.operations.consent.reset_consent import refuse_reset
@@ -55,10 +56,11 @@ def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGi
     unheard = [one for one in named if one.node_id not in booted]
     if unheard:
         raise DeviceRefused(
-            f"{names(unheard)}: no boot-up was heard after the reset: nothing is proved", state="unknown",
+            f"{names(unheard)}: no boot-up was heard after the reset: nothing is proved",
+            state="unknown",
             why=f"all answer at {change.after} bit/s, and said that they stored it",
-            hint="switch them off and on, then scan",
-        )  # fmt: skip
+            hint=Hint(Action.FIND_NODES, why="switch them off and on, then {}"),
+        )
     return [replace(one, proved=one.node_id in booted) for one in stored]
 
 
@@ -67,9 +69,14 @@ def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
     text = f"{names(missing)} said that it stored {change.after} bit/s, and did not come back at it after a reset"
     if change.before == change.after:
         return LeftChanged(
-            text, why="what it had stored before is not known", state="left_changed",
-            hint="bitrate listens for the one that it came back at; switch it on meanwhile, and take the others off",
-        )  # fmt: skip
+            text,
+            why="what it had stored before is not known",
+            state="left_changed",
+            hint=Hint(
+                Action.LISTEN_BIT_RATE,
+                why="listens for the one that it came back at; switch it on meanwhile, and take the others off",
+            ),
+        )
     failed = DeviceRefused(text, why=f"it came back at {change.before} bit/s")
     try:
         change.fetch(missing)
@@ -77,10 +84,17 @@ def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
         with suppress(DvtcliError):  # where the others are; that it fails is not what there is to say
             change.go_to(change.after)
         return LeftChanged(
-            text, why=f"nor is it found at {change.before} bit/s: {lost.text}", state="left_changed",
-            hint=f"the others run at {change.after} bit/s, and said that they stored it; bitrate listens for it",
-        )  # fmt: skip
+            text,
+            why=f"nor is it found at {change.before} bit/s: {lost.text}",
+            state="left_changed",
+            hint=Hint(
+                Action.LISTEN_BIT_RATE,
+                why=f"the others run at {change.after} bit/s, and said that they stored it; {{}} listens for it",
+            ),
+        )
     error = change.unstored(change.nodes, failed)
     if error is failed:
-        error.hint = f"lss bitrate without --store, which is lost with the power; else {change.before} bit/s"
+        error.hint = Hint(Action.LSS_BIT_RATE) + Hint(
+            Action.GIVE, {"store": True}, f" without {{}}, which is lost with the power; else {change.before} bit/s"
+        )
     return error

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.several import several
 from dvtcli.errors import NoAnswer, SafetyRefusal
@@ -62,5 +63,6 @@ def require_same(one: LssGiven, now: int) -> None:
     if now != one.before:
         raise SafetyRefusal(
             f"{one.name} says by LSS that its node-ID is {told_id(now)}, and by SDO {told_id(one.before)}",
-            why=str(one.address), hint="a node-ID that was given waits for a reset: nmt reset-comm",
-        )  # fmt: skip
+            why=str(one.address),
+            hint=Hint(Action.RESET_COMMUNICATION, why="a node-ID that was given waits for a reset: {}"),
+        )

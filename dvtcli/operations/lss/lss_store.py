@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
 from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.reset_consent import consent_to_reset
@@ -49,9 +50,10 @@ def store(master: LssMaster, given: LssGiven) -> LssGiven:
     now = selected(master, given.address)
     if now != given.node_id:
         raise SafetyRefusal(
-            f"the node with {given.address} has node-ID {told_id(now)}, not {given.node_id}", node=given.node_id,
-            hint="nothing was stored; scan shows who is there",
-        )  # fmt: skip
+            f"the node with {given.address} has node-ID {told_id(now)}, not {given.node_id}",
+            node=given.node_id,
+            hint=Hint(Action.FIND_NODES, why="nothing was stored; {} shows who is there"),
+        )
     with suppress(DeviceRefused):  # who cannot be told its own node-ID was told no other one either
         master.configure_node_id(now)  # else it keeps one that it was told and that waits for a reset
     with suppress(DeviceRefused, NoAnswer):
@@ -77,9 +79,12 @@ def prove_by_reset(session: Session, master: LssMaster, given: LssGiven) -> LssG
         raise _not_kept(master, given, failed) from failed
     if not booted:
         raise DeviceRefused(
-            f"node {node_id} was not heard to boot up after its reset: nothing is proved", node=node_id,
-            why="it answers with its node-ID all the same", hint="switch it off and on, then scan", state="unknown",
-        )  # fmt: skip
+            f"node {node_id} was not heard to boot up after its reset: nothing is proved",
+            node=node_id,
+            why="it answers with its node-ID all the same",
+            hint=Hint(Action.FIND_NODES, why="switch it off and on, then {}"),
+            state="unknown",
+        )
     return replace(given, proved=True)
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from dvtcli.operations.lss.lss_find import selected
@@ -82,7 +83,7 @@ def all_back(
     why = "; ".join([*([failed.why] if failed.why else []), *stuck])
     error = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
     error.details += [*failed.details, *_who_has_what(bus, master, [*done, *([at] if at else [])])]
-    error.hint = "nothing is stored: switch those with a new node-ID off and on, then lss scan"
+    error.hint = Hint(Action.LSS_SCAN, why="nothing is stored: switch those with a new node-ID off and on, then {}")
     return error
 
 
@@ -115,7 +116,9 @@ def _partly_stored(
     if error is failed:
         error = LeftChanged(failed.text, node=failed.node, why=failed.why, state="left_changed")
         error.details += failed.details
-        error.hint = "before the power goes: the same words again, or lss store NODE for these"
+        error.hint = Hint(
+            Action.LSS_STORE, {"of": "NODE"}, "before the power goes: the same words again, or {} for these"
+        )
     error.details.append(("unknown", f"{several(others)} may have another node-ID after the next power-on"))
     return error
 
@@ -137,12 +140,20 @@ def _unstored(
         again = f"; {several([one.name for one in stored])} stored that again" if stored else ""
         again += f"; {several([one.name for one in kept])} stored what it had" if kept else ""
         failed.state_text = f"all have the node-IDs they had before{again}; nobody keeps a new one"
-        failed.hint = "lss assign without --store; lss store NODE says again why it is not stored"
+        failed.hint = (
+            Hint(Action.LSS_ASSIGN)
+            + Hint(Action.GIVE, {"store": True}, " without {}")
+            + Hint(Action.LSS_STORE, {"of": "NODE"}, "says again why it is not stored")
+        )
         return failed
     why = "; ".join([*([error.why] if error is not failed and error.why else []), *left])
     changed = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
     changed.details += error.details
-    changed.hint = "before the power goes: lss scan and scan show who has which node-ID; lss store NODE for these"
+    changed.hint = (
+        Hint(Action.LSS_SCAN, why="before the power goes: {}")
+        + Hint(Action.FIND_NODES, why=" and {} show who has which node-ID")
+        + Hint(Action.LSS_STORE, {"of": "NODE"}, "for these")
+    )
     return changed
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry, resolve_object
 from dvtcli.errors import UsageError
 
@@ -59,11 +60,11 @@ def is_name(text: str) -> bool:
     return False
 
 
-def name_hint(unknown: UnknownName) -> str:
+def name_hint(unknown: UnknownName) -> Hint | str:
     """What to do about a name that nothing knows."""
     if unknown.similar:
         return f"did you mean {', '.join(unknown.similar)}?"
-    return "objects TEXT searches the dictionary; --eds FILE gives one"
+    return Hint(Action.FIND_OBJECTS, why="searches the dictionary") + Hint(Action.GIVE_EDS, why="gives one")
 
 
 def one_name(words: Sequence[str], is_object: Callable[[str], bool]) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.meanings import NOTHING, Understood
 from dvtcli.domain.several import few_bytes
 from dvtcli.errors import SdoProtocolError
@@ -78,7 +79,8 @@ def value_result(
             f"0x{index:04X}:{sub_index:02X} answered {len(data)} bytes ({data[:16].hex(' ')}): {wrong}",
             node=node.node_id,
             place=f"{index:04X}:{sub_index:02X}",
-            hint="--as names another type; --as os shows the bytes",
+            hint=Hint(Action.GIVE, {"as_type": None}, "names another type")
+            + Hint(Action.GIVE, {"as_type": "os"}, "shows the bytes"),
         ) from wrong
     name = node.dictionary.display_name(index, sub_index) if node.dictionary else ""
     return ValueRead(

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.network_state import (
     BOOT_TIME,
@@ -118,9 +119,11 @@ def check_live(
 def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:
     frames = 0 if traffic is None else traffic.frames
     return NoAnswer(
-        f"no node answers on {name}: nothing was checked", why=f"{plural(frames, 'frame')} heard",
-        hint="is it the right bus, and are its nodes on? `scan` asks every node-ID; `bitrate` listens",
-    )  # fmt: skip
+        f"no node answers on {name}: nothing was checked",
+        why=f"{plural(frames, 'frame')} heard",
+        hint=Hint(Action.FIND_NODES, why="is it the right bus, and are its nodes on? {} asks every node-ID")
+        + Hint(Action.LISTEN_BIT_RATE, why="listens"),
+    )
 
 
 def _seconds(session: Session, wishes: CheckWishes) -> float:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries
 from dvtcli.domain.network.concise_pdos import concise_of
 from dvtcli.domain.network.wanted_state import WantedIdentity
@@ -113,7 +114,11 @@ def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
         return found[0]
     names = several(f"{one.name} ({one.node_id})" for one in wish.nodes) or "none"
     text = "a concise DCF is for one node" if node is None else f"no node is {node!r}"
-    raise UsageError(f"{file}: {text}; it has {names}", place=file, hint="--for NODE, by its name or node-ID")
+    raise UsageError(
+        f"{file}: {text}; it has {names}",
+        place=file,
+        hint=Hint(Action.GIVE, {"node": "NODE"}, "{}, by its name or node-ID"),
+    )
 
 
 def convert_network(session: Session, file: str, target: str, node: str | int | None = None) -> Facts:

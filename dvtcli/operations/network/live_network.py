@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.plans.network_states import network_state
@@ -72,7 +73,10 @@ def refuse_without_bus(session: Session) -> None:
     """UsageError where nobody chose a bus; opens it."""
     if nobody_chose(session):
         raise UsageError(
-            "no FILE, and no bus", hint="give a network file, or a bus: -i socketcan -c can0, or --sim gen4"
+            "no FILE, and no bus",
+            hint=Hint(Action.GIVE_INTERFACE, {"interface": "socketcan"}, "give a network file, or a bus: {}")
+            + Hint(Action.GIVE_CHANNEL, {"channel": "can0"}, " {}")
+            + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, ", or {}"),
         )
     session.open_network()
 
@@ -112,7 +116,8 @@ def _others(session: Session) -> list[int]:
         return []
     if named:
         who = f"node{'s' if len(named) > 1 else ''} {','.join(map(str, named))}"
-        session.tell.note(f"{who} as -n says, and who is known or heard; `-n all` looks for the other nodes, too")
+        said = f"{who} as -n says, and who is known or heard; {{}} looks for the other nodes, too"
+        session.tell.note(Hint(Action.GIVE, {"node_id": "all"}, said))
         return []
     return answering_ids(bus)
 

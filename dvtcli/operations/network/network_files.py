@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heard_producers import heard_ids
-from dvtcli.domain.hint import plain_json
+from dvtcli.domain.hint import Action, Hint, plain_json
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
@@ -104,8 +104,8 @@ def applied(
     applied_now = apply_network(session, plan, prove=prove)
     unproved = [str(one.node_id) for one in plan.nodes if one.store and not one.stores]
     if prove is not None and unproved:
-        words = "stored nothing now, so nothing is proved of what it keeps: `store --prove` does"
-        session.tell.note(f"node {', '.join(unproved)} {words}")
+        words = f"node {', '.join(unproved)} stored nothing now, so nothing is proved of what it keeps; {{}} does"
+        session.tell.note(Hint(Action.PROVE_STORE, {"node": [int(node) for node in unproved]}, words))
     return applied_now
 
 
@@ -160,13 +160,18 @@ def _plan_of(
         return _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=as_far)
     if manager is not None:
         raise UsageError(
-            f"{file} is a saved plan, which says itself what is written", hint="plan --to-manager makes one"
+            f"{file} is a saved plan, which says itself what is written",
+            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"to_manager": "NODE"}, " {} makes one"),
         )
     if include:
-        raise UsageError(f"{file} is a saved plan, which says itself what is written", hint="plan --include makes one")
+        raise UsageError(
+            f"{file} is a saved plan, which says itself what is written",
+            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"include": "OBJECT"}, " {} makes one"),
+        )
     if trust_stamp:
         raise UsageError(
-            f"{file} is a saved plan, which says itself what was read", hint="plan --trust-stamp makes one"
+            f"{file} is a saved plan, which says itself what was read",
+            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"trust_stamp": True}, " {} makes one"),
         )
     tell_unknown_bit_rate(session, len(saved.nodes))
     nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes}

@@ -13,6 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import UNREADABLE
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.plan import STAMP, Plan
@@ -52,7 +53,11 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     if any(one != manager for one in named_nodes(session)):
         raise UsageError(
             f"--to-manager gives node {manager} what all nodes of {file} download, -n names some of them",
-            hint="without -n it is all of them; a node whose download is right already is not written",
+            hint=Hint(
+                Action.GIVE,
+                {"node_id": None},
+                "without {} it is all of them; a node whose download is right already is not written",
+            ),
         )
     wish = read_wish(file)
     found = concise_dcfs(file, session.tell, words_of_present(session, file, wish))

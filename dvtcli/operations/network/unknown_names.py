@@ -25,6 +25,6 @@ def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> 
         if names and node.node_id not in known and simulated_word(file, node) is None:
             text = (
                 f"nothing here says which object {names[0].text!r} of node {node.node_id} is: its `dcf:`, its "
-                "`profile:`, or `eds add` of a file with its identity does"
+                "`profile:`, or a file of the library with its identity does"
             )
             yield FileNote(text, names[0].mark, len(names))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.resets import SentReset, reset_all_and_wait, send_reset
 from dvtcli.device.seen_state import CONFIRM_S, seen_state, seen_states
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -101,7 +102,7 @@ def _commanded(
     if reset and session.in_script:
         _note_what_came_up(session, states)
     seen = tuple((one, None if state is None else state.label) for one, state in sorted(states.items()))
-    notes = [
+    notes: list[Hint | str] = [
         f"node {node_id} sent no boot-up message, and answers: nobody knows whether it restarted" for node_id in unheard
     ]
     for note in notes:
@@ -138,7 +139,7 @@ def _meet_all(session: Session) -> None:
             session.node(node_id)
 
 
-def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[str, ...]:
+def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[Hint | str, ...]:
     """What is to be known of those nodes that an interrupted change left half configured."""
     network = session.open_network()  # under --dry-run, too: what is left half configured is the node itself
     said = (network.interrupted(node_id) for node_id in sorted(one for one in node_ids if one is not None))

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BIT_TIMINGS
 from dvtcli.errors import BusUnavailable, SafetyRefusal
 from dvtcli.operations.results.bit_rates import BitRateFound, HeardAt
@@ -100,7 +101,8 @@ def _lent(session: Session, *, listen_only: bool) -> Iterator[CanopenBus]:
     if before is None:
         raise SafetyRefusal(
             f"the bit rate of {bus.name} is not known, so that it could not be set back",
-            hint="exit, then dvtcli bitrate; or open it with -b/--bitrate",
+            hint=Hint(Action.LISTEN_BIT_RATE, why="exit, then {}")
+            + Hint(Action.GIVE_BIT_RATE, why="or open it with {}"),
         )
     try:
         bus.set_bit_rate(before, listen_only=listen_only)

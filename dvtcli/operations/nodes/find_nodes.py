@@ -101,7 +101,7 @@ def _with_file(session: Session, row: NodeRow) -> NodeRow:
         return row
     session.network.files.was_said(chosen.note)
     wrong = problem_of(chosen.path)
-    note = f"{wrong}; `eds add` the file again, or `eds remove` it" if wrong else chosen.note
+    note = f"{wrong}; add the file again, or remove it from the library" if wrong else chosen.note
     return replace(row, source=chosen.path.name, eds_why=chosen.why, eds_note=note)
 
 

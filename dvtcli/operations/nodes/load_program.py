@@ -15,6 +15,7 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.program_download import ProgramDownload
 from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, Stage
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
@@ -41,7 +42,7 @@ def load_program(
     """
     program = read_program(file)
     if isinstance(expect, str) and expect != CRC32:
-        raise UsageError(f"{expect!r}: a number, or crc32", hint="--expect 0x12345678")
+        raise UsageError(f"{expect!r}: a number, or crc32", hint=Hint(Action.GIVE, {"expect": "0x12345678"}))
     node = session.node(node_id)
     wanted, by = _expected(node, number, program, expect)
     if session.dry_run:
@@ -146,7 +147,11 @@ class _Noted:
 def _name_profile(failed: DvtcliError, profile: str, number: int) -> None:
     """Say that *profile*, where there is one, is who says what 0x1F56 has to be, where that is what *failed*."""
     if profile and failed.place == f"{SOFTWARE_IDENTIFICATION:04X}:{number:02X}":
-        failed.hint = f"profile {profile} says what is expected; is it the right file? --expect NUMBER says another one"
+        failed.hint = Hint(
+            Action.GIVE,
+            {"expect": "NUMBER"},
+            f"profile {profile} says what is expected; is it the right file? {{}} says another one",
+        )
 
 
 def _require_same(node: Node, before: tuple[int | None, ...]) -> None:

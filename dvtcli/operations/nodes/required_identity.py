@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.results import Facts
 
@@ -33,7 +34,7 @@ def require_identity(
                 f"node {node.node_id} is another device: {name} is {has}, {who} wants 0x{value:08X}",
                 node=node.node_id,
                 place=f"1018:{_SUB_INDICES[name]:02X}",
-                hint="is this the right node? scan lists them",
+                hint=Hint(Action.FIND_NODES, why="is this the right node? {} lists them"),
             )
     shown = ", ".join(f"{name} 0x{value:08X}" for name, value in wanted)
     return Facts("require", (("node", node.node_id), ("identity", held)), (f"node {node.node_id} is the one: {shown}",))

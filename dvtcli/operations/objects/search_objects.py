@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.errors import UsageError
@@ -26,7 +27,10 @@ def search_objects(
     node = session.node(node_id)
     dictionary = node.dictionary
     if dictionary is None:
-        raise UsageError(f"node {node.node_id} has no EDS here: nothing names its objects", hint="--eds FILE gives one")
+        raise UsageError(
+            f"node {node.node_id} has no EDS here: nothing names its objects",
+            hint=Hint(Action.GIVE_EDS, why="gives one"),
+        )
     entries = list(dictionary.entries())
     matching = (entry for entry in entries if _matches(dictionary, entry, text))
     found = ((entry, directions(dictionary, node.profile, entry)) for entry in matching)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.files.values.csv_values import csv_text
 from dvtcli.operations.meanings.named_objects import means_whole, object_at, one_name
@@ -144,7 +145,10 @@ def _rows(
         yield lambda _row: None
         return
     if not file.lower().endswith(".csv"):
-        raise UsageError(f"{file}: --every writes a .csv file", hint="read 6041 606C --every 100ms -o run.csv")
+        raise UsageError(
+            f"{file}: --every writes a .csv file",
+            hint=Hint(Action.READ_VALUES, {"objects": ("6041", "606C"), "time": "100ms", "file": "run.csv"}),
+        )
     path = place_of(file, "read 6041 --every 1s -o {}/NAME.csv")
     ask_before_overwriting(session, path)
     try:

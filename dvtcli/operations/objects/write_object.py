@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import within
@@ -30,7 +31,9 @@ RULES = (
          "CiA 301, 7.5.2.13 and 7.5.2.14", (Abort.CANNOT_STORE,)),
 )  # fmt: skip
 
-_GUESSED = "no EDS says its type, it is guessed by its length: --as vs writes text, --as TYPE another one"
+_GUESSED = Hint(
+    Action.GIVE, {"as_type": "vs"}, "no EDS says its type, it is guessed by its length: {} writes text"
+) + Hint(Action.GIVE, {"as_type": "TYPE"}, ", {} another one")
 
 
 def write_text(
@@ -66,7 +69,9 @@ def _in_words(node: Node, index: int, sub_index: int, refused: DeviceRefused) ->
         refused.why = f"0x{index:04X}:{sub_index:02X} is {held}, expected {wanted}"
     group = next((name for name, one in node.profile.vpdo.items() if within(index, one.drives)), None)
     if group is not None:
-        refused.hint = f"the device itself writes it while a virtual PDO ties it: vpdo {group} shows that"
+        refused.hint = Hint(
+            Action.SHOW_VPDO, {"group": group}, "the device itself writes it while a virtual PDO ties it: {} shows that"
+        )
 
 
 def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
@@ -110,7 +115,9 @@ def _size(node: Node, index: int, sub_index: int) -> int:
     try:
         return len(node.upload(index, sub_index))
     except DvtcliError as failed:
-        failed.hint = failed.hint or "--as TYPE says how to write an object that cannot be read"
+        failed.hint = failed.hint or Hint(
+            Action.GIVE, {"as_type": "TYPE"}, "says how to write an object that cannot be read"
+        )
         raise
 
 
@@ -127,7 +134,7 @@ def signature(session: Session, node: Node, index: int, sub_index: int, value: s
         word, place = SIGNATURES[index], f"0x{index:04X}:{sub_index:02X}"
         finding = error(
             "signature", place, f"{place} takes {word.decode()!r} only, not {value!r}", Abort.CANNOT_STORE,
-            "store" if index == STORE else "restore",
+            Hint(Action.STORE if index == STORE else Action.RESTORE),
         )  # fmt: skip
         raise RuleError(f"nothing was written: {finding.text}", [finding], node=node.node_id)
     if index == RESTORE:

@@ -11,6 +11,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.several import several
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
@@ -51,7 +52,7 @@ class Network:
     #: told of every object that is read of a node ahead of a change or for a list
     on_look: Callable[[Looking], None] = lambda _looking: None
     #: shows what nobody may miss
-    warn: Callable[[str], None] = lambda _text: None
+    warn: Callable[[Hint | str], None] = lambda _text: None
     #: shows what is good to know
     note: Callable[[str], None] = lambda _text: None
     #: told of every step of a change that a node took
@@ -95,7 +96,7 @@ class Network:
             node.memory.learn(self.files.memory(node_id))
             self._remark(node_id)
             if node.unlike_file:
-                self.warn(f"{node.unlike_file}: what it says may not be so; changes need --force")
+                self.warn(Hint(Action.FORCE, why=f"{node.unlike_file}: what it says may not be so; changes need {{}}"))
             if self.comes_back:
                 self._identify(node)
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
@@ -202,7 +203,7 @@ class Network:
                 self.node(other)
         return [node for other, node in sorted(self.nodes.items()) if other != node_id]
 
-    def interrupted(self, node_id: int) -> str:
+    def interrupted(self, node_id: int) -> Hint | str:
         """What to say of a change of the node that was interrupted and not finished; empty where there is none."""
         if self.keeping is None:
             return ""

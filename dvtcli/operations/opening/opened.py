@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, InputFileError, UsageError
 from dvtcli.operations.user.said import Said
 
@@ -141,7 +142,10 @@ class Opened(Said):
             self._network = self._network_on(bus, simulated)
             self._obey(bus)
             if self.options.bus_share and bus.bitrate is None and not bus.simulated:
-                self.tell.note(f"--bus-share is of no effect: the bit rate of {bus.name} is not known; -b says it")
+                self.tell.note(
+                    Hint(Action.GIVE, {"bus_share": None}, f"is of no effect: the bit rate of {bus.name} is not known")
+                    + Hint(Action.GIVE_BIT_RATE, why="says it")
+                )
             self._watch()
             self._keep_frames_of(bus)
         if self._network.left:
@@ -234,7 +238,7 @@ class Opened(Said):
             if (by := self.chosen_by()) != NOBODY:
                 failed.details.append(("chosen by", by))
             elif described := self.settings.described_buses():
-                failed.hint = f"{described}; {failed.hint}"
+                failed.hint = as_hint(described) + failed.hint if failed.hint else described
             failed.at_start = True
             raise
         except UsageError as wrong:

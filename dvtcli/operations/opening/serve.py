@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.errors import BusUnavailable, InputFileError, UsageError
 from dvtcli.files.sim_state import read_state, write_state
@@ -146,7 +147,10 @@ def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]
     faults = simulated_faults(options.fault, nodes)
     for fault in faults:
         if fault.kind.of_bit_rate:
-            raise UsageError(f"--fault {fault}: a served bus keeps its one bit rate", hint="it is for --sim")
+            raise UsageError(
+                f"--fault {fault}: a served bus keeps its one bit rate",
+                hint=Hint(Action.GIVE, {"nodes": None}, "it is for {}"),
+            )
     return faults
 
 
@@ -172,7 +176,9 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
         raise BusUnavailable(
             f"cannot listen on {host}:{port}",
             why=failed.strerror or str(failed),
-            hint="is another dvtcli sim or a socketcand running? --listen HOST:0 takes a free port",
+            hint=Hint(
+                Action.GIVE, {"listen": "HOST:0"}, "is another dvtcli sim or a socketcand running? {} takes a free port"
+            ),
         ) from failed
     if where is not None and not is_loopback(where[0]):
         warn(f"{where[0]} is no loopback address: whoever reaches it can read and write these nodes")
@@ -203,12 +209,16 @@ def _keeper(
     if folder is None:
         return lambda _device: None
     if folder.exists() and not folder.is_dir():
-        raise InputFileError(f"{folder}: not a folder", place=str(folder), hint="--state takes a folder")
+        raise InputFileError(
+            f"{folder}: not a folder", place=str(folder), hint=Hint(Action.GIVE, {"state": None}, "takes a folder")
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)  # now, rather than when a node first stores
     except OSError as failed:
         why = failed.strerror or str(failed)
-        raise UsageError(f"{folder}: {why}", place=str(folder), hint="--state takes a folder to write to") from failed
+        raise UsageError(
+            f"{folder}: {why}", place=str(folder), hint=Hint(Action.GIVE, {"state": None}, "takes a folder to write to")
+        ) from failed
     names = [f"{one.family or one.eds.stem}@{one.node_id}.json" for one in nodes]
     paths = {device: folder / name for device, name in zip(devices, names, strict=True)}
     for device, path in paths.items():

@@ -136,7 +136,12 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
     if not words:
         return ()
     if not simulated:
-        raise UsageError("--fault is for simulated nodes", hint="give --sim too: --sim gen4 --fault lose-response@3")
+        raise UsageError(
+            "--fault is for simulated nodes",
+            hint=Hint(Action.GIVE, {"nodes": None}, "give {}")
+            + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, " too: {}")
+            + Hint(Action.GIVE, {"faults": "lose-response@3"}, " {}"),
+        )
     from dvtcli.simulator.device.broken_device import break_device
     from dvtcli.simulator.device.faulty import altered
     from dvtcli.simulator.device.simulated_faults import own_of, read_faults
@@ -160,7 +165,10 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
         return ()
     if not simulated:
         raise UsageError(
-            "--signal is for simulated nodes", hint='give --sim too: --sim gen4 --signal "606C=sine(1500,2s)"'
+            "--signal is for simulated nodes",
+            hint=Hint(Action.GIVE, {"nodes": None}, "give {}")
+            + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, " too: {}")
+            + Hint(Action.GIVE, {"signals": "606C=sine(1500,2s)"}, " {}"),
         )
     from dvtcli.simulator.device.signal_shapes import RowsError
     from dvtcli.simulator.device.signals import read_signals
@@ -214,7 +222,7 @@ def _simulated(what: str, chosen: int, by: str) -> Simulated:
     known = ", ".join(family_names())
     raise UsageError(
         f"{by} {what}: no such family and no such file",
-        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that `learn` wrote",
+        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that was learnt",
     )
 
 
@@ -261,7 +269,7 @@ def read_dictionary(path: Path) -> ObjectDictionary:
     except OSError as failed:
         raise UsageError(
             f"{path}: {failed.strerror or failed}",
-            hint="--eds takes the path of an EDS, DCF, XDD or XDC, or a family of `sim`",
+            hint=Hint(Action.GIVE_EDS, why="takes the path of an EDS, DCF, XDD or XDC, or a simulated family"),
         ) from failed
     except InputFileError as wrong:
         from dvtcli.files.device_library.stored_files import folder
@@ -269,8 +277,8 @@ def read_dictionary(path: Path) -> ObjectDictionary:
         if not wrong.hint and path.parent == folder():
             wrong.hint = Hint(
                 Action.REMOVE_EDS,
-                why="it lies in the library: `eds add` the file again, or {} takes it out; --eds FILE names another",
-            )
+                why="it lies in the library: add the file again, or {} takes it out",
+            ) + Hint(Action.GIVE_EDS, why="names another")
         raise
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.request import PdoRequest
@@ -62,7 +63,8 @@ def _with_room(
     raise DeviceRefused(
         f"no TPDO of node {node.node_id} has {bits} bits of room, and none is disabled",
         node=node.node_id,
-        hint="clear a TPDO first, or map into one by name: map tpdo1 …",
+        hint=Hint(Action.CLEAR, why="a TPDO first")
+        + Hint(Action.MAP, {"pdo": "tpdo1"}, ", or map into one by name: {}"),
     )
 
 

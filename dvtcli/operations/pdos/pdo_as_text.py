@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import write_private
 from dvtcli.device.change.safekeeping import who_else
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import Word, read_pdo_yaml, write_pdo_yaml, wrong_at
@@ -47,7 +48,9 @@ def configure_from_text(
             raise SafetyRefusal(
                 f"{pdo.label} of node {node.node_id} is not what it was when the editor was opened",
                 node=node.node_id,
-                hint=f"{who_else(node.keeper)}: `pdo edit {pdo}` again shows what it holds now",
+                hint=Hint(
+                    Action.EDIT_PDO, {"pdo": pdo}, f"{who_else(node.keeper)}: {{}} again shows what it holds now"
+                ),
             )
     want = PdoRequest(
         asked.cob_id, asked.transmission_type, asked.inhibit_time, asked.event_timer, asked.sync_start_value,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural
 from dvtcli.errors import UsageError
 from dvtcli.operations.picture.gather import PictureWishes, network_picture
@@ -25,7 +26,7 @@ def draw_network(session: Session, target: str, file: str | None = None, wishes:
     """
     path = place_of(target, "report {}/NAME.html")
     if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"{target}: what format is that?", hint="report NAME.html, NAME.svg or NAME.dot")
+        raise UsageError(f"{target}: what format is that?", hint=Hint(Action.DRAW, why="{}, NAME.svg or NAME.dot"))
     picture = network_picture(session, file, wishes)
     data = drawn(picture, path)
     ask_before_overwriting(session, path)

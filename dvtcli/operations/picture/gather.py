@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.frame_streams import streams_of
@@ -89,7 +90,7 @@ def _of_nodes(
     if not state.nodes:
         raise NoAnswer(
             f"no node answers on {session.wire.name}: there is nothing to draw",
-            hint="is it the right bus, and are its nodes on? `scan` asks every node-ID",
+            hint=Hint(Action.FIND_NODES, why="is it the right bus, and are its nodes on? {} asks every node-ID"),
         )
     state = replace(state, nodes=tuple(replace(one, name=names.get(one.node_id, "")) for one in state.nodes))
     told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate

@@ -15,6 +15,7 @@ from dvtcli.device.change.other_pdos import is_of_pdo
 from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.device.read_whole import PAUSE_S
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
 from dvtcli.domain.several import several
@@ -110,9 +111,14 @@ class Claims:
                 continue
             if altered:
                 left = LeftChanged(
-                    fault.text, node=node.node_id, why=several(altered.values()), state="left_changed",
-                    hint=f"`write` sets {several(altered)} again, if that is to be so: a file's plan does not",
-                )  # fmt: skip
+                    fault.text,
+                    node=node.node_id,
+                    why=several(altered.values()),
+                    state="left_changed",
+                    hint=Hint(
+                        Action.WRITE, why=f"sets {several(altered)} again, if that is to be so: a file's plan does not"
+                    ),
+                )
                 left.state_text = (
                     f"node {node.node_id} holds {several(altered)} otherwise than before; what was planned is rolled "
                     "back, read back equal; nothing was stored"
@@ -215,5 +221,5 @@ def _refuse_unlike(node: Node, planned: NodePlan) -> None:
 
 
 def _stale(node: Node, what: str, place: str | None = None, why: str | None = None) -> SafetyRefusal:
-    hint = "plan again, and look at what has changed"
+    hint = Hint(Action.PLAN, {"node": None}, "again, and look at what has changed")
     return SafetyRefusal(f"node {node.node_id} {what}", node=node.node_id, place=place, why=why, hint=hint)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from dvtcli.device.heartbeat_slots import heartbeat_slots
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.wanted_state import Endpoint, HeartbeatWatch, LinkWish, NetworkWish, NodeWish, PdoWish
 from dvtcli.errors import UsageError
@@ -76,7 +77,7 @@ def _spelled(word: str, producer: Endpoint, consumers: Sequence[Endpoint]) -> st
 
 def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
     """UsageError where the ends are no link."""
-    hint = "link 1:tpdo1 5:rpdo2"
+    hint = Hint(Action.LINK, {"producer": "NODE:tpdo1", "consumer": "NODE:rpdo2"})
     if not producer.pdo.is_tpdo:
         raise UsageError(f"{producer.node_id}:{producer.pdo} sends nothing: a link begins with a TPDO", hint=hint)
     if not consumers:

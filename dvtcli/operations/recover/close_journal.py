@@ -34,7 +34,7 @@ def refuse_other_bus(session: Session, journal: Journal) -> None:
             f"the journal was made on another bus: {journal.bus}, not {session.wire.name}",
             node=journal.plan.node_id,
             place=str(journal.path),
-            hint="attach to that bus, or --force if it is the same one under another name",
+            hint=Hint(Action.FORCE, why="attach to that bus, or {} if it is the same one under another name"),
         )
 
 
@@ -44,7 +44,7 @@ def _one_path(session: Session, file: str | None, word: str) -> Path | None:
     if len(paths) > 1:
         raise UsageError(
             f"several changes were interrupted on this bus: --{word} closes one at a time",
-            hint=f"-n ID recover --{word}",
+            hint=Hint(Action.RECOVER, {"node": "ID", word: True}),
         )
     return paths[0] if paths else None
 
@@ -84,17 +84,33 @@ def accepted(session: Session, file: str | None) -> Facts:
     return Facts("recover", rows, (*text, said, *_after_accepting(node, journal, others)))
 
 
-def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[str]:
+def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hint]:
     """What is to be done next, where the change was left half-way."""
     lines = [
-        "next: a line behind `held before` sets that back when it is typed; `store` keeps what is right, "
-        f"`nmt reset-node {node.node_id}` brings back what is stored"
+        Hint(
+            Action.STORE,
+            {"node": node.node_id},
+            "next: a line behind `held before` sets that back when it is typed; {} keeps what is right",
+        )
+        + Hint(Action.RESET_NODE, {"node": node.node_id}, ", {} brings back what is stored")
     ]
     if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
-        lines.append(f"it was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start {node.node_id}")
+        lines.append(
+            Hint(
+                Action.START_NODE,
+                {"node": node.node_id},
+                "it was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: {}",
+            )
+        )
     if others:
         ids = ", ".join(map(str, others))
-        lines.append(f"what {journal.part.name} changed on node {ids} waits, too: -n {others[0]} recover takes it back")
+        lines.append(
+            Hint(
+                Action.RECOVER,
+                {"node": others[0]},
+                f"what {journal.part.name} changed on node {ids} waits, too: {{}} takes it back",
+            )
+        )
     return lines
 
 
@@ -111,7 +127,9 @@ def discarded(session: Session, file: str | None) -> Facts:
         ("discarded", kept is not None),
         ("kept", None if kept is None else str(kept)),
     )
-    said = f"the journal is kept as {kept}; look at the node with `pdo`, and set it as it should be"
+    said = Hint(
+        Action.SHOW_PDOS, why=f"the journal is kept as {kept}; look at the node with {{}}, and set it as it should be"
+    )
     return Facts("recover", rows, (said if kept is not None else "dry run: the journal stays",))
 
 
@@ -128,8 +146,9 @@ def _useless_for(session: Session, path: Path) -> int:
             f"the journal of node {node_id} can be used: it is not set aside",
             node=node_id,
             place=str(path),
-            hint="recover puts the old configuration back, recover --accept takes what the device holds; "
-            "--force sets it aside all the same",
+            hint=Hint(Action.RECOVER, why="puts the old configuration back")
+            + Hint(Action.RECOVER, {"accept": True}, ", {} takes what the device holds")
+            + Hint(Action.FORCE, why="sets it aside all the same"),
         )
     selected = session.selected_id()
     return node_id if selected is None else selected

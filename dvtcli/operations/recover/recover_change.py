@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import changed
@@ -66,7 +67,9 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
 
         return go_on(session, journals)
     text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
-    what = "`learn`, which was interrupted" if all(one.part.asked for one in journals) else "the interrupted change"
+    what = (
+        "it was learnt, which was interrupted" if all(one.part.asked for one in journals) else "the interrupted change"
+    )
     session.consent(f"{text} will be put back as before {what}; recover?", _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
         session.tell.note(said)
@@ -91,8 +94,9 @@ def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
     alone = len(wholes) == 1
     for ours in finishing:
         if session.options.yes or session.dry_run or not alone:
-            which = "" if alone else f"-n {ours[0].plan.node_id} "
-            session.tell.note(f"{_begun_stores(ours)}: recover goes back, {which}recover --finish would go on")
+            node = {} if alone else {"node": ours[0].plan.node_id}
+            back = Hint(Action.RECOVER_ALL, why=f"{_begun_stores(ours)}: {{}} goes back")
+            session.tell.note(back + Hint(Action.FINISH_STORES, node, ", {} would go on"))
         else:
             what = "store on the others?" if waiting(furthest(ours)) else "is it to stay so?"
             return _asked_to_finish(session, _begun_stores(ours), what)
@@ -109,7 +113,10 @@ def _begun_stores(journals: list[Journal]) -> str:
 def _asked_to_finish(session: Session, text: str, what: str) -> bool:
     answer = session.tell.ask(f"{text}; {what} No goes on to the way back")
     if answer is None:
-        raise SafetyRefusal(f"nobody can answer: {text}", hint="recover --finish goes on, recover --yes goes back")
+        raise SafetyRefusal(
+            f"nobody can answer: {text}",
+            hint=Hint(Action.FINISH_STORES, why="goes on") + Hint(Action.RECOVER, {"yes": True}, ", {} goes back"),
+        )
     return answer
 
 
@@ -179,7 +186,8 @@ def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
         return None
     return Restarted(
         f"node {', '.join(map(str, again))} restarted after it was put back: what it had not stored is lost",
-        hint="look at its supply, then at what it holds with `pdo`; `undo --backup` puts an automatic backup back",
+        hint=Hint(Action.SHOW_PDOS, why="look at its supply, then at what it holds with {}")
+        + Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back"),
         state="unknown",
     )
 

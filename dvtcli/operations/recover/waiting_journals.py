@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.private_file import file_name
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.user.keeping import state_folder
 from dvtcli.operations.user.options import is_file
@@ -31,7 +32,9 @@ def waiting_paths(session: Session, file: str | None, refused: list[DvtcliError]
     """
     if file is not None:
         if not is_file(file):
-            raise UsageError(f"{file}: no such file", place=file, hint="recover alone takes the node's own journal")
+            raise UsageError(
+                f"{file}: no such file", place=file, hint=Hint(Action.RECOVER, why="alone takes the node's own journal")
+            )
         return _held_file(session, Path(file))
     selected = session.selected_id()
     if selected is not None:

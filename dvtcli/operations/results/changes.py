@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, alters
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes, physical_document
@@ -31,7 +32,7 @@ class Changed(Answer):
     #: whether anything of it is lost at power-off unless it is stored
     volatile: bool = True
     #: what makes it last, in words
-    keep: str = "`store` keeps it"
+    keep: Hint | str = Hint(Action.STORE, why="keeps it")  # noqa: RUF009 - it is frozen
     names: dict[str, str] = field(default_factory=dict)
     #: whether it was the family's way to keep its settings
     saved: bool = False

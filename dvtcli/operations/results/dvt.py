@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.results.documents import Answer, Document, finding_document
 
@@ -22,7 +23,7 @@ class DvtAnswer(Answer):
     word: str
     node: int | None
     answer: str
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Hint | str, ...] = ()
     exit_code: int = 0
     findings: tuple[Finding, ...] = ()
     dry_run: bool = False

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import DvtcliError, RuleError
@@ -76,7 +77,9 @@ def not_as_before(node: int | None, not_put_back: Sequence[Finding], *, dry_run:
     *node* is None where there are several.
     """
     failed = DvtcliError("; ".join(finding.text for finding in not_put_back), node=node)
-    failed.hint = "`pdo` shows what it holds; where it was stored, `nmt reset-node` brings it back"
+    failed.hint = Hint(Action.SHOW_PDOS, why="shows what it holds") + Hint(
+        Action.RESET_NODE, why="where it was stored, {} brings it back"
+    )
     if not dry_run:
         failed.state = "left_changed"
         failed.state_text = "not as it was; what it is now was read back"
@@ -117,7 +120,8 @@ def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str
         f"{', '.join(seen)}, not {wanted} as was asked for",
         node=node or None,
         why="NMT commands are not acknowledged: it was ignored, or the node left that state again",
-        hint="`read 1001` (error register) and `monitor` (emergencies) tell more; then again",
+        hint=Hint(Action.READ, {"object": "1001"})
+        + Hint(Action.MONITOR, why=" (error register) and {} (emergencies) tell more; then again"),
     )
     failed.state_text = f"{', '.join(by_state)}; nothing was written"
     return failed

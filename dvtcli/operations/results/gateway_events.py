@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Document
 
@@ -20,7 +21,7 @@ class GatewayEvent:
 
     event: GatewayHappening
     time_s: float
-    text: str
+    text: Hint | str
     client: str | None = None
     node: int | None = None
     object: str | None = None

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes, lacking_documents
@@ -202,7 +203,7 @@ class NetworkApplied(Answer):
     dry_run: bool
     seconds: float
     stored: tuple[Stored, ...] = ()
-    keep: Mapping[int, str] = field(default_factory=dict)
+    keep: Mapping[int, Hint | str] = field(default_factory=dict)
     kept_without: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     is_clone: bool = False
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.emergency_codes import register_words
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes
 
@@ -22,7 +23,7 @@ class FaultRow(Short):
     source: str
     code: int
     text: str
-    remedy: str = ""
+    remedy: Hint | str = ""
     information: int | None = None
     count: int | None = None
     first_s: float | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes
 
@@ -88,7 +89,7 @@ class Commanded(Answer):
     dry_run: bool
     lost: tuple[str, ...] = ()
     wanted: str | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Hint | str, ...] = ()
 
     def __bool__(self) -> bool:
         """Whether each node is seen in the state that was asked for: one that cannot be seen may be off."""
@@ -140,7 +141,7 @@ class Synced(Answer):
     can_id: int = 0x080
     exit_code: int = 0
     #: why no frame came, where that is known
-    note: str = ""
+    note: Hint | str = ""
 
     def document(self) -> Document:
         """`dvtcli.sync/1`."""

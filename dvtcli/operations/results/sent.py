@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import DvtcliError
@@ -54,7 +55,11 @@ class Outcome(Short):
         elif self.error_frames:
             error = DvtcliError(
                 f"{self.error_frames} error frames came meanwhile: which frames are on the wire is not known",
-                hint="is a node connected and powered, with this bit rate? -v shows what the controller says",
+                hint=Hint(
+                    Action.GIVE,
+                    {"verbose": None},
+                    "is a node connected and powered, with this bit rate? {} shows what the controller says",
+                ),
                 state="unknown",
             )
         else:

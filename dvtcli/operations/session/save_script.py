@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.end_state import end_state, left_out_stores, touched
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines
 from dvtcli.domain.several import several
@@ -69,7 +70,9 @@ def save_script(
     text, identity = _script(session, sections)
     make_file(session, path, text if spelled is None else spelled(text), read_back)
     count = sum(not line.startswith("#") for _, lines in sections for entry in lines for line in entry.splitlines())
-    said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {shlex.quote(file)}"
+    said = Hint(
+        Action.RUN, {"file": file}, f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: {{}}"
+    )
     return Facts("save", (("file", file), ("commands", count)), (said,))
 
 
@@ -114,13 +117,18 @@ def ended_lines(session: Session) -> list[Section]:
     sections = [(node_id, lines) for node_id, lines in found.items() if lines]
     if not sections:
         raise UsageError(
-            "nothing to save: what this session changed is as it was before", hint="save --history writes each step"
+            "nothing to save: what this session changed is as it was before",
+            hint=Hint(Action.SAVE_SCRIPT, {"history": True}, "writes each step"),
         )
     for node_id, lines in found.items():
         for store in left_out_stores([line for one, line in session.record.lines if one == node_id], lines):
             session.tell.note(
-                f"`{store}` of node {node_id} is left out: it stored what was before the last change; "
-                "save --history writes each step"
+                Hint(
+                    Action.SAVE_SCRIPT,
+                    {"history": True},
+                    f"`{store}` of node {node_id} is left out: it stored what was before the last change; "
+                    "{} writes each step",
+                )
             )
     return sections
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.opening.opened import Opened
 
@@ -80,13 +81,19 @@ class Session(Opened):
             said = ",".join(map(str, self.base.nodes)) or "all"
             raise UsageError(
                 f"-n {said} names several nodes, and this is about one",
-                hint="pdo, read, node, faults, store, and plan, diff, verify, apply and import of a file take several",
+                hint=Hint(
+                    Action.GIVE,
+                    {"node_id": "ID"},
+                    "{} with one node-ID; what looks at nodes, stores, or takes a file goes with several",
+                ),
             )
         if self.base.sim and (simulated := self.network.simulated_ids):
             return simulated[0]
         raise UsageError(
             "no node is selected",
-            hint="scan finds the nodes; `node ID` selects one at the prompt and in scripts, -n ID on the command line",
+            hint=Hint(Action.FIND_NODES, why="finds the nodes")
+            + Hint(Action.SHOW_NODE, {"node": "ID"}, "selects one at the prompt and in scripts")
+            + Hint(Action.GIVE, {"node_id": "ID"}, ", {} on the command line"),
         )
 
     def selected_id(self) -> int | None:

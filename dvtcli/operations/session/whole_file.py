@@ -8,6 +8,7 @@ from stat import S_IMODE
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import put_in_place
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 
 if TYPE_CHECKING:
@@ -50,9 +51,11 @@ def _read_back(path: Path, made: Path, read_back: ReadBack) -> None:
         said = ": ".join(filter(None, (failed.text, failed.why)))
         why = said.replace(str(made), str(path)).replace(made.name, path.name)
         unlike = InputFileError(
-            f"{path} is not written: what it would say cannot be read back", place=str(path), why=why,
-            hint="what it is made of may be at fault: `eds check FILE` looks at a device's file",
-        )  # fmt: skip
+            f"{path} is not written: what it would say cannot be read back",
+            place=str(path),
+            why=why,
+            hint=Hint(Action.CHECK_EDS, why="what it is made of may be at fault: {} looks at a device's file"),
+        )
         unlike.outcome = "what was there of that name stays"
         raise unlike from failed
 

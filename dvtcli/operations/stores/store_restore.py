@@ -15,6 +15,7 @@ from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
 from dvtcli.device.store_parameters import RESTORE, STORE, chosen, sign
 from dvtcli.device.storing import is_stored, may_store, prepare_store
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
@@ -100,7 +101,7 @@ def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:
             f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
             node=node.node_id,
             why=f"0x{signed.place} acknowledged the store",
-            hint="`verify`, set again what differs, then store again",
+            hint=Hint(Action.VERIFY, why="{}, set again what differs, then store again"),
             state="unknown",
         )
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.several import several
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
@@ -78,13 +78,14 @@ def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
 def stopped_between(done: Sequence[int], left: Sequence[int], fault: DvtcliError) -> LeftChanged:
     """What is told if the nodes *done* have stored and the first of those *left* did not, for its *fault*."""
     unsure = tuple(left[:1]) if _is_unsure(fault) else ()
-    first = f"{fault.hint}; then " if fault.hint else ""
     error = LeftChanged(
         f"node {', '.join(map(str, done))} stored, and then: {fault}",
         node=left[0],
         place=fault.place,
         why=fault.why,
-        hint=f"{first}`-n {','.join(map(str, left))} store` stores the rest",
+        hint=Hint(Action.STORE, {"node": list(left)}, "stores the rest").after(
+            as_hint(fault.hint) if fault.hint else None
+        ),
         state="left_changed",
     )
     error.stores = WhoStored(tuple(done), tuple(node_id for node_id in left if node_id not in unsure), unsure)
@@ -130,7 +131,7 @@ def lost_settings(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
         left.details += first.details
     left.details += beside(left, others)
     _say_who(course, left)
-    left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
+    left.state_text = "not every node is known to hold what was planned; what was stored stays stored"
     return left
 
 

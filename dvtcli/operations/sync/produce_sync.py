@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import several
 from dvtcli.operations.results import Synced
 from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
@@ -38,15 +39,16 @@ def produce_sync(session: Session, count: int = 1, period_s: float = 0.02, node_
     return Synced(count, period_s * 1000, rows, session.dry_run, sync.can_id, note=_held_back(session))
 
 
-def _held_back(session: Session) -> str:
+def _held_back(session: Session) -> Hint | str:
     """Says so where nodes send no PDOs because the script has them PRE-OPERATIONAL."""
     held = [node.node_id for node in session.network.nodes.values() if node.gate.found is not None]
     if not held:
         return ""
     named = several(f"node {node_id}" for node_id in held)
-    return (
-        f"{named} sent none: this script changes PDOs, so it stays PRE-OPERATIONAL until the last line; "
-        "`nmt start` before sync starts it now"
+    return Hint(
+        Action.START_NODE,
+        why=f"{named} sent none: this script changes PDOs, so it stays PRE-OPERATIONAL until the last line; "
+        "{} before sync starts it now",
     )
 
 

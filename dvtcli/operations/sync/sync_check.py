@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.rules.finding import warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.operations.results import SyncCheck, SyncSource
@@ -33,9 +34,12 @@ def check_sync(session: Session, node_ids: Iterable[int] = ()) -> SyncCheck:
     heard = sum(frame.can_id in can_ids for frame in session.wire.receive(listen_s))
     checked = SyncCheck(sources, heard, round(listen_s * 1000))
     finding = warning(
-        "sync-producer", "0x1005:00", "nobody produces SYNC: synchronous PDOs stay silent",
-        "`write 1005 0x40000080` makes a node the producer, or `sync --period 20 --count 100` sends SYNC from here",
-    )  # fmt: skip
+        "sync-producer",
+        "0x1005:00",
+        "nobody produces SYNC: synchronous PDOs stay silent",
+        Hint(Action.WRITE, {"object": "1005", "value": "0x40000080"}, "makes a node the producer")
+        + Hint(Action.SEND_SYNC, {"period": 20, "count": 100}, ", or {} sends SYNC from here"),
+    )
     return checked if checked.produced else replace(checked, findings=(finding,))
 
 

@@ -16,6 +16,7 @@ from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.trust import unusable
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -36,14 +37,14 @@ class Keeping:
     #: the node-ID that -n selects
     selected: int | None
     #: show a message that is no result, and one that nobody may miss
-    say: Callable[[str], None]
-    warn: Callable[[str], None]
+    say: Callable[[Hint | str], None]
+    warn: Callable[[Hint | str], None]
     #: what is being done now, for another dvtcli that finds a node's lock taken
     doing: Callable[[], str]
     #: what the changes that are made now belong to
     whole: Whole = field(default_factory=Whole)
     #: what was said of interrupted changes: one of several nodes is said once
-    _said: set[str] = field(default_factory=set)
+    _said: set[Hint | str] = field(default_factory=set)
 
     def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
         """Lock, backup and journal of a node; says so if a change of it was interrupted, or if nothing can be kept."""
@@ -52,7 +53,8 @@ class Keeping:
         refused = next(filter(None, map(unusable, needed)), None)
         if refused is not None and refused.text not in self._said:
             self._said.add(refused.text)
-            self.say(f"{refused.text}; until that is mended no node of this bus can be changed ({refused.hint})")
+            said = as_hint(f"{refused.text}; until that is mended no node of this bus can be changed")
+            self.say(said + refused.hint if refused.hint else said)
         interrupted, is_damaged = _interrupted(keeper)
         if interrupted and interrupted not in self._said:
             self._said.add(interrupted)
@@ -65,7 +67,7 @@ class Keeping:
         """What is noted of program downloads that are under way on this bus, or were not completed."""
         return ProgramNotes(self.folder / "programs", self.bus)
 
-    def interrupted(self, node_id: int, keeper: Keeper | None) -> str:
+    def interrupted(self, node_id: int, keeper: Keeper | None) -> Hint | str:
         """What to say of a change of the node that was interrupted and not finished; empty where there is none.
 
         Of a node that was not met yet, and has no *keeper*, it is said to the user, too, as it is when it is met.
@@ -94,33 +96,37 @@ class Keeping:
         return keeper
 
 
-def _interrupted(keeper: Keeper) -> tuple[str, bool]:
+def _interrupted(keeper: Keeper) -> tuple[Hint | str, bool]:
     """What to say of a change that was interrupted, empty where there is none; and whether its journal is damaged."""
     try:
         journal = keeper.interrupted()
     except (InputFileError, SafetyRefusal) as damaged:
-        return f"{damaged.text}: {damaged.why or damaged.place}; {damaged.hint}", True
+        said = as_hint(f"{damaged.text}: {damaged.why or damaged.place}")
+        return said + damaged.hint if damaged.hint else said, True
     return "" if journal is None else _how_to_finish(journal), False
 
 
-def _how_to_finish(journal: Journal) -> str:
+def _how_to_finish(journal: Journal) -> Hint:
     changed = _changed(journal)
     labels, node_id = several(journal.labels), journal.plan.node_id
     if journal.part.whole is None and journal.part.asked:
-        what = f"`learn`, which asked {labels} of node {node_id},"
-        return f"{what} was interrupted: `recover` puts the old configuration back"
+        what = f"the learning of this device, which asked {labels} of node {node_id},"
+        return Hint(Action.RECOVER, {"node": node_id}, f"{what} was interrupted: {{}} puts the old configuration back")
     if journal.part.whole is None:
-        return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
-    back = "`recover` takes every line of it back, on all nodes"
-    if journal.part.stores and all(one.is_done for one in journal.part.stores):
-        finish = "`recover --finish` looks at every node once more"
-        return f"{journal.part.name} was interrupted once nodes had stored what it changed, {changed}: {finish}, {back}"
-    if journal.part.stores:
-        return (
-            f"{journal.part.name} was interrupted while nodes stored what it changed, {changed}: "
-            f"`recover --finish` stores on the rest of them, {back}"
+        return Hint(
+            Action.RECOVER,
+            {"node": node_id},
+            f"a change of {labels} of node {node_id} was interrupted: {{}} puts the old configuration back",
         )
-    return f"{journal.part.name} was interrupted, which changed {changed}: {back}"
+    back = Hint(Action.RECOVER_ALL, why=", {} takes every line of it back, on all nodes")
+    if journal.part.stores and all(one.is_done for one in journal.part.stores):
+        said = f"{journal.part.name} was interrupted once nodes had stored what it changed, {changed}"
+        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at every node once more") + back
+    if journal.part.stores:
+        said = f"{journal.part.name} was interrupted while nodes stored what it changed, {changed}"
+        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} stores on the rest of them") + back
+    said = f"{journal.part.name} was interrupted, which changed {changed}"
+    return Hint(Action.RECOVER_ALL, why=f"{said}: {{}} takes every line of it back, on all nodes")
 
 
 def _changed(journal: Journal) -> str:

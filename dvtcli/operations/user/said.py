@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.user.options import Options
 
@@ -76,7 +77,9 @@ class Said:
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.tell.ask(question)
         if answer is None:
-            raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint="give --yes to answer yes")
+            raise SafetyRefusal(
+                f"nobody can answer: {question}", node=node_id, hint=Hint(Action.AGREE, why="give {} to answer yes")
+            )
         if not answer:
             raise SafetyRefusal("not done: the answer was no", node=node_id)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.bus_events import BusEvent
 
@@ -15,10 +16,10 @@ if TYPE_CHECKING:
 class Teller(Protocol):
     """Whoever listens: the program on its screen, a test bench in its log, nobody."""
 
-    def note(self, text: str) -> None:
+    def note(self, text: Hint | str) -> None:
         """Something good to know."""
 
-    def warning(self, text: str) -> None:
+    def warning(self, text: Hint | str) -> None:
         """Something that nobody may miss, also where only errors are wanted."""
 
     def bus(self, event: BusEvent) -> None:
@@ -40,10 +41,10 @@ class Teller(Protocol):
 class Silent:
     """Tells nobody, and nobody can answer."""
 
-    def note(self, text: str) -> None:
+    def note(self, text: Hint | str) -> None:
         """Say nothing."""
 
-    def warning(self, text: str) -> None:
+    def warning(self, text: Hint | str) -> None:
         """Say nothing."""
 
     def bus(self, event: BusEvent) -> None:

@@ -12,6 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort, abort_text
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import Lacked
 from dvtcli.domain.network.wanted_state import ValueWish
 from dvtcli.domain.rules.finding import error
@@ -37,7 +38,10 @@ RULES = (
 )  # fmt: skip
 _LACKED = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 #: what helps where a single object is not there
-_HINT = "is it the device that is meant? leave the object out of the file; objects TEXT finds what an EDS lists"
+_HINT = Hint(
+    Action.FIND_OBJECTS,
+    why="is it the device that is meant? leave the object out of the file; {} finds what an EDS lists",
+)
 
 
 def refuse_lacking(plan: NetworkPlan) -> NetworkPlan:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots, is_guarded
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heartbeats import MISSED, slot_for, watch_time_ms, watched_ms
 from dvtcli.domain.network.wanted_state import (
     HeartbeatWatch,
@@ -59,10 +60,18 @@ class LinkedHeartbeats:
         place = f"node {node_id}"
         if heartbeat_ms(node.memory) is None:
             text = f"node {node_id} has no 0x1017: it cannot send a heartbeat"
-            self.say(node_id, error("link-no-heartbeat", place, text, hint="--no-heartbeat leaves it alone"))
+            self.say(
+                node_id,
+                error(
+                    "link-no-heartbeat", place, text, hint=Hint(Action.GIVE, {"heartbeat": False}, "leaves it alone")
+                ),
+            )
         elif is_guarded(node.memory):
             text = f"node {node_id} is guarded (0x100C and 0x100D are not 0), which excludes a heartbeat"
-            self.say(node_id, error("link-guarded", place, text, hint="--no-heartbeat leaves it alone"))
+            self.say(
+                node_id,
+                error("link-guarded", place, text, hint=Hint(Action.GIVE, {"heartbeat": False}, "leaves it alone")),
+            )
         wish = ObjectWish(_HEARTBEAT, 0x1017, 0, asked_ms.to_bytes(2, "little"), mark)
         self._producers.setdefault(node_id, []).append(wish)
         return asked_ms

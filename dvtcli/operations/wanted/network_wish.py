@@ -63,7 +63,7 @@ def _why_no_dcf(folder: Path, name: str) -> str:
     if path.is_dir():
         return f"{path} is a folder, and dcf names a file: an EDS, DCF, XDD or XDC"
     near = nearest(name, [*beside, *family_names()])
-    meant = f"; did you mean {near!r}?" if near else "; `profiles` lists the families, `eds list` the library"
+    meant = f"; did you mean {near!r}?" if near else ""
     return f"there is no {path}, and no simulated family or library file is called {name[:40]!r}{meant}"
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
+
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
@@ -20,6 +22,10 @@ def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
     if not session.network.files.is_news(unknown):
         return
     session.tell.note(
-        f"{unknown}: its {nodes} nodes are asked one by one, and nothing of the bus is "
-        "kept free for a running machine; say what it is, as -b 250000 or as bitrate = 250000 in dvtcli.toml"
+        Hint(
+            Action.GIVE_BIT_RATE,
+            {"rate": 250000},
+            f"{unknown}: its {nodes} nodes are asked one by one, and nothing of the bus is kept free for a running "
+            "machine; say what it is, as {} or as bitrate = 250000 in dvtcli.toml",
+        )
     )

@@ -63,6 +63,7 @@ def _index(node: Node, wish: PinWish, log: FileLog) -> int | None:
         return None if word is None else object_index(node, word.text)
     except UsageError as wrong:
         log.complain(
-            wish.mark if word is None else word.mark, f"{wrong.text}; {wrong.hint}" if wrong.hint else wrong.text
+            wish.mark if word is None else word.mark,
+            f"{wrong.text}; {wrong.hint}" if isinstance(wrong.hint, str) else wrong.text,
         )
         return None

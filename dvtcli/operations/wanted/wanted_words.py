@@ -38,7 +38,7 @@ _CONSUMER_HEARTBEAT = 0x1016
 #: What helps where a name is looked up on a node that no file describes.
 _NO_EDS = (
     "`dcf: drive.eds` beside its `node_id` gives one (`dcf: generic`: that of a simulated family), or "
-    "`eds add drive.eds` for all files; numbers need none"
+    "a file of the library for all files; numbers need none"
 )
 
 
@@ -148,7 +148,7 @@ def _unknown(node: Node, wrong: UsageError) -> str:
 
 
 def _text(wrong: DvtcliError) -> str:
-    return f"{wrong.text}; {wrong.hint}" if wrong.hint else wrong.text
+    return f"{wrong.text}; {wrong.hint}" if isinstance(wrong.hint, str) else wrong.text
 
 
 def _objects(wish: NodeWish) -> Iterator[WantedValue]:
@@ -190,7 +190,7 @@ def set_elsewhere(node: Node, place: Place) -> str:
         return f"{text} is part of {pdo.label}: `{pdo.direction}:` with `{pdo.number}:` sets it"
     login = node.profile.login
     if login is not None and place == login.passcode:
-        return f"{text} takes a passcode, and a file is no place for one: `login` asks for it"
+        return f"{text} takes a passcode, and a file is no place for one: logging in asks for it"
     return ""
 
 

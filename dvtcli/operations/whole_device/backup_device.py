@@ -99,8 +99,10 @@ def _as_lines(
     answer = _answer(file, node, len(kept) - len(out), out)
     if node.dictionary is not None:
         return answer
-    text = f"note: no EDS describes node {node.node_id}: `apply` and `clone` of this file need one, `compare` does not"
-    return replace(answer, text=(*answer.text, text))
+    needs = Hint(
+        Action.APPLY, {"file": file}, f"note: no EDS describes node {node.node_id}: {{}} of this file needs one"
+    ) + Hint(Action.COMPARE, {"file": file}, ", {} does not")
+    return replace(answer, text=(*answer.text, needs))
 
 
 def _must_have_read(node: Node, count: int, out: Mapping[str, str]) -> None:
@@ -108,9 +110,10 @@ def _must_have_read(node: Node, count: int, out: Mapping[str, str]) -> None:
     if not count:
         raise UsageError(
             f"no object of node {node.node_id} could be read: nothing is kept, and no file was written",
-            node=node.node_id, why=several(f"{place} ({why})" for place, why in out.items()),
-            hint="is its EDS that of another device? `node` names it",
-        )  # fmt: skip
+            node=node.node_id,
+            why=several(f"{place} ({why})" for place, why in out.items()),
+            hint=Hint(Action.SHOW_NODE, why="is its EDS that of another device? {} names it"),
+        )
 
 
 def _kept(one: ReadObject) -> KeptObject:

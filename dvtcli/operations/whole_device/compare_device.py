@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.same_device import unlike_before
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
@@ -161,7 +162,7 @@ def _nothing_compared(first: HeldDevice, second: SecondSide) -> UsageError:
         f"nothing compared: {first.name} and {second.name} have no setting in common that both say something of",
         place=first.name,
         why=f"another device: {unlike}" if unlike else "",
-        hint="is it the whole file, and of that device? `backup FILE` makes one now",
+        hint=Hint(Action.BACKUP, why="is it the whole file, and of that device? {} makes one now"),
     )
 
 

@@ -11,6 +11,7 @@ from dvtcli.device.change.pending import REBOOT, VERIFY
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import several
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
@@ -136,7 +137,8 @@ def _is_script(file: str) -> bool:
         raise UsageError(
             f"{file}: what a Tcl script sets is not known before it runs",
             place=file,
-            hint="run it, then `verify` compares with what it set; or `save FILE.dvt` and compare with that",
+            hint=Hint(Action.VERIFY, why="run it, then {} compares with what it set")
+            + Hint(Action.SAVE_SCRIPT, why="or {} and compare with that"),
         )
     if file.lower().endswith(".dvt"):
         return True
@@ -156,8 +158,13 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
             said = f"{against} set{'' if against == SESSION else 's'} {several(blind)} only, which cannot be read back"
         raise UsageError(
             f"nothing to compare: {said}",
-            hint="verify FILE compares with a script, a DCF or an EDS, with --frame, too; without FILE it compares "
-            "with what map or set did before it, at the prompt or in one script",
+            hint=Hint(Action.VERIFY, {"file": "FILE"}, "compares with a script")
+            + Hint(
+                Action.GIVE,
+                {"frame": True},
+                ", a DCF or an EDS, with {}, too; without FILE it compares with what was mapped or set before it, at "
+                "the prompt or in one script",
+            ),
         )
     asked: dict[int, list[Pdo]] = {}
     for node_id, pdo in pdos:
@@ -167,7 +174,12 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
         if missing:
             what = f"{missing[0].label} of node {node_id}" if len(session.known_ids()) > 1 else missing[0].label
             said = f"this session did not set {what}" if against == SESSION else f"{against} says nothing of {what}"
-            raise UsageError(said, hint="verify FILE compares with a script, a DCF or an EDS; map or set it first")
+            raise UsageError(
+                said,
+                hint=Hint(
+                    Action.VERIFY, {"file": "FILE"}, "compares with a script, a DCF or an EDS; else map or set it first"
+                ),
+            )
     return {node_id: wished[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or wished
 
 

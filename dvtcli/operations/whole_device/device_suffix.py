@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 
 _HOLDS, _DESCRIBES = (".dcf", ".xdc", ".jsonl"), (".eds", ".xdd")
@@ -21,7 +22,11 @@ def refuse_kind(file: str) -> None:
     """UsageError where *file* is none that says what a device is to hold."""
     if not holds_values(file):
         raise UsageError(
-            f"{file} does not say what a device is to hold", place=file,
-            hint="a DCF, an XDC or a backup (.jsonl) does; an EDS or XDD says what there is, and `restore` brings its "
-            "defaults",
-        )  # fmt: skip
+            f"{file} does not say what a device is to hold",
+            place=file,
+            hint=Hint(
+                Action.RESTORE,
+                why="a DCF, an XDC or a backup (.jsonl) does; an EDS or XDD says what there is, and {} brings its "
+                "defaults",
+            ),
+        )

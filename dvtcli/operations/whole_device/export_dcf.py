@@ -60,7 +60,9 @@ def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfTex
     node = whole.node
     path = session.network.files.eds_path(node.node_id)
     if path is None:
-        raise UsageError(f"node {node.node_id} has no EDS here", node=node.node_id, hint="--eds FILE gives one")
+        raise UsageError(
+            f"node {node.node_id} has no EDS here", node=node.node_id, hint=Hint(Action.GIVE_EDS, why="gives one")
+        )
     rate, identity = node.bus.runs_at, node.identity()
     device = Commissioned(
         file_name, node.node_id, datetime.now().astimezone(), rate // 1000 if rate else None,

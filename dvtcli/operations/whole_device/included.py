@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.configuration import Configuration, NotWritten
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import UsageError
 from dvtcli.operations.meanings.named_objects import is_name, object_at
@@ -48,9 +49,14 @@ def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[I
     for one in found:
         if not one.is_many and not one.of(held):
             raise UsageError(
-                f"--include {one.word} names nothing of {held.name}: the file has no value of it", node=node.node_id,
-                hint="`plan` lists what the file says and is not written; INDEX, INDEX:SUB, or 2000-2FFF",
-            )  # fmt: skip
+                f"--include {one.word} names nothing of {held.name}: the file has no value of it",
+                node=node.node_id,
+                hint=Hint(
+                    Action.PLAN,
+                    {"file": held.name},
+                    "lists what the file says and is not written; INDEX, INDEX:SUB, or 2000-2FFF",
+                ),
+            )
     return found
 
 

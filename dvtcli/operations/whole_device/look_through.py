@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_whole import ReadObject, read_whole
 from dvtcli.domain.configuration import Configuration, device_types
 from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.objects.transfer_progress import transfer_progress
 
@@ -89,9 +90,11 @@ def described(node: Node) -> ObjectDictionary:
     """The dictionary of *node*; UsageError where no file describes it."""
     if node.dictionary is None:
         raise UsageError(
-            f"node {node.node_id} has no EDS here: nobody knows which objects it has", node=node.node_id,
-            hint="--eds FILE gives one, `eds add FILE` keeps it for every node of its kind",
-        )  # fmt: skip
+            f"node {node.node_id} has no EDS here: nobody knows which objects it has",
+            node=node.node_id,
+            hint=Hint(Action.GIVE_EDS, why="gives one")
+            + Hint(Action.ADD_EDS, why=", {} keeps it for every node of its kind"),
+        )
     return node.dictionary
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -14,7 +15,10 @@ if TYPE_CHECKING:
 def selected_nodes(session: Session) -> tuple[int, ...]:
     """The selected node, or those of -n; none where nobody selected one. UsageError for `-n all`."""
     if session.selected is None and session.base.every_node:
-        raise UsageError("-n all: a file about one device is for nodes that are named", hint="-n 3,4,5 names several")
+        raise UsageError(
+            "-n all: a file about one device is for nodes that are named",
+            hint=Hint(Action.GIVE, {"node_id": "3,4,5"}, "names several"),
+        )
     if session.selected is None and len(session.base.nodes) > 1:
         return session.base.nodes
     selected = session.selected_id()
@@ -35,6 +39,10 @@ def selected_alone(session: Session, held: HeldDevice) -> tuple[int, ...]:
         return found
     own = "" if held.node_id is None else f" ({held.name} was made of node {held.node_id})"
     raise UsageError(
-        "no node is selected", place=held.name,
-        hint=f"this writes to the device that takes the other one's place: -n ID{own}, or `node ID`",
-    )  # fmt: skip
+        "no node is selected",
+        place=held.name,
+        hint=Hint(
+            Action.GIVE, {"node_id": f"ID{own}"}, "this writes to the device that takes the other one's place: {}"
+        )
+        + Hint(Action.SHOW_NODE, {"node": "ID"}, ", or {}"),
+    )

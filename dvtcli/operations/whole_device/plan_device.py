@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.heard_producers import heard_ids
 from dvtcli.device.wish import Wish
 from dvtcli.domain.configuration import NotWritten
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lint.described import object_text
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
@@ -160,25 +161,36 @@ def _refuse_nothing(held: HeldDevice) -> None:
     """UsageError where *held* says no value itself: that every device is as it says would be no answer."""
     if not _says_anything(held):
         raise UsageError(
-            f"{held.name} does not say what a device is to hold: it has no value of any object", place=held.name,
-            hint="`compare` and `verify` take its defaults; `restore` brings a device's own; `export x.dcf` writes one",
-        )  # fmt: skip
+            f"{held.name} does not say what a device is to hold: it has no value of any object",
+            place=held.name,
+            hint=Hint(Action.COMPARE, {"file": held.name})
+            + Hint(Action.VERIFY, {"file": held.name}, " and {} take its defaults")
+            + Hint(Action.RESTORE, why="brings a device's own")
+            + Hint(Action.EXPORT, {"file": "x.dcf"}, "writes one"),
+        )
 
 
 def _nothing_compared(held: HeldDevice) -> UsageError:
     """The error where no node could be compared: nothing that *held* says is configuration."""
     return UsageError(
-        f"nothing compared: {held.name} says no setting of a device, only what nobody writes", place=held.name,
-        hint="is it the whole file? `backup FILE` makes one now; --include 2001 names what is configuration",
-    )  # fmt: skip
+        f"nothing compared: {held.name} says no setting of a device, only what nobody writes",
+        place=held.name,
+        hint=Hint(Action.BACKUP, why="is it the whole file? {} makes one now")
+        + Hint(Action.GIVE, {"include": "2001"}, "names what is configuration"),
+    )
 
 
 def _refuse_nobody(held: HeldDevice, options: DeviceOptions) -> None:
     if options.is_clone and not held.identity["product"]:
         raise SafetyRefusal(
-            f"{held.name} does not say which product it is of", place=held.name,
-            hint="apply FILE writes what is configuration by the standards, on whatever device is selected",
-        )  # fmt: skip
+            f"{held.name} does not say which product it is of",
+            place=held.name,
+            hint=Hint(
+                Action.APPLY,
+                {"file": held.name},
+                "writes what is configuration by the standards, on whatever device is selected",
+            ),
+        )
 
 
 def _planned(

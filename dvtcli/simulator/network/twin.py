@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import NoAnswer, SdoAborted
@@ -134,7 +135,9 @@ class Twin:
         if self.commanded and device.state is NmtState.STOPPED:
             place = f"{index:04X}:{sub_index:02X}"
             text = f"node {self._node_id} does not answer for 0x{place}: its twin is STOPPED"
-            raise NoAnswer(text, node=self._node_id, place=place, hint=f"nmt preop {self._node_id}")
+            raise NoAnswer(
+                text, node=self._node_id, place=place, hint=Hint(Action.ENTER_PRE_OPERATIONAL, {"node": self._node_id})
+            )
         return device
 
     def _device(self) -> StrictDevice:

@@ -12,7 +12,6 @@ from dvtcli.files.network.read_network import read_network_file
 from dvtcli.operations.meanings.named_objects import entry_at
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
 
 
 def exported(bench: Bench, file: Path) -> NodeWish:
@@ -69,7 +68,6 @@ def test_a_file_is_overwritten_with_consent_only(tmp_path: Path) -> None:
         assert bench.run(f"export {tmp_path}").code == 2
 
 
-@heavy
 def test_the_answer_says_how_much(tmp_path: Path) -> None:
     with Bench(("gen4",)) as bench:
         document = bench.run(f"export {tmp_path / 'a.yml'} --json").document
@@ -81,7 +79,10 @@ def test_the_answer_says_how_much(tmp_path: Path) -> None:
 def test_with_several_nodes_it_says_which_one_it_wrote(tmp_path: Path) -> None:
     with Bench(("gen4@1", "tmcm@5")) as bench:
         ran = bench.run(f"export {tmp_path / 'a.yaml'}")
-    assert "This is node 1 only: -n 5 exports another, `import FILE.yaml` all nodes." in ran.stdout
+    assert (
+        "This is node 1 only: -n 5 exports another, `dvtcli --sim gen4@1 --sim tmcm@5 import FILE.yaml` all nodes."
+        in ran.stdout
+    )
 
 
 def test_where_no_node_is_selected_import_is_named(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def test_a_locked_device_is_refused_before_any_write_and_says_how_to_go_on() -> 
         assert ran.document["state"] == "unchanged"
         assert ran.document["object"] == "5000:01"
         assert ran.document["abort"] == "0x08000000"
-        assert ran.document["hint"] == "login 4"
+        assert ran.document["hint"] == "`dvtcli --sim gen4-locked login 4`"
         assert "the access level is too low: it is 0, and this needs 4" in ran.document["text"]
         assert bench.run("store").code == 1
         assert bench.run("write 1017 500").code == 0  # no PDO: any level may
@@ -60,7 +60,7 @@ def test_login_unlocks_and_logging_out_locks(tmp_path: Path) -> None:
     assert change["verified"]
     assert store["stored"]
     assert (logout["level"], logout["wanted"]) == (0, 0)
-    assert error["hint"] == "login 4"
+    assert error["hint"] == "`dvtcli --sim gen4-locked login 4`"
     assert ran.returncode == 1
 
 

@@ -10,7 +10,6 @@ import pytest
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +43,9 @@ WRONG = [
     ("read 6041 --as u65", 2, "types are bool"),
     # COB-IDs
     ("map tpdo1 6041 --cob-id 201", 2, "0x201?"),
-    ("map tpdo1 6041 --cob-id 0x80201", 2, "add --extended"),
+    ("map tpdo1 6041 --cob-id 0x80201", 2, "is an extended one"),
     ("map tpdo1 6041 --cob-id 0x80201 --extended", 1, "11-bit CAN-IDs only"),
-    ("map tpdo1 6041 --cob-id 0xC0000201", 2, "bits 29..31 have options"),
+    ("map tpdo1 6041 --cob-id 0xC0000201", 2, "bits 29..31 (extended, RTR, valid) have options"),
     ("map tpdo1 6041 --cob-id -0x201", 2, "is not a COB-ID"),
     ("map tpdo1 6041 --cob-id 0x080", 1, "is SYNC"),
     ("map tpdo1 6041 --cob-id 0x081", 1, "this node's EMCY"),
@@ -196,7 +195,6 @@ def test_neither_bus_nor_node_says_what_to_do() -> None:
         assert "--sim" in ran.stderr
 
 
-@heavy
 @pytest.mark.parametrize("described", [True, False])
 def test_a_pdo_parameter_of_another_length_is_refused_also_without_a_file(described: bool) -> None:
     with Wire(device("generic")) as wire:

@@ -13,7 +13,6 @@ from pathlib import Path
 import click
 
 import dvtcli
-from dvtcli.operations.api.python_hints import CALLS, in_python
 from tests.house.reference.commands import command
 from tests.house.reference.markdown import code, table
 from tests.house.reference.product import task_sections
@@ -22,6 +21,31 @@ from tests.house.reference.product import task_sections
 FORMS: dict[str, str] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 #: whose calls there are, and how a program names that
 OWNERS = {"node": dvtcli.Node, "bus": dvtcli.Bus, "bus.lss": dvtcli.Lss, "dvtcli": dvtcli}
+#: commands whose call has another name, or chooses another call by a word or an option
+CALLS = {
+    "apply": "bus.apply",
+    "pdo": "node.pdos",
+    "node": "node.identity",
+    "diff": "bus.plan",
+    "eds add": "dvtcli.add_eds",
+    "eds check": "dvtcli.check_eds",
+    "eds convert": "dvtcli.convert",
+    "eds list": "dvtcli.eds_library",
+    "faults --clear": "node.clear_faults",
+    "import": "bus.import_network",
+    "lss assign": "bus.lss.assign",
+    "lss bitrate": "bus.lss.bit_rate",
+    "lss identify": "bus.lss.identify",
+    "lss node-id": "bus.lss.node_id",
+    "lss scan": "bus.lss.scan",
+    "lss select": "bus.lss.select",
+    "lss store": "bus.lss.store",
+    "profiles": "dvtcli.profiles",
+    "profiles show": "dvtcli.profile",
+    "recover --finish": "bus.finish_stores",
+    "save": "bus.script",
+    "sync --check": "bus.check_sync",
+}
 _ALIKE = {"node": "the method of `Node` with that name", "bus": "the method of `Bus` with that name"}
 _NONE = "none: a program runs it as any other does, with `--json` where it wants the answer"
 
@@ -61,8 +85,8 @@ def forms(name: str) -> list[str]:
 
 
 def call(form: str) -> str | None:
-    """The call for a *form* of a command: what a hint says it is, else the method of that name; None without."""
-    if said := re.fullmatch(rf"`((?:{'|'.join(OWNERS)})\.\w+)\(\)`", in_python(f"`{form}`")):
-        return said[1]
+    """The call for a *form* of a command: what the table says it is, else the method of that name; None without."""
     kinds = OWNERS.items()
-    return next((f"{owner}.{form}" for owner, kind in kinds if inspect.isfunction(getattr(kind, form, None))), None)
+    return CALLS.get(form) or next(
+        (f"{owner}.{form}" for owner, kind in kinds if inspect.isfunction(getattr(kind, form, None))), None
+    )

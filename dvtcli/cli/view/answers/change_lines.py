@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
@@ -54,7 +55,7 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     equal = _read_back(result)
     if result.not_put_back:
         verb, equal = "NOT put back as it was", "which alone were read back equal"
-    keeps = f"In RAM only: {result.keep}" if result.volatile else "The device keeps it by itself"
+    keeps = f"In RAM only: {typed(result.keep)}" if result.volatile else "The device keeps it by itself"
     if result.as_before and result.volatile:
         keeps = "As it was before: dvtcli stored nothing of it in between"
     next_step = "" if result.undone or result.unknown_before else ", `undo` reverts it"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.lines import Cell, Line, Table, part
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.wall_clock import local_clock
 from dvtcli.operations.results.node_errors import FaultRow, Faults, FaultSeen
@@ -54,7 +54,7 @@ def _register(result: Faults) -> Line:
 def _remedies(rows: Iterable[FaultRow]) -> Iterator[Line]:
     """What helps, once for each code."""
     for code, remedy in {row.code: row.remedy for row in rows if row.remedy}.items():
-        yield [Cell(f"  0x{code:04X}: ", "dim"), Cell(remedy)]
+        yield [Cell(f"  0x{code:04X}: ", "dim"), part(remedy)]
 
 
 def _at(row: FaultRow) -> str:
@@ -82,4 +82,4 @@ def fault_seen_lines(result: FaultSeen, _width: int) -> Iterator[Line]:
         Cell(f"  ({fault.count} times)" if (fault.count or 0) > 1 else "", "dim"),
     ]
     if fault.remedy and fault.count == 1:
-        yield [Cell(" " * 14), Cell(fault.remedy)]
+        yield [Cell(" " * 14), part(fault.remedy)]

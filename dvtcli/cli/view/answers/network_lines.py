@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.answers.node_plan_lines import node_plan_lines
 from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import STAMP, PdoChange
@@ -181,7 +182,7 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
     stored, told = {one.node for one in result.stored}, dict[str, list[str]]()
     for node_id, words in result.keep.items():
         if node_id not in stored:
-            told.setdefault(words, []).append(str(node_id))
+            told.setdefault(typed(words), []).append(str(node_id))
     for words, nodes in told.items():
         where = ", ".join(nodes)
         text = f"In RAM only on node {where}: {words}" if words else f"Kept by node {where} without a store"

@@ -11,7 +11,6 @@ from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.github_case_lines import workflow_command
 from dvtcli.cli.view.reports.github_lines import as_data
 from dvtcli.cli.view.reports.junit_lines import suites_text
-from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 
@@ -52,7 +51,7 @@ def _failure(case: ET.Element, line: LineRan) -> None:
     if line.error is not None:
         rows = [
             ("why", line.error.why),
-            ("hint", typed(line.error.hint)),
+            ("hint", line.hint),
             ("state", line.error.state),
             *line.error.details,
         ]

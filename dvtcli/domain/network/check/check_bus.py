@@ -105,11 +105,11 @@ CHECKS_OF_BIT_RATE = frozenset({"bus-overload", "busy-bus", "too-late", "sync-wi
 
 def _share(need: BusNeed) -> str:
     share = f"{100 * float(need.limited):.1f} %"
-    return f"{share} of {need.bit_rate / 1000:g} kbit/s at worst: `load` shows what takes it"
+    return f"{share} of {need.bit_rate / 1000:g} kbit/s at worst; the bus load says what takes it"
 
 
 @check("unknown-bit-rate", NOTE, "nobody says the bit rate: load and deadlines are not judged", _ANALYSIS)
 def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
     """What would be too much for a slow bus, a fast one has room for."""
     if network.bit_rate is None and network.streams.streams:
-        yield NetSpot(), "nobody says the bit rate: load and deadlines were not judged; `--at` says it (bit/s)"
+        yield NetSpot(), "nobody says the bit rate: load and deadlines were not judged; this check takes one (bit/s)"
