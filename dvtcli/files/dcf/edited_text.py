@@ -12,11 +12,6 @@ from collections import Counter
 from dvtcli.files.eds.ini import decode
 
 _LINE_END = re.compile(r"(\r\n|\r|\n)")
-#: the blanks before a key and around its `=`, and its value
-_KEY_LINE = re.compile(r"(\s*)[^=]*?(\s*=\s*)(.*)")
-#: blanks, the value, and what follows it: blanks, and a comment where the value is no text itself
-_VALUE = re.compile(r"(\s*)(.*?)(\s*(?:;.*)?)", re.DOTALL)
-_TEXT = re.compile(r"(\s*)(.*?)(\s*)", re.DOTALL)
 #: UTF-16 is written with the byte order that the file has
 _UTF_16 = ((codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 
@@ -56,8 +51,10 @@ class EditedText:
     def set_value(self, number: int, value: str, *, is_text: bool = False) -> None:
         """Let the key in line *number* have *value*; blanks stay, and a comment behind what is no text."""
         left, _, rest = self._lines[number - 1].partition("=")
-        found = (_TEXT if is_text else _VALUE).fullmatch(rest)
-        before, after = (found[1], found[3]) if found else ("", "")
+        at = -1 if is_text else rest.find(";")
+        body, comment = (rest, "") if at < 0 else (rest[:at], rest[at:])
+        before, after = _blanks_around(body)
+        after += comment
         self._lines[number - 1] = f"{left}={before}{value}{after}"
 
     def remove(self, number: int) -> None:
@@ -73,15 +70,14 @@ class EditedText:
 
         Blanks on one side of its `=` are odd: as most lines have them then.
         """
-        style = _KEY_LINE.match(self._lines[number - 1])
-        indent, equals = (style[1], style[2]) if style else ("", "=")
+        indent, equals, _ = _key_line(self._lines[number - 1])
         if equals.startswith("=") != equals.endswith("="):
             equals = self._usual_equals()
         self.insert(number, [f"{indent}{key}{equals}{value}"])
 
     def _usual_equals(self) -> str:
         """The `=` of most lines that have a key and a value, with its blanks."""
-        found = Counter(one[2] for line in self._lines if (one := _KEY_LINE.match(line)) and one[3])
+        found = Counter(equals for _, equals, value in map(_key_line, self._lines) if value)
         return next((equals for equals, _ in found.most_common(1)), "=")
 
     def to_bytes(self) -> bytes:
@@ -99,3 +95,19 @@ class EditedText:
                     pieces.append(self._usual_end)
                 pieces.append(added + end)
         return pieces
+
+
+def _blanks_around(text: str) -> tuple[str, str]:
+    """The blanks before and behind what stands in *text*; all of them before where nothing does."""
+    before = text[: len(text) - len(text.lstrip())]
+    return before, text[max(len(text.rstrip()), len(before)) :]
+
+
+def _key_line(line: str) -> tuple[str, str, str]:
+    """The blanks before the key of a *line*, its `=` with the blanks around it, its value; no value where no key is."""
+    left, sign, right = line.partition("=")
+    if not sign:
+        return "", "=", ""
+    indent, before = _blanks_around(left)
+    value = right.lstrip()
+    return indent, f"{before}={right[: len(right) - len(value)]}", value
