@@ -36,10 +36,10 @@ _ATTRIBUTES = {
 #: What only an XDD says so
 _OF_XDD = {
     "CreationDate": re.compile(r"\d{4}-.*"),
-    "CreationTime": re.compile(r".*:.*:.*"),
+    "CreationTime": re.compile(r"[^:\n]*:[^:\n]*:.*"),
     "ModificationDate": re.compile(r"\d{4}-.*"),
-    "ModificationTime": re.compile(r".*:.*:.*"),
-    "FileVersion": re.compile(r".*\..*"),
+    "ModificationTime": re.compile(r"[^:\n]*:[^:\n]*:.*"),
+    "FileVersion": re.compile(r"[^.\n]*\..*"),
 }
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-_HEADER = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]+\s*(?:#.*)?")
+_HEADER = re.compile(r"\s*\[+(?!\[)([^\]]+)\]+\s*(?:#.*)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ def reasons(text: str) -> Iterator[Reason]:
     for number, line in enumerate(text.splitlines(), 1):
         content, comment = split_comment(line)
         if header := _HEADER.fullmatch(line):
-            table, above = f"{header[1]}.", comment or split_comment(previous)[1]
+            table, above = f"{header[1].strip()}.", comment or split_comment(previous)[1]
         elif "=" in content:
             key, _, value = content.partition("=")
             yield Reason(table + key.strip(), value.strip(), comment or (above if table else ""), number)
