@@ -116,10 +116,11 @@ def _outcomes_in(file: Path) -> dict[str, str]:
 def write_baseline(file: Path, every: Sequence[Mutant], outcomes: Sequence[Outcome]) -> list[str]:
     """Write what became of *every* mutant; those that survive and were noticed before, as they stand in the file.
 
-    What was not tried stays as it stands there, or is explained.
+    What was not tried stays as it stands there, or is explained, or left out.
     """
-    before = _outcomes_in(file)
-    now = {key: before.get(key, "explained") for key in map(_without_line, map(str, every))}
+    before, known = _outcomes_in(file), explained()
+    now = {_without_line(str(mutant)): "explained" for mutant in every if mutant.key in known}
+    now |= {key: before[key] for key in map(_without_line, map(str, every)) if key in before}
     now |= {_without_line(str(outcome.mutant)): outcome.what for outcome in outcomes}
     counts = ", ".join(f"{number} {what}" for what, number in sorted(Counter(now.values()).items()))
     rows = [f"{what:14} {mutant}" for mutant, what in sorted(now.items())]
