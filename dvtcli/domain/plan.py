@@ -23,7 +23,10 @@ ON_REQUEST = (252, 253)
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One SDO download: *before* is what the object holds at that moment (None where it does not matter)."""
+    """One SDO download: *before* is what the object holds at that moment, None if it cannot be read back.
+
+    A step without *before* is acknowledged by the device, not verified and not rolled back.
+    """
 
     index: int
     sub_index: int

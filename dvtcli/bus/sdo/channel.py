@@ -1,6 +1,6 @@
 """One node's dictionary over its default SDO channel, for any number of threads.
 
-Does not know how an answer is checked (see sdo_client), nor what an object means.
+Does not know how an answer is checked (see `dialogue`), nor what an object means.
 """
 
 from __future__ import annotations

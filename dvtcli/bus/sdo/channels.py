@@ -1,6 +1,6 @@
 """The default SDO channels of all nodes on one link, each made when it is first asked for.
 
-Does not know how frames travel (see `link`), nor what an object means.
+Does not know how frames travel (see `sdo_link`), nor what an object means.
 """
 
 from __future__ import annotations

@@ -66,9 +66,7 @@ def carry_out_together(
         _open_journals(course, found, also)
         faults = run.phases(plans)
         for _ in range(2 if len(also.stores) > 1 else 1):
-            faults = faults or final_verify(
-                session, nodes, course.claims(), boot_ups, also.verify_others, also.refuse_restarted
-            )
+            faults = faults or final_verify(session, nodes, course.claims(), boot_ups, also.others)
         if also.stores:
             faults = faults or one_by_one([partial(_stop_if_cancelled, session, "before any node stored")])
     except BaseException as fault:  # a bug of ours must not leave a network half configured either

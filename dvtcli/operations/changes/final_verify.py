@@ -5,10 +5,10 @@ Claimed is what was written, and what was to be so and was equal before. Writes 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.put_back import first_difference
@@ -27,24 +27,44 @@ if TYPE_CHECKING:
 Changes = Mapping[int, Sequence["Change"]]
 
 
+class OtherClaims(Protocol):
+    """What a change of several nodes claims beside what it writes, as of nodes that are equal and not written."""
+
+    def verify(self) -> None:
+        """Read all of it; Restarted if a node restarted and lost it, DeviceRefused if it holds something else."""
+
+    def verify_restarted(self) -> None:
+        """Read it again of each node that restarted since it was read; errors as `verify`."""
+
+
+class NoOtherClaims:
+    """Nothing is claimed beside what is written."""
+
+    def verify(self) -> None:
+        """Do nothing."""
+
+    def verify_restarted(self) -> None:
+        """Do nothing."""
+
+
 def final_verify(
     session: Session,
     nodes: Mapping[int, Node],
     changes: Changes,
     boot_ups: Mapping[int, int],
-    verify_others: Callable[[], None] = lambda: None,
-    refuse_restarted: Callable[[], None] = lambda: None,
+    others: OtherClaims | None = None,
 ) -> list[BaseException]:
-    """Read everything that is claimed; faults if a node restarted since *boot_ups*, or holds something else.
+    """Read everything that is claimed; return the faults: a node restarted since *boot_ups*, or holds another value.
 
-    *changes* are the claims by node-ID: each node is read, since one that restarts does not always say so.
-    *verify_others* reads what is claimed besides; *refuse_restarted* reads it again of who restarted since then.
+    *changes* are the claims of each node by node-ID. Each node is read, since a node that restarts does not always say
+    so. *others* are read first: a restart of which no boot-up message was heard shows in what was written.
     """
-    restarted = partial(_refuse_restarted, nodes, boot_ups)
+    others = others or NoOtherClaims()
+    require_not_restarted = partial(_require_not_restarted, nodes, boot_ups)
     return (
-        one_by_one([restarted, verify_others])  # the others first: a restart that is not told shows in what was written
-        or session.bus.side_by_side([partial(refuse_lost, nodes[node_id], some) for node_id, some in changes.items()])
-        or one_by_one([refuse_restarted, restarted])  # once more: what was read of the first ones may be lost by now
+        one_by_one([require_not_restarted, others.verify])
+        or session.bus.side_by_side([partial(require_held, nodes[node_id], some) for node_id, some in changes.items()])
+        or one_by_one([others.verify_restarted, require_not_restarted])  # the first nodes may have lost theirs by now
     )
 
 
@@ -52,27 +72,23 @@ def final_verify(
 class AlsoClaimed:
     """What is claimed beside the plans that are carried out, and the *stores* that follow; *proves*: with a proof.
 
-    *equal* are the nodes that were as wanted already, and neither are changed nor store. *held* is what each node is to
-    hold and held before, by node-ID; *verify_others* reads what is claimed besides,
-    as of nodes to which nothing is written, and raises if that is not so; *refuse_restarted* does so of those of them
-    that restarted since then.
+    *held* is what each node is to hold and held before, by node-ID. *equal* are the nodes that were as wanted already:
+    they are neither changed nor stored. *others* are the claims that are no plan's.
     """
 
     held: Mapping[int, Sequence[Change]] = field(default_factory=dict)
     stores: tuple[Storing, ...] = ()
     equal: tuple[Storing, ...] = ()
     proves: bool = False
-    verify_others: Callable[[], None] = lambda: None
-    refuse_restarted: Callable[[], None] = lambda: None
+    others: OtherClaims = field(default_factory=NoOtherClaims)
 
 
 @dataclass(frozen=True, slots=True)
-class Verified:
-    """What is claimed of *nodes*: that they hold *changes*, on the devices of these *identities*.
+class ClaimsAtStore:
+    """What every node must hold before the first store and after the last one: *changes*, on these devices.
 
-    *boot_ups* are those that were heard by then, of the nodes that are not to store. *verify_others* reads what is
-    claimed besides, as of nodes to which nothing is written, and raises if that is not so; *refuse_restarted* reads it
-    again of those of them that restarted since then.
+    *identities* are those of the devices, *boot_ups* what was heard by then of the nodes that are not to store, both by
+    node-ID.
     """
 
     session: Session
@@ -80,11 +96,10 @@ class Verified:
     changes: Changes
     identities: Mapping[int, Identity]
     boot_ups: Mapping[int, int] = field(default_factory=dict)
-    verify_others: Callable[[], None] = lambda: None
-    refuse_restarted: Callable[[], None] = lambda: None
+    others: OtherClaims = field(default_factory=NoOtherClaims)
 
-    def require(self, node_id: int) -> None:
-        """Right before it stores: SafetyRefusal where that is another device, DeviceRefused where it lost something."""
+    def verify_before_store(self, node_id: int) -> None:
+        """SafetyRefusal if *node_id* is another device than before, DeviceRefused if it lost what it held."""
         node = self.nodes[node_id]
         if self.identities.get(node_id, node.identity()) != node.identity():
             raise SafetyRefusal(
@@ -96,10 +111,10 @@ class Verified:
                     "attach the one that was changed; {} sets the journal of one that is gone aside",
                 ),
             )
-        refuse_lost(node, self.changes.get(node_id, ()))
+        require_held(node, self.changes.get(node_id, ()))
 
-    def faults(self) -> list[BaseException]:
-        """Once the stores have ended: where a node does not hold any more what is claimed of it."""
+    def verify_after_stores(self) -> list[BaseException]:
+        """Return where a node does not hold any more what is claimed of it, once the stores have ended."""
         try:
             now = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in self.changes}
         except BusUnavailable as failed:
@@ -107,7 +122,7 @@ class Verified:
         return final_verify(self.session, self.nodes, self.changes, {**now, **self.boot_ups})
 
 
-def refuse_lost(node: Node, changes: Sequence[Change]) -> None:
+def require_held(node: Node, changes: Sequence[Change]) -> None:
     """DeviceRefused if *node* does not hold what *changes* end with, read once more."""
     differences = node.observed(lambda: list(_lost(node, changes)))
     if differences:
@@ -125,7 +140,7 @@ def _lost(node: Node, changes: Sequence[Change]) -> Iterator[str]:
             yield f"{change.label}: {difference}"
 
 
-def _refuse_restarted(nodes: Mapping[int, Node], boot_ups: Mapping[int, int]) -> None:
+def _require_not_restarted(nodes: Mapping[int, Node], boot_ups: Mapping[int, int]) -> None:
     """Restarted where a node has lost what was verified, while another one was changed."""
     again = [node_id for node_id, seen in boot_ups.items() if nodes[node_id].bus.boot_ups(node_id) != seen]
     if again:

@@ -6,7 +6,7 @@ Does not know where the changes are remembered: what is to be forgotten once the
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ from dvtcli.device.change.way_back import TakeBack, WayBack, way_back
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.changes.change_together import carry_out_together, complete
-from dvtcli.operations.changes.final_verify import AlsoClaimed, refuse_lost
+from dvtcli.operations.changes.final_verify import AlsoClaimed, NoOtherClaims, require_held
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -76,12 +76,8 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         for node_id in written:
             held[node_id] += _beside(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
 
-        def verify_others() -> None:
-            for node_id, back in backs.items():
-                if not len(back.plan):
-                    refuse_lost(nodes[node_id], held[node_id])
-
-        also = AlsoClaimed(held, verify_others=verify_others)
+        equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
+        also = AlsoClaimed(held, others=_EqualNodes(nodes, equal))
         with carry_out_together(session, nodes, plans, found, "undo --all", findings, also) as course:
             complete(course)
     done = []
@@ -91,6 +87,18 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         lines = one.forget(applied, len(back.undone))
         done.append(changed(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
     return tuple(done)
+
+
+@dataclass(frozen=True, slots=True)
+class _EqualNodes(NoOtherClaims):
+    """Nodes that hold already what they held before: nothing is written to them, and *held* is claimed of them."""
+
+    nodes: Mapping[int, Node]
+    held: Mapping[int, Sequence[Change]]
+
+    def verify(self) -> None:
+        for node_id, changes in self.held.items():
+            require_held(self.nodes[node_id], changes)
 
 
 def _as_before(back: WayBack) -> tuple[Change, ...]:

@@ -17,7 +17,7 @@ from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural
 from dvtcli.operations.changes.change import keep_words
 from dvtcli.operations.changes.change_together import carry_out_together, complete
-from dvtcli.operations.changes.final_verify import AlsoClaimed, Verified
+from dvtcli.operations.changes.final_verify import AlsoClaimed, ClaimsAtStore
 from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.power_stage import refuse_powered
 from dvtcli.operations.plans.claims import Claims, refuse_stale, steady
@@ -65,23 +65,21 @@ def apply_network(
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
         claims = Claims(session, nodes, plan.nodes)
-        claims.refuse_lost()  # while it was planned, or while somebody took time to answer
+        claims.require_as_planned()  # while it was planned, or while somebody took time to answer
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
         _refuse_any_stale(session, nodes, planned, kept=asked and not session.options.yes)
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
         stores, equal = _stores(planned), _equal(nodes, plan.nodes)
-        also = AlsoClaimed(
-            claims.held(), stores, equal, prove is not None, claims.verify_others, claims.refuse_restarted
-        )
+        also = AlsoClaimed(claims.held(), stores, equal, prove is not None, claims)
         findings = {one.node_id: one.findings for one in planned}
         with claims.rolled_back_whole():
             course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with course:
             _keep(session, nodes, course.plans)
-            verified = _verified(session, course, claims, found)
-            stored = store_network(session, course, stores, verified, prove, equal)
+            at_store = _claims_at_store(session, course, claims, found)
+            stored = store_network(session, course, stores, at_store, prove, equal)
             complete(course)
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     without = {one.node_id: _kept_without(nodes[one.node_id], one.plan) for one in planned if kept.get(one.node_id)}
@@ -127,16 +125,13 @@ def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan])
             session.record.add(node_id, change_lines(plan))
 
 
-def _verified(session: Session, course: Course, claims: Claims, found: Mapping[int, Found]) -> Verified:
+def _claims_at_store(session: Session, course: Course, claims: Claims, found: Mapping[int, Found]) -> ClaimsAtStore:
     """What each node that is written or stores holds by now: what it was changed to, and what the file says."""
     planned = [one for one in claims.planned if len(one.plan) or one.stores]
     held = {one.node_id: one.holds for one in planned if not len(one.plan)}
     boot_ups = {one.node_id: found[one.node_id].boot_ups for one in planned if not one.stores}
     identities = {one.node_id: one.identity for one in planned}
-    return Verified(
-        session, course.nodes, {**held, **course.claims()}, identities, boot_ups,
-        claims.verify_others, claims.refuse_restarted,
-    )  # fmt: skip
+    return ClaimsAtStore(session, course.nodes, {**held, **course.claims()}, identities, boot_ups, claims)
 
 
 def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:

@@ -20,7 +20,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
-from dvtcli.operations.changes.final_verify import refuse_lost
+from dvtcli.operations.changes.final_verify import require_held
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -49,7 +49,7 @@ class Claims:
         self._side_by_side([partial(_read_pdos, self.nodes[node_id]) for node_id in stores])
         return {one.node_id: _held(self.nodes[one.node_id], one, beside=one.node_id in stores) for one in written}
 
-    def verify_others(self) -> None:
+    def verify(self) -> None:
         """Read the nodes to which nothing is written, and the settings of all that the file says and nobody writes.
 
         Restarted if a node restarted and lost what was planned from, DeviceRefused if it holds something else.
@@ -58,17 +58,17 @@ class Claims:
         reads = [partial(_refuse_unequal, self.nodes[one.node_id], one) for one in equal if one.is_read]
         reads += [partial(_refuse_altered, self.nodes[one.node_id], one) for one in self.planned if one.also_held]
         for _ in range(MOST_LOOKS):
-            self.refuse_restarted()
+            self.verify_restarted()
             self._side_by_side(reads)
             restarted = [one.node_id for one in equal if self._has_restarted(one)]
             if not restarted:  # what was read of the first ones may be lost by now
                 return
         raise _restarts(restarted[0])
 
-    def refuse_restarted(self) -> None:
+    def verify_restarted(self) -> None:
         """Restarted if a node to which nothing is written restarted and lost what was planned from."""
         try:
-            self.refuse_lost({one.node_id for one in self._equal()})
+            self.require_as_planned({one.node_id for one in self._equal()})
         except SafetyRefusal as lost:
             hint = "look at its supply, then try again"
             raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
@@ -77,7 +77,7 @@ class Claims:
         """The plans of nodes to which nothing is written, also if they store: they are read before the first store."""
         return [one for one in self.planned if not len(one.plan)]
 
-    def refuse_lost(self, of: Collection[int] | None = None) -> None:
+    def require_as_planned(self, of: Collection[int] | None = None) -> None:
         """SafetyRefusal if one of the nodes *of*, None for all, restarted and is not as it was planned from."""
         for _ in range(MOST_LOOKS):
             restarted = [one for one in self.planned if of is None or one.node_id in of if self._has_restarted(one)]
@@ -141,7 +141,7 @@ def _restarts(node_id: int) -> Restarted:
 
 def _refuse_unequal(node: Node, planned: NodePlan) -> None:
     """DeviceRefused if *node*, to which nothing is written, does not hold any more what the file says."""
-    refuse_lost(node, steady(node, planned.holds))
+    require_held(node, steady(node, planned.holds))
 
 
 def _read_pdos(node: Node) -> None:

@@ -17,7 +17,7 @@ from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.several import several
 from dvtcli.domain.stamp import DATE, TIME, Stamp
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
-from dvtcli.operations.changes.final_verify import Verified
+from dvtcli.operations.changes.final_verify import ClaimsAtStore
 from dvtcli.operations.recover.stores_begun import furthest, waiting
 from dvtcli.operations.results import Facts
 from dvtcli.operations.stores.store_network import store_each
@@ -61,24 +61,24 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
-    verified = _verified(session, journals, part, nodes)
+    claims = _claims(session, journals, part, nodes)
     tests = {
         one.plan.node_id: one.part.tests for one in journals if holds_test(nodes[one.plan.node_id], one.part.tests)
     }
     with_tests = {
-        one.plan.node_id: _tested(verified.changes[one.plan.node_id], one)
+        one.plan.node_id: _tested(claims.changes[one.plan.node_id], one)
         for one in journals
         if one.plan.node_id in tests
     }
-    stamps = _ended_stamps(verified, part)
-    expected = {**verified.changes, **with_tests}
+    stamps = _ended_stamps(claims, part)
+    expected = {**claims.changes, **with_tests}
     expected |= {node_id: [one for one in expected[node_id] if not is_stamp(one)] for node_id in stamps}
     for node_id in nodes:
-        _refuse_unlike(replace(verified, changes=expected), node_id)
+        _refuse_unlike(replace(claims, changes=expected), node_id)
     ids = ", ".join(map(str, waiting(part)))
     what = f"; store on node {ids}?" if ids else ", and has stored it; is it to stay so?"
     session.consent(f"{part.name}: every node holds what was planned{what}")
-    _store(session, journals, part, verified, tests, stamps)
+    _store(session, journals, part, claims, tests, stamps)
     rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
     return Facts("recover", rows, (_said(session, part, ids),))
 
@@ -89,7 +89,7 @@ def _said(session: Session, part: Part, ids: str) -> str:
     return f"{part.name} is complete: " + (f"node {ids} stored" if ids else "every node holds it, and had stored it")
 
 
-def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> Verified:
+def _claims(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> ClaimsAtStore:
     """What every node was verified to hold, as the journals say.
 
     A node that only stores has none of its own, or one that only tests a proof.
@@ -102,7 +102,7 @@ def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: 
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
     boot_ups = {one: nodes[one].bus.boot_ups(one) for one in silent}
-    return Verified(session, nodes, changes, identities, boot_ups)
+    return ClaimsAtStore(session, nodes, changes, identities, boot_ups)
 
 
 def _wanted(journal: Journal) -> tuple[Change, ...]:
@@ -130,7 +130,7 @@ def _store(
     session: Session,
     journals: Sequence[Journal],
     part: Part,
-    verified: Verified,
+    claims: ClaimsAtStore,
     tests: Mapping[int, Sequence[Change]],
     stamps: Mapping[int, Sequence[Change]],
 ) -> None:
@@ -138,12 +138,12 @@ def _store(
 
     The journals go with that.
     """
-    nodes, course = verified.nodes, Stores({one.node_id: one for one in part.stores}, part.equal)
+    nodes, course = claims.nodes, Stores({one.node_id: one for one in part.stores}, part.equal)
     keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.guard(), session.agreed():
         session.whole.id, session.whole.name = part.whole, part.name
-        for node_id, changes in verified.changes.items():
+        for node_id, changes in claims.changes.items():
             for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
                 nodes[node_id].expected.changed(change)
         try:
@@ -153,7 +153,7 @@ def _store(
             _put_tests_back(nodes, tests)
             for node_id, changes in stamps.items():
                 nodes[node_id].apply(Plan(node_id, tuple(changes)), kept=False)
-            store_each(session, part.name, course, verified, [keeper.own_journal for keeper in keepers])
+            store_each(session, part.name, course, claims, [keeper.own_journal for keeper in keepers])
             for keeper in keepers:
                 keeper.own_journal.complete_whole()
         finally:
@@ -164,13 +164,13 @@ def _store(
             _start(nodes[journal.plan.node_id], journal)
 
 
-def _ended_stamps(verified: Verified, part: Part) -> dict[int, tuple[Change, ...]]:
+def _ended_stamps(claims: ClaimsAtStore, part: Part) -> dict[int, tuple[Change, ...]]:
     """The stamps to be written anew on nodes that are to store: they ended with a store that was refused."""
     found: dict[int, tuple[Change, ...]] = {}
     for node_id in waiting(part):
-        wanted = {one.step.sub_index: one.step.after for one in verified.changes[node_id] if is_stamp(one)}
+        wanted = {one.step.sub_index: one.step.after for one in claims.changes[node_id] if is_stamp(one)}
         stamp = Stamp(*(int.from_bytes(wanted.get(one, b""), "little") for one in (DATE, TIME)))
-        held = held_stamp(verified.nodes[node_id]) if stamp.is_own else None
+        held = held_stamp(claims.nodes[node_id]) if stamp.is_own else None
         if held is not None and held != stamp and 0 in (held.days, held.ms):
             found[node_id] = stamp_changes(held, stamp, f"stamp: {stamp}")
     return found
@@ -182,9 +182,9 @@ def _put_tests_back(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Chan
         put_test_back(nodes[node_id], changes, several(change.label for change in changes))
 
 
-def _refuse_unlike(verified: Verified, node_id: int) -> None:
+def _refuse_unlike(claims: ClaimsAtStore, node_id: int) -> None:
     try:
-        verified.require(node_id)
+        claims.verify_before_store(node_id)
     except DeviceRefused as other:
         raise SafetyRefusal(
             f"node {node_id} does not hold any more what was verified: nothing is stored",

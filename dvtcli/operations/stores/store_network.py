@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from dvtcli.device.change.own_journal import OwnJournal
-    from dvtcli.operations.changes.final_verify import Verified
+    from dvtcli.operations.changes.final_verify import ClaimsAtStore
     from dvtcli.operations.changes.take_back_network import Course
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
@@ -37,7 +37,7 @@ def store_network(
     session: Session,
     course: Course,
     stores: tuple[Storing, ...],
-    verified: Verified,
+    claims: ClaimsAtStore,
     prove: str | None,
     equal: tuple[Storing, ...] = (),
 ) -> tuple[Stored, ...]:
@@ -45,7 +45,7 @@ def store_network(
 
     *equal* are the nodes that were as wanted already, and neither are changed nor store: the journals name them.
 
-    Each node is looked at right before its store, and all of them, as they were *verified*, once more after the last.
+    Each node is verified to hold its *claims* right before its store, and all nodes once more after the last store.
     A journal says from here on that stores have begun; the journals stay if not all have stored what was planned:
     `recover` goes on, or back.
     """
@@ -53,7 +53,7 @@ def store_network(
         return ()
     on_way = Stores({one.node_id: one for one in stores}, equal)
     try:
-        return store_each(session, course.name, on_way, verified, course.journals(), prove)
+        return store_each(session, course.name, on_way, claims, course.journals(), prove)
     except BaseException as fault:
         if isinstance(fault, LeftChanged) and not (on_way.lost or on_way.failed):
             kept = complete_wholes(course.journals())  # all have stored: nothing of that is to be taken back
@@ -68,13 +68,13 @@ def store_network(
         raise
 
 
-def _end_stamps(session: Session, course: Stores, verified: Verified, left: LeftChanged) -> None:
+def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore, left: LeftChanged) -> None:
     """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it."""
-    for one in course.states.values():
+    for one in stores.states.values():
         if one.is_done:
             continue
         try:
-            end_stamp(session, verified.nodes[one.node_id], "what is not stored has no stamp")
+            end_stamp(session, claims.nodes[one.node_id], "what is not stored has no stamp")
         except DvtcliError as failed:
             left.details.append(("also", f"0x1020 of node {one.node_id} may say that it is stored: {failed.text}"))
 
@@ -82,97 +82,97 @@ def _end_stamps(session: Session, course: Stores, verified: Verified, left: Left
 def store_each(
     session: Session,
     name: str,
-    course: Stores,
-    verified: Verified,
+    stores: Stores,
+    claims: ClaimsAtStore,
     journals: Sequence[OwnJournal],
     prove: str | None = None,
 ) -> tuple[Stored, ...]:
-    """Carry out what *course* has not done, the end of what is called *name*; *journals* say how far it is.
+    """Carry out what *stores* has not done, the end of what is called *name*; *journals* say how far it is.
 
-    Each node is asked for what was *verified* right before it stores, and all of them once more behind the last store.
+    Each node is asked for its *claims* right before it stores, and all of them once more behind the last store.
     A node that refuses does not keep the others from being asked. LeftChanged names who has stored and who has not;
-    *course* says then whether a node held something else.
+    *stores* says then whether a node held something else.
     """
-    stores = list(course.states.values())
+    states = list(stores.states.values())
 
     def store(one: Storing) -> None:
         try:
-            _store_one(session, name, one, course, verified, journals, prove)
+            _store_one(session, name, one, stores, claims, journals, prove)
         except (DvtcliError, KeyboardInterrupt) as fault:
-            course.failed[one.node_id] = fault
-            if course.lost or not isinstance(fault, DeviceRefused):
+            stores.failed[one.node_id] = fault
+            if stores.lost or not isinstance(fault, DeviceRefused):
                 raise
             if fault.state != "unknown":
-                course.states[one.node_id] = replace(course.states[one.node_id], is_refused=True)
+                stores.states[one.node_id] = replace(stores.states[one.node_id], is_refused=True)
 
-    jobs = [partial(store, one) for one in stores if not one.is_done]
+    jobs = [partial(store, one) for one in states if not one.is_done]
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
-    if faults and not course.failed:
+    if faults and not stores.failed:
         raise faults[0]
-    others = [] if course.lost or course.failed else one_by_one([verified.verify_others])
-    course.lost = course.lost or verified.faults()
-    if course.lost:
-        left = lost_settings(course, course.lost)
-        if course.are_all_done():
-            _note_states(name, course, journals, left)
-        raise left from course.lost[0]
-    if course.failed:
-        left = not_all_stored(course, [journal.path for journal in journals if journal.is_begun])
-        _note_states(name, course, journals, left)
-        _end_stamps(session, course, verified, left)
-        raise left from next(iter(course.failed.values()))
-    others = others or one_by_one([verified.refuse_restarted])  # what was read of them first may be lost by now
+    others = [] if stores.lost or stores.failed else one_by_one([claims.others.verify])
+    stores.lost = stores.lost or claims.verify_after_stores()
+    if stores.lost:
+        left = lost_settings(stores, stores.lost)
+        if stores.are_all_done():
+            _note_states(name, stores, journals, left)
+        raise left from stores.lost[0]
+    if stores.failed:
+        left = not_all_stored(stores, [journal.path for journal in journals if journal.is_begun])
+        _note_states(name, stores, journals, left)
+        _end_stamps(session, stores, claims, left)
+        raise left from next(iter(stores.failed.values()))
+    others = others or one_by_one([claims.others.verify_restarted])  # what was read of them first may be lost by now
     if others:
-        raise lost_besides(course, others[0]) from others[0]
-    return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)
+        raise lost_besides(stores, others[0]) from others[0]
+    return tuple(stores.answers[one.node_id] for one in states if one.node_id in stores.answers)
 
 
 def _store_one(
     session: Session,
     name: str,
     one: Storing,
-    course: Stores,
-    verified: Verified,
+    stores: Stores,
+    claims: ClaimsAtStore,
     journals: Sequence[OwnJournal],
     prove: str | None,
 ) -> None:
-    course.states[one.node_id] = one = replace(one, is_begun=True, is_refused=False)
-    states = tuple(course.states.values())
+    stores.states[one.node_id] = one = replace(one, is_begun=True, is_refused=False)
+    states = tuple(stores.states.values())
     for journal in _to_note(journals, one.node_id):
-        journal.final(_final(name, states, one), states, course.equal)
-    node = verified.nodes[one.node_id]
+        journal.final(_final(name, states, one), states, stores.equal)
+    node = claims.nodes[one.node_id]
     node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
     try:
         try:
-            verified.require(one.node_id)
+            claims.verify_before_store(one.node_id)
         except DvtcliError as other:
-            course.lost.append(other)
+            stores.lost.append(other)
             raise
-        course.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
+        stores.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
     except (SafetyRefusal, LeftChanged) as other:  # another device, or what tested the store is left on it
-        course.lost = [other, *(one for one in course.lost if one is not other)]
+        stores.lost = [other, *(one for one in stores.lost if one is not other)]
         raise
-    course.states[one.node_id] = replace(one, is_done=True)
-    _say_too_late(session, course)
+    stores.states[one.node_id] = replace(one, is_done=True)
+    _say_too_late(session, stores)
 
 
-def _note_states(name: str, course: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
+def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
     """Let *journals* say how the stores ended; what keeps one from it is said beside what is *left*."""
-    states = tuple(course.states.values())
+    states = tuple(stores.states.values())
     line = f"{name}: store on node {', '.join(str(one.node_id) for one in states)}"
     for journal in (journal for journal in journals if journal.is_begun):
         try:
-            journal.final(line, states, course.equal)
+            journal.final(line, states, stores.equal)
         except DvtcliError as failed:
             left.details.append(("also", failed.text))
 
 
-def _say_too_late(session: Session, course: Stores) -> None:
+def _say_too_late(session: Session, stores: Stores) -> None:
     """Where a request to stop came while a node stored: who has stored, and that the others do so, too."""
-    rest = [str(one.node_id) for one in course.states.values() if not one.is_done]
-    if session.cancellation.requested and rest and not course.was_late:
-        course.was_late = True
-        done = [str(one.node_id) for one in course.states.values() if one.is_done]
+    rest = [str(one.node_id) for one in stores.states.values() if not one.is_done]
+    if session.cancellation.requested and rest and not stores.was_late:
+        stores.was_late = True
+        done = [str(one.node_id) for one in stores.states.values() if one.is_done]
         session.tell.warning(
             f"too late to stop before the stores: node {', '.join(done)} has stored; node {', '.join(rest)} still "
             "stores, so that all keep the same (once more: at once)"
