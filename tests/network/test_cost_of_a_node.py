@@ -79,7 +79,7 @@ def test_a_change_has_one_journal_a_node_for_all_its_parts(tmp_path: Path) -> No
     counted = calls(partial(chain.apply, file))
     assert sum(number for code, number in counted.items() if code is Journals.write.__code__) == FEW
     synced = {code.co_qualname: number for code, number in counted.items() if code.co_filename == private_file.__file__}
-    assert synced["to_disk"] + synced["sync_folder"] <= 10 * FEW + 3
+    assert synced["to_disk"] + synced["sync_folder"] <= 11 * FEW + 3  # one of them is the number of the change
 
 
 def test_a_lock_says_once_which_journal_is_in_hand(tmp_path: Path) -> None:
