@@ -14,7 +14,7 @@ from dvtcli.device.change.after_change import left_open
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.device.change.left_behind import Guarded, name_left
-from dvtcli.device.change.put_back import first_difference, restore_patiently
+from dvtcli.device.change.put_back import first_difference, roll_back_patiently
 from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.read_pdos import read_optional
@@ -254,7 +254,7 @@ def _allowed(
             yield Place(pdo, field, sub_index, config, want)
 
 
-def proving_place(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
+def choose_canary(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
     """The first harmless place that *node* lets be changed, which was tried and put back; None where there is none.
 
     Asks before a node leaves OPERATIONAL for it. LeftChanged where what was tried could not be put back.
@@ -345,7 +345,7 @@ def put_test_back(node: Node, changes: Sequence[Change], text: str) -> None:
     """
     try:
         with node.cancellation.guard():
-            restore_patiently(node.sdo, changes, node.bus, node.gate.renew, node.witness)
+            roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, node.witness)
     except (DvtcliError, KeyboardInterrupt) as failed:
         reset = Hint(Action.RESET_NODE, {"node": node.node_id}, "{}, or a power cycle")
         reset += Hint(Action.SHOW_PDOS, why="shows what it holds")

@@ -155,7 +155,7 @@ class KnownPdos(Reached):
         self._pdos.clear()
         self.memory.forget()
 
-    def is_unknown_now(self) -> None:
+    def mark_unknown(self) -> None:
         """It holds something else now, and nobody knows what: nothing is shown of it until it is read."""
         self.read_anew()
         self._shown.clear()

@@ -51,7 +51,7 @@ class Node(Applier):
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         look = self.pdo if found is None else self.known_pdo
         with heard_ids(self.bus) as heard:
-            found = found or self.claim()
+            found = found or self.begin_change()
             lengths = untyped_lengths(self, wants.values())
             now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # what is so already is not looked at again
             wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
@@ -84,7 +84,7 @@ class Node(Applier):
 
         refuse_passcode(self.access, index, sub_index)
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
-        found = self.claim()
+        found = self.begin_change()
         if self.saves((index, sub_index)):
             prepare_store(self, force=force)
         what = f"0x{index:04X}:{sub_index:02X} not written"
@@ -152,7 +152,7 @@ class Node(Applier):
         from dvtcli.device.change.taken_back import foreseen, put_back_findings
         from dvtcli.device.change.way_back import plan_back, way_back
 
-        found = self.claim(whatever_happened=asked.rolls_back)
+        found = self.begin_change(whatever_happened=asked.rolls_back)
         boot_ups = self.bus.boot_ups(self.node_id)
         back = way_back(self, asked)
         if not asked.is_part and len(back.plan):

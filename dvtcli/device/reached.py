@@ -42,12 +42,12 @@ class Reached:
     consent: Callable[[str], None] = lambda _question: None
     #: told of every object that is read ahead of a change or for a list
     on_look: Callable[[Looking], None] = lambda _looking: None
-    #: how many of its boot-ups had been heard when this process met it
-    boot_ups_met: int = 0
+    #: how many of its boot-ups had been heard (`bus.boot_ups`) when this process first asked it
+    boot_ups_at_contact: int = 0
     #: as *consent*, for what no question before it named: it is asked also in the middle of what was agreed to
     consent_anew: Callable[[str], None] = lambda _question: None
-    #: its restarts that nothing sent from here explains, by the time from which on what was read of it counts
-    boot_count: int | None = None
+    #: how many restarts that nothing from here ordered had been heard (`bus.restarts`) when what was read became valid
+    restarts_at_read: int | None = None
     _gate: Gate | None = field(default=None, init=False)
     #: how many PDOs of how many were read, where they all are
     _looked: tuple[int, int] = field(default=(0, 0), init=False)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def prepare_store(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
-    """Before a store or restore: as `may_store`; enter the gate where needed."""
-    may_store(node, force=force, confirm=confirm)
+    """Before a store or restore: as `require_storable`; enter the gate where needed."""
+    require_storable(node, force=force, confirm=confirm)
     if node.profile.store.only_pre_operational:
         node.gate.enter()
 
@@ -30,14 +30,14 @@ def _ways_out(node_id: int, *, confirm: bool) -> Hint:
     return Hint(Action.VERIFY, why="set it as it should be and {}, or") + reset if confirm else reset
 
 
-def may_store(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
+def require_storable(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
     """Let nothing be stored that is not as it should be: SafetyRefusal, RuleError where nobody is logged in.
 
     What this session changed is read again, and the PDOs whole, since a device may have lost or altered them;
     *confirm* says whether: not where all of it is about to be given up, nor does it matter then that it is lost or
     altered already.
     """
-    node.claim()
+    node.begin_change()
     word = "stored" if confirm else "restored"
     for cause, reason in node.pending.suspicions.items():
         if confirm or cause == CHANGE:
@@ -54,7 +54,7 @@ def may_store(node: Changeable, *, force: bool = False, confirm: bool = True) ->
         node.pending.of_others(held_unstored(node, node.keeper.past, node.storing))
 
 
-def is_stored(node: Changeable, labels: Iterable[str]) -> None:
+def mark_stored(node: Changeable, labels: Iterable[str]) -> None:
     """A store took what the node held of *labels*: no later process names them again."""
     if node.keeper is not None:
         node.keeper.past.was_stored(node.node_id, node.storing, set(labels))

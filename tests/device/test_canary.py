@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.canary import Canary, Place, harmless_places, proving_place
+from dvtcli.device.canary import Canary, Place, choose_canary, harmless_places
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.node import Node
 from dvtcli.device.storing import prepare_store
@@ -133,7 +133,7 @@ def test_three_places_of_a_kind_are_tried_and_put_back(refused: int, planted: st
         cob_id = 0x8000_0181 + number * 0x100
         channel.download(0x1800 + number, 1, cob_id.to_bytes(4, "little"))
     before = one.pdos()
-    found = proving_place(one, before)
+    found = choose_canary(one, before)
     assert found is not None
     assert found.name == planted
     assert one.pdos() == before
@@ -230,6 +230,6 @@ def test_one_that_was_changed_before_something_failed_is_put_back_at_once(kept: 
 
     kept.node.on_step = restart
     with pytest.raises(DvtcliError) as caught:
-        proving_place(kept.node, before)
+        choose_canary(kept.node, before)
     assert kept.node.pdos() == before
     assert any(text.endswith("put back, read back equal") for _, text in caught.value.details)

@@ -122,7 +122,7 @@ def test_who_asks_for_it_keeps_the_journal(bench: Bench) -> None:
     carry_out(bench.node, bench.plan(), keep_journal=True)
     assert bench.journal.exists()
     with pytest.raises(SafetyRefusal, match="not finished yet"):
-        bench.node.claim()
+        bench.node.begin_change()
 
 
 def test_a_refusal_leaves_no_journal_and_no_suspicion(bench: Bench) -> None:
@@ -331,7 +331,7 @@ def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:
 def test_what_needed_no_write_is_looked_at_again_where_the_node_restarted_meanwhile(bench: Bench, held: bool) -> None:
     config = bench.node.pdo(TPDO1)
     plan = Plan(NODE, (plan_pdo(TPDO1, config, config),))
-    found = bench.node.claim()
+    found = bench.node.begin_change()
     bench.device.nmt(NmtCommand.RESET_NODE)
     bench.bus.heard_boot_ups += 1
     if not held:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dvtcli.device.change.course import Course, combined
+from dvtcli.device.change.course import Course, combine_plans
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -31,7 +31,9 @@ def written(index: int, sub_index: int, before: int, after: int) -> Plan:
 
 
 def test_the_first_value_and_the_last_one_count() -> None:
-    whole = combined(NODE, [timed(TPDO1, 0, 5), written(0x2000, 0, 1, 2), timed(TPDO1, 5, 9), written(0x2000, 0, 2, 3)])
+    whole = combine_plans(
+        NODE, [timed(TPDO1, 0, 5), written(0x2000, 0, 1, 2), timed(TPDO1, 5, 9), written(0x2000, 0, 2, 3)]
+    )
     pdo, value = whole.changes
     assert (pdo.before, pdo.after) == (at(TPDO1, 0), at(TPDO1, 9))  # type: ignore[union-attr]
     assert (next(iter(value.steps)).before, next(iter(value.steps)).after) == (b"\1\0\0\0", b"\3\0\0\0")
@@ -40,18 +42,18 @@ def test_the_first_value_and_the_last_one_count() -> None:
 def test_what_the_first_one_is_put_back_to_counts() -> None:
     plans = [timed(TPDO1, 0, 5), timed(TPDO1, 5, 9)]
     first = Plan(NODE, tuple(replace(one, back=at(TPDO1, 1)) for one in plans[0].changes))  # type: ignore[type-var]
-    (change,) = combined(NODE, [first, plans[1]]).changes
+    (change,) = combine_plans(NODE, [first, plans[1]]).changes
     assert change.back == at(TPDO1, 1)  # type: ignore[union-attr]
 
 
 def test_changes_of_several_pdos_and_objects_stay_in_order() -> None:
     plans = [timed(TPDO2, 0, 5), written(0x2000, 1, 1, 2), timed(TPDO1, 0, 5), written(0x2000, 2, 1, 2)]
-    assert [change.label for change in combined(NODE, plans).changes] == ["TPDO2", "2000:01", "TPDO1", "2000:02"]
+    assert [change.label for change in combine_plans(NODE, plans).changes] == ["TPDO2", "2000:01", "TPDO1", "2000:02"]
 
 
 def test_what_was_written_to_a_pdo_that_is_put_back_whole_counts_no_longer() -> None:
     plans = [written(0x1800, 3, 0, 7), timed(TPDO1, 0, 5), written(0x1A00, 1, 1, 2), written(0x1801, 3, 0, 7)]
-    assert [change.label for change in combined(NODE, plans).changes] == ["TPDO1", "1801:03"]
+    assert [change.label for change in combine_plans(NODE, plans).changes] == ["TPDO1", "1801:03"]
 
 
 def test_but_for_an_entry_behind_the_count_of_a_mapping_that_was_empty() -> None:
@@ -65,7 +67,7 @@ def test_but_for_an_entry_behind_the_count_of_a_mapping_that_was_empty() -> None
         after = replace(before, communication=replace(before.communication, event_timer=77))
         change = Plan(NODE, (plan_pdo(TPDO1, before, after),))
         for plans in ([entry, change], [change, entry], [count, entry, change, written(0x1800, 2, 1, 2)]):
-            assert [one.label for one in combined(NODE, plans).changes] == labels
+            assert [one.label for one in combine_plans(NODE, plans).changes] == labels
 
 
 def test_what_stands_alone_is_put_back_alone_and_ids_are_nobody_else_s() -> None:

@@ -74,7 +74,7 @@ def test_what_was_read_is_not_asked_for_again_until_something_happened(node: Nod
 def test_what_a_claim_finds_is_read_anew(node: Node) -> None:
     timer(node)
     set_timer(node, 77)
-    node.claim()
+    node.begin_change()
     assert timer(node) == 77
 
 

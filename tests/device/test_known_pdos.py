@@ -123,7 +123,7 @@ def test_what_was_read_is_kept_to_be_shown_until_nobody_knows_it() -> None:
     assert dict(drive.node.last_read) == dict(drive.node.last_seen) == all_of_them
     drive.node.read_anew()
     assert (dict(drive.node.last_read), dict(drive.node.last_seen)) == ({}, all_of_them)
-    drive.node.is_unknown_now()
+    drive.node.mark_unknown()
     assert dict(drive.node.last_seen) == {}
 
 
@@ -206,5 +206,5 @@ def test_of_what_is_unknown_nothing_that_was_read_before_is_believed() -> None:
     before = drive.timer_ms
     drive.alters_itself(78)
     assert drive.timer_ms == before
-    drive.node.is_unknown_now()
+    drive.node.mark_unknown()
     assert drive.timer_ms == 78

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.canary import proving_place
+from dvtcli.device.canary import choose_canary
 from dvtcli.device.change.proven import prepare_proof, prove_store
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.change.proving import Restart
@@ -49,7 +49,7 @@ class Bench:
 
     def prove(self, before: Held, restart: Restart) -> Proof:
         """Store nothing more, restart, and compare with *before*."""
-        place = proving_place(self.node, before.pdos)
+        place = choose_canary(self.node, before.pdos)
         return prove_store(self.node, before, STORED, restart, place)
 
     def restart(self, run: Callable[[], None], *, certain: bool = False) -> Restart:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.journal import Journals
-from dvtcli.device.change.put_back import restore, restore_patiently
+from dvtcli.device.change.put_back import roll_back_once, roll_back_patiently
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
@@ -112,7 +112,7 @@ def test_a_journal_puts_back_what_the_device_takes_wherever_the_change_was_kille
         sdo.download(step.index, step.sub_index, step.after)
     found = journals.find(NODE)
     assert found is not None
-    otherwise = restore_patiently(sdo, found.plan.changes, InstantClock(), lambda: None)
+    otherwise = roll_back_patiently(sdo, found.plan.changes, InstantClock(), lambda: None)
     held = read_pdo(sdo, one)
     assert held in (before, back)
     assert [change.pdo for change in otherwise] == ([] if held == before else [one])
@@ -139,7 +139,7 @@ def test_a_refusal_that_passes_leads_to_no_weaker_way_back(at: int) -> None:
     for step in change.steps:
         sdo.download(step.index, step.sub_index, step.after)
     faulty = FaultySdo(sdo, refuse_for_its_state, at)
-    assert restore_patiently(faulty, [change], InstantClock(), lambda: None) == ()
+    assert roll_back_patiently(faulty, [change], InstantClock(), lambda: None) == ()
     assert faulty.count > at
     assert read_pdo(sdo, TPDO1) == change.before
 
@@ -177,7 +177,7 @@ def test_a_refusal_that_lasts_leads_there_whatever_reason_it_gives() -> None:
     change = replace(plan_pdo(TPDO1, before, PdoConfig(before.communication, (entry,))), back=back)
     for step in change.steps:
         sdo.download(step.index, step.sub_index, step.after)
-    assert restore_patiently(sdo, [change], InstantClock(), lambda: None) == (change,)
+    assert roll_back_patiently(sdo, [change], InstantClock(), lambda: None) == (change,)
     assert read_pdo(sdo, TPDO1) == back
 
 
@@ -194,7 +194,7 @@ def test_an_entry_behind_the_count_goes_back_with_its_pdo_whose_count_is_in_its_
     for sub_index, data in ((0, b"\0"), (2, new), (0, b"\1")):
         sdo.download(0x1A00, sub_index, data)
     sdo.writes.clear()
-    assert restore(sdo, [plan_pdo(TPDO1, before, want), entry, unknown], settles=False) == ()
+    assert roll_back_once(sdo, [plan_pdo(TPDO1, before, want), entry, unknown], settles=False) == ()
     assert (read_pdo(sdo, TPDO1), sdo.upload(0x1A00, 2)) == (before, old)
     assert not [place for *place, _ in sdo.writes if place == [0x1A00, 4]]
 
@@ -209,7 +209,7 @@ def test_what_is_refused_and_has_no_other_way_is_raised_as_it_was_said() -> None
         sdo.download(step.index, step.sub_index, step.after)
     sdo.writes.clear()
     with pytest.raises(SdoAborted) as caught:
-        restore(FaultySdo(sdo, refuse, 1), [change], settles=True)
+        roll_back_once(FaultySdo(sdo, refuse, 1), [change], settles=True)
     assert (caught.value.place, sdo.writes) == ("1800:01", [])
 
 

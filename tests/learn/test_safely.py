@@ -44,7 +44,7 @@ def odd(**oddities: object) -> tuple[Node, Odd]:
 
 def ask(node: Node, *, isolated: bool = False, limit: int = 100_000) -> Asked:
     """Ask one TPDO of *node* everything."""
-    found = node.claim()
+    found = node.begin_change()
     pdos = node.pdos()
     return ask_safely(node, subjects(node, pdos, frozenset())[:1], pdos, found, Terms(limit, isolated))
 

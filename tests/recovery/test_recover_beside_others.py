@@ -37,7 +37,7 @@ def test_a_change_that_is_under_way_is_left_alone(tmp_path: Path, line: str) -> 
         Bench((), {**wire.options, **options, "yes": False}) as bench,
     ):
         node = at_work.session.node()
-        node.claim()
+        node.begin_change()
         journal = under_way(node)
         bench.session.node()
         wire.frames()
@@ -54,7 +54,7 @@ def test_once_that_change_is_done_there_is_nothing_to_recover_and_nobody_is_kept
     with Wire(device("generic")) as wire, Bench((), {**wire.options, **options}) as bench:
         with Bench((), {**wire.options, **options}) as at_work:
             node = at_work.session.node()
-            node.claim()
+            node.begin_change()
             under_way(node)
             assert bench.run("recover").code == 6
             assert node.keeper is not None

@@ -85,7 +85,7 @@ def test_a_backup_is_put_back_only_by_who_holds_the_lock_and_is_said_before_anyt
     with Wire(device("generic")) as wire:
         elsewhere(wire, "set tpdo1 --timer 5")
         with Bench((), {**wire.options, "yes": True}) as holder, Bench((), {**wire.options, "yes": True}) as bench:
-            holder.session.node().claim()
+            holder.session.node().begin_change()
             bench.session.node()
             wire.frames()
             ran = bench.run("undo --backup --json")

@@ -249,18 +249,18 @@ class ScriptChanges:
         self, left: LeftChanged, made: Iterable[tuple[Node, Sequence[Plan]]], failed: LeftChanged | None
     ) -> None:
         """Let *left* name what the nodes hold otherwise than before the script, and before the line that *failed*."""
-        from dvtcli.device.change.course import combined
+        from dvtcli.device.change.course import combine_plans
         from dvtcli.device.change.left_behind import Guarded, name_left
         from dvtcli.domain.plan import Plan
 
         changes: dict[int, tuple[Node, tuple[Change, ...]]] = {}
         for node, plans in made:
-            changes[node.node_id] = node, combined(node.node_id, plans).changes
+            changes[node.node_id] = node, combine_plans(node.node_id, plans).changes
         for node in self._session.met_nodes():
             if failed is not None and node.node_id in failed.guarded:
                 _, own = changes.get(node.node_id, (node, ()))
                 parts = (Plan(node.node_id, some) for some in (own, failed.guarded[node.node_id]))
-                changes[node.node_id] = node, combined(node.node_id, parts).changes
+                changes[node.node_id] = node, combine_plans(node.node_id, parts).changes
         stopped = isinstance(left.__cause__, KeyboardInterrupt)
         name_left(
             left,

@@ -34,7 +34,7 @@ def restarted_since(node: Changeable, found: Found) -> bool:
 def left_open(node: Changeable, left: LeftChanged) -> None:
     """A roll-back failed: nothing may be stored, and *left* says how to finish."""
     node.pending.suspicions[CHANGE] = left.text
-    node.is_unknown_now()
+    node.mark_unknown()
     if node.keeper is not None:
         left.place = str(node.keeper.own_journal.path)
         finish = Hint(Action.RECOVER, why=f"finishes it, from {left.place}")

@@ -146,9 +146,9 @@ class Applier(Changeable):
             elif Pdo.at(change.step.index) is None:
                 self._remember_value(change)
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):
-                from dvtcli.device.storing import is_stored
+                from dvtcli.device.storing import mark_stored
 
-                is_stored(self, self.pending.was_stored(EVERYTHING, len(self.history)))
+                mark_stored(self, self.pending.was_stored(EVERYTHING, len(self.history)))
             elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
                 self.pending.changed(change.label, change.steps[0].index)
 
@@ -168,9 +168,9 @@ class Applier(Changeable):
 
         Returns the labels of what is lost.
         """
-        self.is_unknown_now()
-        if self.boot_count is not None:
-            self.boot_count = self.bus.restarts(self.node_id)
+        self.mark_unknown()
+        if self.restarts_at_read is not None:
+            self.restarts_at_read = self.bus.restarts(self.node_id)
         self.expected.clear()
         self.pending.lost_until = len(self.history)
         return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))
@@ -189,6 +189,6 @@ class Applier(Changeable):
         """So many boot-ups were seen by now: what the last ones took is to be said."""
         lost = self.pending.rebooted(boot_ups)
         if lost:
-            self.is_unknown_now()
+            self.mark_unknown()
             self.pending.lost_until = len(self.history)
             self._unsaid += lost

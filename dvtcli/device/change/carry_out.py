@@ -61,7 +61,7 @@ def carry_out(
     to test a store, puts the change back.
     """
     with node.cancellation.guard():
-        found = node.claim() if found is None else found
+        found = node.begin_change() if found is None else found
         _carry_out(node, plan, findings, found, done, is_kept=is_kept, keep_journal=keep_journal)
     node.cancellation.hold()
 
@@ -81,7 +81,7 @@ def _carry_out(
     *findings* are what the rules had said; they explain a refusal of something that was forced. *done* is called once
     the plan was read back, before anything else can go wrong, with the number of boot-ups seen by then.
     """
-    node.refuse_restarted(found)
+    node.require_not_restarted(found)
     is_watched = _is_watched(node, plan)
     if is_watched:
         node.known_pdos()
@@ -93,7 +93,7 @@ def _carry_out(
         beside = wholes_beside(node, plan, found)
         untold = any(config.lacking for config in node.last_read.values())
         enter(node, found)
-        node.refuse_restarted(found)
+        node.require_not_restarted(found)
         others = OtherPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
         boot_ups = run(node, plan, others, found)
     except LeftChanged as left:

@@ -82,29 +82,29 @@ class Changeable(KnownPdos):
         finally:
             self.gate.wanted = None
 
-    def claim(self, *, whatever_happened: bool = False) -> Found:
-        """Before the first read of a change: let no other dvtcli write to the node until the line ends.
+    def begin_change(self, *, whatever_happened: bool = False) -> Found:
+        """Take the lock of the node until the line ends, drop what was read of it, and return how it is found.
 
-        What was read before counts no longer. Returns how the node is found. SafetyRefusal where another one holds it,
-        or was interrupted, or if it restarted since it was read: not with *whatever_happened*, as of a way back.
+        SafetyRefusal if another dvtcli holds the node or was interrupted, or if the node restarted since it was read;
+        a way back begins *whatever_happened* to the node.
         """
         if self.keeper is not None:
             self.keeper.refuse_while_open()
         if not whatever_happened:
-            self.refuse_restarted()
+            self.require_not_restarted()
         self.read_anew()
         boot_ups, upsets = self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id)
         # a restart while it tells its state came after that
         return Found(self.access.state(), boot_ups, upsets, whatever_happened)
 
-    def refuse_restarted(self, found: Found | None = None) -> None:
+    def require_not_restarted(self, found: Found | None = None) -> None:
         """SafetyRefusal if the node restarted since this process read it, or was *found*, and nobody here ordered that.
 
         Before the first write of a line: what it is made from, or the lines before it, are of an earlier life.
         """
         if found is not None and found.whatever_happened:
             return
-        restarted = self.boot_count is not None and self.bus.restarts(self.node_id) != self.boot_count
+        restarted = self.restarts_at_read is not None and self.bus.restarts(self.node_id) != self.restarts_at_read
         if restarted or (found is not None and self.bus.boot_ups(self.node_id) != found.boot_ups):
             from dvtcli.device.observe import restarted_since_read
 
@@ -128,15 +128,15 @@ class Changeable(KnownPdos):
         Whether that is yet to be told: not if the line was refused for it, or failed by it.
         """
         told, self.told_restart = self.told_restart, False
-        if self.boot_count is None:
+        if self.restarts_at_read is None:
             return False
         try:
             restarts, read = self.bus.restarts(self.node_id), self.memory.is_of_now()
         except BusUnavailable:
             return False
-        if self.boot_count == restarts or not (told or read or failed):
+        if self.restarts_at_read == restarts or not (told or read or failed):
             return False
-        self.boot_count = restarts
+        self.restarts_at_read = restarts
         return not told
 
     def let_go(self) -> None:

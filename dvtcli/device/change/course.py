@@ -56,7 +56,7 @@ class Course:
     def prepare(self, whole: Whole, plan: Plan, nmt_state: int | None) -> str:
         """All of *plan* is to be carried out, part by part; the id under which it is remembered."""
         entry = self.begin(whole, plan, nmt_state)
-        self.in_hand, self.prepared = None, combined(plan.node_id, [*self.made, plan])
+        self.in_hand, self.prepared = None, combine_plans(plan.node_id, [*self.made, plan])
         return entry
 
     def carried_out(self) -> None:
@@ -75,7 +75,7 @@ class Course:
     def plan(self) -> Plan:
         """Everything that has to be put back, as one plan."""
         plans = [one for one in (self.prepared, *self.made, self.in_hand) if one is not None]
-        return plans[0] if len(plans) == 1 else combined(plans[0].node_id, plans)
+        return plans[0] if len(plans) == 1 else combine_plans(plans[0].node_id, plans)
 
 
 def covers(kept: Plan, plan: Plan) -> bool:
@@ -92,7 +92,7 @@ def _key(change: Change) -> object:
     return change.pdo if isinstance(change, PdoChange) else change.label
 
 
-def combined(node_id: int, plans: Iterable[Plan]) -> Plan:
+def combine_plans(node_id: int, plans: Iterable[Plan]) -> Plan:
     """One plan from before the first of *plans* to after the last one, to be put back from its end to its beginning.
 
     What was written to an object of a PDO that is put back whole counts no longer, but for an entry behind the count

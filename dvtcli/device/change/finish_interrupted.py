@@ -14,7 +14,7 @@ from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.left_behind import Guarded, could_not, name_left
 from dvtcli.device.change.other_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
 from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.put_back import restore_patiently, unreadable_now
+from dvtcli.device.change.put_back import roll_back_patiently, unreadable_now
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
@@ -219,7 +219,7 @@ class Recovery:
             with node.cancellation.guard():
                 node.gate.renew()  # a try before this one may have started it
                 witness = BusWitness(node.bus, node.node_id)
-                return restore_patiently(node.sdo, changes, node.bus, node.gate.renew, witness)
+                return roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, witness)
         except given_up as fault:
             raise self._left(fault) from fault
         finally:

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from dvtcli.device.change.course import Course, combined, covers
+from dvtcli.device.change.course import Course, combine_plans, covers
 from dvtcli.device.change.journal import Journal, Journals
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity, change_document
@@ -150,12 +150,12 @@ class OwnJournal:
         """Whether the journal, as it is on disk, has all that *plan* writes as it was before the whole."""
         if self._on_disk is None or self._course.part.whole != self.whole.id:
             return False
-        return covers(self._on_disk[0], combined(plan.node_id, [self._course.plan, plan]))
+        return covers(self._on_disk[0], combine_plans(plan.node_id, [self._course.plan, plan]))
 
     def _guarded(self) -> Plan:
         """All that has to be put back, and what the node holds that the changes may alter."""
         plan = self._course.plan
-        return plan if self._beside is None else combined(plan.node_id, [self._beside, plan])
+        return plan if self._beside is None else combine_plans(plan.node_id, [self._beside, plan])
 
     def _write(self, room: int = 0) -> None:
         plan = self._guarded()
@@ -221,7 +221,7 @@ class OwnJournal:
             self.forget()
             self._tidy(whole)
 
-    def is_over(self) -> None:
+    def detach(self) -> None:
         """Nothing of what this process changed has to be put back any more; whatever is on disk stays there."""
         self._course, self._on_disk, self._beside = Course(), None, None
 
@@ -231,7 +231,7 @@ class OwnJournal:
         JournalKept where it is still there. That it is gone for good (it might come back after a power failure), or
         that the lock still names it, is a message only: `recover` asks before it does anything.
         """
-        self.is_over()
+        self.detach()
         path = self.path
         try:
             remove(path)

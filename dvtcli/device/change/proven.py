@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from dvtcli.device.canary import AnyPlace, Canary, proving_place
+from dvtcli.device.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.change.proving import AGAIN, Restart, acknowledged, uncovered_group, unread_of
 from dvtcli.device.compare import differences as pdo_differences
 from dvtcli.device.held import Held
@@ -49,7 +49,7 @@ def prepare_proof(node: Node, before: Held, sub_index: int | None, restart: Rest
         raise _unprovable(node, unread, AGAIN)
     if _saves_itself(signed):
         return None
-    place = proving_place(node, before.pdos)
+    place = choose_canary(node, before.pdos)
     if node.cancellation.requested:
         stopped = Interrupted("stopped before the store", node=node.node_id)
         stopped.exit_code = node.cancellation.exit_code

@@ -37,7 +37,7 @@ class Clock(Protocol):
         """Let *duration_s* pass."""
 
 
-def restore_patiently(
+def roll_back_patiently(
     sdo: SdoTransport,
     changes: Sequence[Change],
     clock: Clock,
@@ -58,7 +58,7 @@ def restore_patiently(
         is_last = clock.now_s() >= deadline
         try:
             upsets = witness.upsets()
-            otherwise = restore(sdo, changes, settles=is_last)
+            otherwise = roll_back_once(sdo, changes, settles=is_last)
             if witness.upsets() == upsets:
                 return otherwise
             if is_last:
@@ -71,7 +71,7 @@ def restore_patiently(
                 before_retry()  # where that fails too, the next try finds out
 
 
-def restore(sdo: SdoTransport, changes: Sequence[Change], *, settles: bool) -> tuple[PdoChange, ...]:
+def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: bool) -> tuple[PdoChange, ...]:
     """Put every change's *before* back, last change first, then verify all; the first failure is raised at the end.
 
     The device is read anew first: after a time-out nobody knows whether the last write arrived. Verified is after the

@@ -190,7 +190,7 @@ class Keeper:
         with self._files("removed"):
             remove(journal.path)
         self.past.drop(self.node_id, journal.identity, journal.part.entries, back)
-        self.own_journal.is_over()
+        self.own_journal.detach()
         with self._files("removed"):
             if self._is_gone_or(journal, self.journals.path(self.node_id)):
                 self.own_journal.forget()

@@ -26,7 +26,7 @@ from dvtcli.device.change.put_back import (
     cob_id_difference,
     first_difference,
     held_otherwise,
-    restore_patiently,
+    roll_back_patiently,
 )
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed, restarted_since_read
@@ -392,7 +392,7 @@ class Transaction:
     def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
         """Put *changes* back, again where the node restarts while the others are looked at; which of those differ."""
         for _ in range(MOST_LOOKS):
-            otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
+            otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
             upsets = self.witness.upsets()
             try:
                 differing = self._altered_back()

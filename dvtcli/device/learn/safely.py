@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.after_change import left_open
-from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.change.put_back import roll_back_patiently
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.learn.saving import Saved, ask_to_save
 from dvtcli.device.stamped import NO_STAMP, held_stamp
@@ -207,7 +207,7 @@ def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: Base
 
 def _restore(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
     """Put everything back, and see that all of *pdos* are as they were: those that are not, and cannot be put back."""
-    restore_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
+    roll_back_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
     own = _own(plan)
     return _altered(node, {pdo: before for pdo, before in pdos.items() if pdo not in own})
 

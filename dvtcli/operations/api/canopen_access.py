@@ -32,7 +32,7 @@ class TakingTurns:
                 raise UsageError("canopen writes to the device itself: not in a dry run")
             node = session.node(self._node_id)
             try:
-                node.claim()
+                node.begin_change()
             except SafetyRefusal:
                 node.end_of_line()
                 raise

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.course import combined
+from dvtcli.device.change.course import combine_plans
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
 from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
@@ -78,7 +78,8 @@ class Course:
         """What is claimed of each node that is changed: what was done on it, and what it held already."""
         parts = {node_id: [one for one in self.done if one.node_id == node_id] for node_id in self.plans}
         return {
-            node_id: (*combined(node_id, some).changes, *self.held.get(node_id, ())) for node_id, some in parts.items()
+            node_id: (*combine_plans(node_id, some).changes, *self.held.get(node_id, ()))
+            for node_id, some in parts.items()
         }
 
     def guarded(self, node_id: int) -> Plan:
@@ -164,7 +165,7 @@ class Course:
         first, *others = failures.values()
         for node_id, failure in failures.items():
             node = self.nodes[node_id]
-            changes = combined(node_id, [self.guarded(node_id)]).changes
+            changes = combine_plans(node_id, [self.guarded(node_id)]).changes
             name_left(failure, [Guarded(node_id, node.sdo, node.witness, changes)])
             failure.text = could_not(failure, node_id, "taken back") or failure.text
         merge_left(first, others)

@@ -156,7 +156,7 @@ def _chain(session: Session, node_id: int, selected: int | None) -> Remembered |
     keeper = session.open_network().node(node_id).keeper
     assert keeper is not None  # noqa: S101 - its changes are kept
     node = session.node(node_id)
-    node.claim()
+    node.begin_change()
     identity = node.identity()
     entries = keeper.past.entries(node_id, identity, selected)
     if not entries and node_id == selected:

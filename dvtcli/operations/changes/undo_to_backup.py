@@ -37,7 +37,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     """
     keeper = _keeper(session)
     node = session.node(keeper.node_id)
-    found = node.claim()
+    found = node.begin_change()
     file = _backup_file(keeper, node, when, force=session.options.force)
     session.tell.note(f"this puts {file} back")
     said = remarks(Path(file))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied
 from dvtcli.device.change.carry_out import enter
-from dvtcli.device.change.course import combined
+from dvtcli.device.change.course import combine_plans
 from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.change.taken_back import foreseen
 from dvtcli.device.change.way_back import TakeBack, WayBack, way_back
@@ -58,7 +58,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
     started = time.monotonic()
     nodes = {one.node.node_id: one.node for one in undoings}
     with session.cancellation.guard():
-        found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
+        found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         force = session.options.force
         backs = {
             one.node.node_id: way_back(one.node, TakeBack(one.plans, everything=True, force=force, own=one.own))
@@ -104,7 +104,7 @@ class _EqualNodes(NoOtherClaims):
 def _as_before(back: WayBack) -> tuple[Change, ...]:
     """What the node holds as it was before the changes that go *back*, so that it is not written: each as a change."""
     written = {change.label for change in back.plan.changes if change.steps}
-    changes = combined(back.plan.node_id, back.undone).changes if back.undone else ()
+    changes = combine_plans(back.plan.node_id, back.undone).changes if back.undone else ()
     return tuple(_to_the_same(one) for one in changes if one.label not in written and _is_put_back(one))
 
 

@@ -14,7 +14,7 @@ from dvtcli.device.learn.absences import absences
 from dvtcli.device.learn.safely import Terms, ask_safely
 from dvtcli.device.learn.saving import read_storage
 from dvtcli.device.learn.subjects import mapped_subjects, subjects
-from dvtcli.device.storing import is_stored, may_store
+from dvtcli.device.storing import mark_stored, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.absence import absent_for_family
 from dvtcli.domain.learning.conclusions import conclude
@@ -123,7 +123,7 @@ def learn(
 
 def _claimed(node: Node) -> Found:
     """The node as it was found, which no other dvtcli writes to now; SafetyRefusal where it cannot be asked."""
-    found = node.claim()
+    found = node.begin_change()
     if found.state is NmtState.STOPPED:
         raise stopped_node(node.node_id)
     refuse(level_finding(node.access), "nothing was asked", node.node_id, force=False)
@@ -189,7 +189,7 @@ def _consent(session: Session, prepared: _Prepared) -> None:
     node, isolated = prepared.node, prepared.isolated
     is_operational = prepared.found.state is NmtState.OPERATIONAL
     if prepared.saves:
-        may_store(node, force=session.options.force)
+        require_storable(node, force=session.options.force)
     labels = several(subject.pdo.label for subject in prepared.subjects)
     enabled = [subject.pdo.label for subject in prepared.subjects if subject.held.enabled]
     verb = "is" if len(enabled) == 1 else "are"
@@ -223,7 +223,7 @@ def _saving_text(prepared: _Prepared) -> str:
 def _note_saved(node: Node, saved: Saved) -> None:
     """Changes of this session that were saved are no longer pending."""
     if saved.sub_index is not None:
-        is_stored(node, node.pending.was_stored(saved.sub_index, len(node.history)))
+        mark_stored(node, node.pending.was_stored(saved.sub_index, len(node.history)))
 
 
 def _answers(asked: Asked, storage: Storage) -> list[Answer]:

@@ -49,7 +49,7 @@ def load_program(
         return ProgramLoaded(node.node_id, number, file, len(program), None, None, wanted, by, dry_run=True)
     before = _identity(node)
     _consent(session, node, number, file, len(program))
-    node.claim()
+    node.begin_change()
     noted = _Noted(session, node.node_id, number, file)
     loading = ProgramDownload(session.bus, node.node_id, number, noted.begins, session.cancellation)
     was, started_s = loading.identification(), time.monotonic()

@@ -92,7 +92,7 @@ class Network:
                 unlike_file=self.files.unlike(node_id, dictionary),
                 consent_anew=lambda question: (self.consent_anew or self.consent)(question, node_id),
             )  # fmt: skip
-            node.boot_ups_met, node.boot_count = boot_ups, restarts
+            node.boot_ups_at_contact, node.restarts_at_read = boot_ups, restarts
             node.memory.learn(self.files.memory(node_id))
             self._remark(node_id)
             if node.unlike_file:

@@ -29,7 +29,7 @@ def map_in_tpdo(
     TPDO maps the object. With *can_id*, a TPDO of that CAN-ID is taken, else a disabled one gets it.
     """
     node = session.node(node_id)
-    node.claim()
+    node.begin_change()
     tpdos = _tpdos(node)
     if any(_position(config, index, sub_index) is not None for config in tpdos.values() if config.enabled):
         return ()

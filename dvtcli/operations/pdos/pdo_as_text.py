@@ -43,7 +43,7 @@ def configure_from_text(
     """
     node, asked = session.node(node_id), read_pdo_yaml(text, pdo)
     if seen is not None:
-        node.claim()
+        node.begin_change()
         if pdo_as_text(session, pdo, node_id) != seen:
             raise SafetyRefusal(
                 f"{pdo.label} of node {node.node_id} is not what it was when the editor was opened",

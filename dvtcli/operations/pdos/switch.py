@@ -33,7 +33,7 @@ def clear_all(session: Session, node_id: int | None = None) -> Changed:
     One of which the rules say that it cannot be cleared stays as it is, and is named: it keeps no other from it.
     """
     node = session.node(node_id)
-    found = node.claim()
+    found = node.begin_change()
     dynamic = {pdo: config for pdo, config in node.known_pdos().items() if node.is_dynamic(pdo)}
     if not dynamic:
         raise DvtcliError(f"node {node.node_id} has no PDO whose mapping can be changed", node=node.node_id)

@@ -40,7 +40,7 @@ def tie_pin(
     What is as wanted is listed. UsageError for an unknown object or group, DvtcliError where it has no such pin.
     """
     node = session.node(node_id)
-    node.claim()
+    node.begin_change()
     pins = read_pins(node, group)
     value = pins.group.none if object_ is None else object_index(node, object_)
     changes, findings = _wanted(node, pins, pin, value)

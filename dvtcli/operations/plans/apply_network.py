@@ -63,7 +63,7 @@ def apply_network(
         plan = _listened(session, plan)
     started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.guard(), session.agreed():
-        found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
+        found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         claims = Claims(session, nodes, plan.nodes)
         claims.require_as_planned()  # while it was planned, or while somebody took time to answer
         if not planned:  # what is as wanted may be what an interrupted change left

@@ -159,7 +159,7 @@ def _store(
         finally:
             session.whole.end()
             for keeper in keepers:
-                keeper.own_journal.is_over()
+                keeper.own_journal.detach()
         for journal in journals:
             _start(nodes[journal.plan.node_id], journal)
 

@@ -136,7 +136,7 @@ class Session(Opened):
             restarted = [
                 node_id
                 for node_id, node in sorted(self.seen_nodes().items())
-                if node.bus.boot_ups(node_id) != boot_ups.get(node_id, node.boot_ups_met)
+                if node.bus.boot_ups(node_id) != boot_ups.get(node_id, node.boot_ups_at_contact)
             ]
             if not restarted:
                 return found

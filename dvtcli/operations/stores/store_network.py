@@ -64,7 +64,7 @@ def store_network(
             cause = on_way.lost[0] if on_way.lost else next(iter(on_way.failed.values()), fault)
             fault.hint = hint_without_journal(cause, done)
         for journal in course.journals():
-            journal.is_over()
+            journal.detach()
         raise
 
 

@@ -14,7 +14,7 @@ from dvtcli.device.held import Held
 from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
 from dvtcli.device.store_parameters import RESTORE, STORE, chosen, sign
-from dvtcli.device.storing import is_stored, may_store, prepare_store
+from dvtcli.device.storing import mark_stored, prepare_store, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Plan
@@ -61,7 +61,13 @@ def store_settings(
         place = prepare_proof(node, before, sub_index, restart)
     stored_at = node.pending.stored_at
     done = sign(
-        node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary, node.refuse_restarted
+        node.access,
+        node.profile.store,
+        STORE,
+        sub_index,
+        node.cancellation,
+        node.dictionary,
+        node.require_not_restarted,
     )
     node.gate.done.append(f"0x{done.place} acknowledged the store")
     refuse_after_restart(node, boot_ups, done)
@@ -69,7 +75,7 @@ def store_settings(
     proof = None if restart is None or before is None else prove_store(node, before, done, restart, place, _says(node))
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
         node.pending.was_not_kept(stored_at)
-    is_stored(node, set(changed) - set(() if proof is None else proof.differing))
+    mark_stored(node, set(changed) - set(() if proof is None else proof.differing))
     if not session.dry_run:
         session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(
@@ -87,7 +93,7 @@ def look_before_stores(
     """
     for node_id in node_ids:
         node = session.node(node_id)
-        may_store(node, force=session.options.force)
+        require_storable(node, force=session.options.force)
         if prove and not session.dry_run:
             refuse_unprovable(node, sub_index, certain=prove == POWER)
         else:
@@ -110,7 +116,7 @@ def why_to_store(node: Node, sub_index: int | None) -> str:
     """Why what the node holds may not be what it has stored; empty where it came up with that, and nobody wrote it."""
     if sub_index not in (None, EVERYTHING, COMMUNICATION):
         return f"nothing is known of what group {sub_index} covers"
-    node.claim()  # from here on no other dvtcli writes to it
+    node.begin_change()  # from here on no other dvtcli writes to it
     if node.bus.downloads_of_others(node.node_id):
         return "another SDO client wrote to it since its last boot-up"
     known = replace(node.came_up, pdos=dict(node.came_up.pdos))  # reading again would count as what came up
@@ -171,10 +177,16 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )
     state = node.access.state() if prove else None
     before, lost = _before_restore(node, restart) if prove else (None, ())
-    node.refuse_restarted()
+    node.require_not_restarted()
     _end_stamp_before(session, node, sub_index)
     done = sign(
-        node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary, node.refuse_restarted
+        node.access,
+        node.profile.store,
+        RESTORE,
+        sub_index,
+        node.cancellation,
+        node.dictionary,
+        node.require_not_restarted,
     )
     node.gate.done.append(f"0x{done.place} acknowledged the restore")
     proof = prove_restore(node, done, restart, before, lost, _says(node)) if prove else None

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.device.canary import Canary, proving_place
+from dvtcli.device.canary import Canary, choose_canary
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.proven_restore import prove_restore
 from dvtcli.device.change.proving import Restart
@@ -226,7 +226,7 @@ def test_the_canary_is_never_without_its_journal(tmp_path: Path) -> None:
             return [config.communication.event_timer for config in node.pdos().values()]
 
         before = held()
-        place = proving_place(node, node.pdos())
+        place = choose_canary(node, node.pdos())
         assert place is not None
         assert (held(), journals(tmp_path)) == (before, [])
         canary = Canary(node, place)
@@ -551,7 +551,7 @@ def test_a_store_that_may_be_skipped_keeps_another_dvtcli_away_all_the_same() ->
     with Wire(node) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         assert bench.script("nmt reset-node").code == 0
         with Bench((), {**wire.options, "yes": True}) as other:
-            other.session.node().claim()
+            other.session.node().begin_change()
             assert bench.run("store --if-changed").code == 6
 
 
