@@ -20,7 +20,7 @@ _PROCESS = re.compile(
     r"|scet|[a-z]*(soll|ist)_?werte?|(steuer|status)_?wort)(?![a-z])"
     # where the name ends with it: `Deadman switch`, `Pump switch 7`, `Output 3`, `Speed_Ref`, `PWM1`
     r"|(?<![a-z])(switch|inputs?|outputs?|ref|reference|throttle|brake|relays?|pwm|valves?|lamps?|leds?|horn|duty(_(cycle|ratio))?)"
-    r"(_?(left|right|inner|outer|front|rear|upper|lower|\d+))*$"
+    r"(_?(left|right|inner|outer|front|rear|upper|lower|\d))*$"
 )
 _CONTROL_WORD = re.compile(
     r"(?<![a-z])((control|ctrl|command|cmd)_?(word|byte|bits?|register)|(steuer|kommando)_?wort)(?![a-z])"
@@ -43,7 +43,7 @@ _SURE_SETTING = re.compile(rf"(?<![a-z])({_SURE})(?![a-z])")
 #: what an object is in the end, whatever limit it is of: `Torque limit command`, `Limit switch`
 _ACTS = re.compile(
     r"(?<![a-z])(targets?|demand|commands?|cmds?|set_?points?|set_value|request|ref|reference|switch|relays?|valves?|lamps?|leds?|horn"
-    r"|[a-z]*soll_?werte?)(_?(left|right|inner|outer|front|rear|upper|lower|\d+))*$"
+    r"|[a-z]*soll_?werte?)(_?(left|right|inner|outer|front|rear|upper|lower|\d))*$"
 )
 #: a unit, which is no minimum
 _PER_MINUTE = re.compile(r"(/|\bper)\s*min\b|\bmin\s*\^?-1\b", re.IGNORECASE)

@@ -20,7 +20,7 @@ from dvtcli.domain.unit import scale_text, spelled, times, with_prefixes
 _MOST_DECIMALS = 12
 _QUANTITY = re.compile(
     r"(?P<number>[+-]?(?:[0-9]{1,30}(?:\.[0-9]{0,30})?|\.[0-9]{1,30})(?:[eE][+-]?[0-9]{1,2})?)\s*(?P<unit>[^\s\d(,][^()]*?)?"
-    r"(?:\s*\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
+    r"(?:(?<!\s)\s*\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
 )
 #: a word as `text` shows it, raw in parentheses
 _WITH_RAW = re.compile(r"(?P<word>.*)\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)

@@ -9,7 +9,7 @@ from dvtcli.domain.ports import Frame
 #: the longest line that is looked at
 _MOST_CHARACTERS = 400
 _COMPACT = re.compile(r"([0-9A-F]{1,8})#(#?)(R[0-8]?|[0-9A-F._]*)", re.I)
-_CANDUMP = re.compile(r"(?:\(\s*[-\d .:]+\)\s*)?(?:(?P<interface>\S+)\s+)?(?P<rest>\S.*)")
+_CANDUMP = re.compile(r"(?:\([-\d .:]+\)\s*)?(?:(?P<interface>\S+)\s+)?(?P<rest>\S.*)")
 _SPACED = re.compile(
     r"(?:0x)?([0-9A-F]{1,8})(?:\s+\[(\d{1,2})\])?((?:\s+(?:0x)?[0-9A-F]{2})*|\s+remote request.*)", re.I
 )

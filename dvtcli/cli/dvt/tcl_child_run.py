@@ -21,7 +21,7 @@ _NAMES_ONLY = ("dirname", "tail", "extension", "rootname", "join", "split")
 _EXACT = 1 << 16
 #: What Tcl says where it is out of memory and does not abort.
 _NO_ROOM = re.compile("out of memory|unable to (re)?alloc|max size for a Tcl value|max length of a Tcl list")
-_FILE_LINE = re.compile(r'\(file "(.*)" line (\d+)\)')
+_FILE_LINE = re.compile(r'\(file "((?:(?!\(file ").)*)" line (\d+)\)')
 
 
 class Script:

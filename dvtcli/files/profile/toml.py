@@ -60,7 +60,7 @@ _FINE = "fine"
 #: The highest number of a program of one device (CiA 302-3).
 _PROGRAMS = 254
 #: How a built-in profile writes its vendors, and what it is like.
-_VENDORS, _LIKE = re.compile(r"^vendor_ids = \[([^\]]*)\]", re.M), re.compile(r'^like = "([^"]*)"', re.M)
+_VENDORS, _LIKE = re.compile(r"^vendor_ids = \[([^\[\]]*)\]", re.M), re.compile(r'^like = "([^"]*)"', re.M)
 
 
 def builtin_names() -> tuple[str, ...]:

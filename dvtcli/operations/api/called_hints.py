@@ -278,7 +278,7 @@ def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
 
 def _of_this_program(text: str) -> str:
     """*text* in which this process is not called another one: a Bus of it holds the node, and ends with its call."""
-    text = re.sub(rf"another dvtcli \(process {os.getpid()}\b[^)]*\)", "another Bus of this program", text)
+    text = re.sub(rf"another dvtcli \(process {os.getpid()}\b[^()]*\)", "another Bus of this program", text)
     return re.sub(
         rf"when it has finished; where it hangs, end process {os.getpid()},.*", "when its call has ended", text
     )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
 
 #: a number as many countries write it
-_DECIMAL_COMMA = re.compile(r"[+-]?\d{1,30},\d{1,30}\s*[^\d,]*")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d{1,30},\d{1,30}[^\d,]*")
 #: what can have a unit, or be one of some words
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
