@@ -16,7 +16,8 @@ import pytest
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 from dvtcli.operations.gateway.gateway_work import WAITING_S
 from dvtcli.operations.gateway.line_client import LineClient
-from dvtcli.operations.gateway.serve_gateway import gateway, listen_address
+from dvtcli.operations.gateway.serve_gateway import gateway, listen_address, serve_gateway
+from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from tests.commands.program.settings_bench import STRANGER, WHY_NOT, as_user
@@ -118,6 +119,39 @@ def test_another_user_is_not_let_in(any_user: bool) -> None:
         assert own.ask("4 r 0x1017 0 u16") == "500"
     refused = [one for one in heard.said if one.startswith("refused client") and f"user {STRANGER}" in one]
     assert bool(refused) != any_user
+
+
+@LINUX
+@pytest.mark.parametrize("any_user", [False, True])
+def test_who_has_closed_already_is_nobody_known(any_user: bool) -> None:
+    """Linux says user 0 of a connection that its program has closed, whose ever it was."""
+    heard = Heard()
+    with Session(Options(sim=("generic@4",))) as session:
+        session.tell = heard
+        with gateway(session, ("127.0.0.1", 0), any_user=any_user) as running:
+            with socket.create_connection(("127.0.0.1", running.hub.port or 0)) as link:
+                link.sendall(b"[1] 4 w 0x1017 0 u16 7\n")
+            running.hub.wait(1.0, lambda _client: True)
+            assert running.hub.clients == any_user
+    refused = [said for said in heard.said if said.startswith("refused client")]
+    assert len(refused) == (not any_user)
+    assert all("nobody knows whose it is, or it has closed already" in said for said in refused)
+
+
+def test_every_port_is_told() -> None:
+    begun: list[Facts] = []
+
+    def end(facts: Facts) -> None:
+        begun.append(facts)
+        raise KeyboardInterrupt
+
+    with Session(Options(sim=("generic@4",))) as session, pytest.raises(KeyboardInterrupt):
+        serve_gateway(session, [("127.0.0.1", 0), ("127.0.0.1", 0)], end)
+    rows = dict(begun[0].rows)
+    first, second = rows["listen"]
+    assert first == f"127.0.0.1:{rows['port']}"
+    assert first != second
+    assert f"listening on {first} and {second} " in str(begun[0].text[0])
 
 
 def test_a_newcomer_is_next_after_the_line_under_way() -> None:

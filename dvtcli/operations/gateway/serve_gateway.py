@@ -102,15 +102,17 @@ def serve_gateway(
 ) -> None:
     """Serve a gateway until Ctrl-C; *begun* is told where, once clients can come. Raises as `gateway`."""
     with gateway(session, *where, allow_changes=allow_changes, any_user=any_user, dialect=dialect, told=told) as served:
-        port = served.hub.port
         mode = "changes allowed" if allow_changes else "read-only"
         paths = [one for one in where if isinstance(one, str)]
         hosts = [one[0] for one in where if not isinstance(one, str)]
-        places = [f"{f'[{host}]' if ':' in host else host}:{port}" for host in hosts] + [f"unix:{one}" for one in paths]
+        ports = served.hub.ports
+        places = [f"{f'[{host}]' if ':' in host else host}:{port}" for host, port in zip(hosts, ports, strict=True)]
+        places += [f"unix:{path}" for path in paths]
         rows = (
             ("host", hosts[0] if hosts else None),
-            ("port", port),
+            ("port", served.hub.port),
             ("path", paths[0] if paths else None),
+            ("listen", places),
             ("allow_changes", allow_changes),
             ("any_user", any_user),
             ("dialect", dialect.value),

@@ -73,8 +73,8 @@ class Hub:
         self._whose: dict[Peer, str] = {}
         self._listeners: list[socket.socket] = []
         self._paths: list[str] = []
-        #: port that it listens at, None where it does not
-        self.port: int | None = None
+        #: TCP ports that it listens at, in the order of its addresses
+        self.ports: tuple[int, ...] = ()
         try:
             for address in addresses:
                 self._add_listener(address)
@@ -94,7 +94,7 @@ class Hub:
             return
         listener = _listener(address)
         self._listeners.append(listener)
-        self.port = listener.getsockname()[1]
+        self.ports += (listener.getsockname()[1],)
 
     def _listen_to_newcomers(self) -> None:
         for listener in self._listeners:
@@ -109,6 +109,11 @@ class Hub:
             with suppress(OSError):  # somebody took it away
                 os.unlink(path)  # noqa: PTH108
         self._listeners, self._paths = [], []
+
+    @property
+    def port(self) -> int | None:
+        """The first TCP port that it listens at, None if it listens at none."""
+        return self.ports[0] if self.ports else None
 
     @property
     def clients(self) -> int:
@@ -233,9 +238,8 @@ class Hub:
                 allowed.append((connection, peer))
                 continue
             connection.close()
-            self._tell(
-                f"refused client {_name(peer)}: it is {'nobody knows whose' if user is None else f'user {user}'}"
-            )
+            why = "nobody knows whose it is, or it has closed already" if user is None else f"it is user {user}"
+            self._tell(f"refused client {_name(peer)}: {why}")
         return allowed
 
     def _take(self, connection: socket.socket, peer: Peer) -> None:
@@ -262,7 +266,7 @@ class Hub:
             return
         if not self._whose:
             self._close_for(_CROWDED_S)
-            self._whose = owners([*newcomers, *(client.peer for client in self._clients.values())], self.port or 0)
+            self._whose = owners([*newcomers, *(client.peer for client in self._clients.values())], self.ports)
         whose = self._whose
         places = Counter(whose[client.peer] for client in self._clients.values())
         (greedy, most), own = places.most_common(1)[0], places[whose[newcomer]]

@@ -14,9 +14,9 @@ from pathlib import Path
 
 _TABLES = ("/proc/net/tcp", "/proc/net/tcp6")
 #: columns of such a table: both ends as ADDRESS:PORT in hex, whose user's it is, and the socket's number
-_FROM, _TO, _STATE, _USER, _SOCKET = 1, 2, 3, 7, 9
-#: the state of a connection that has ended, whose user is not told any more
-_TIME_WAIT = "06"
+_FROM, _TO, _USER, _SOCKET = 1, 2, 7, 9
+#: the number of a socket that its program has closed, of which Linux says user 0 whose ever it was
+_CLOSED = "0"
 #: host and port; of a Unix socket the process, and 0
 Peer = tuple[str, int]
 
@@ -24,22 +24,22 @@ Peer = tuple[str, int]
 def users(connections: Iterable[tuple[Peer, Peer]]) -> dict[Peer, int]:
     """The user-ID of each peer on this machine, by both ends of its connection: ours, and the peer's.
 
-    One that Linux does not tell is left out.
+    One that Linux does not tell is left out, and one that has closed already.
     """
     wanted = {(_plain(peer[0]), peer[1], _plain(own[0]), own[1]): peer for own, peer in connections}
     found: dict[Peer, int] = {}
     for columns in _rows() if wanted else ():
         ends = (*_end(columns[_FROM]), *_end(columns[_TO]))
-        if ends in wanted and columns[_STATE] != _TIME_WAIT:
+        if ends in wanted:
             found[wanted[ends]] = int(columns[_USER])
     return found
 
 
-def owners(peers: Iterable[Peer], port: int) -> dict[Peer, str]:
-    """Who each of *peers*, host and port, is that is connected to *port* of this machine, in words."""
+def owners(peers: Iterable[Peer], at: Iterable[int]) -> dict[Peer, str]:
+    """Who each of *peers*, host and port, is that is connected to one of the ports *at* of this machine, in words."""
     found = {peer: f"host {peer[0]}" if peer[1] else peer[0] for peer in peers}
     local = {peer[1]: peer for peer in found if _is_loopback(peer[0])}
-    sockets = _sockets(local.keys(), port) if local else {}
+    sockets = _sockets(local.keys(), at) if local else {}
     programs = _programs({number for number, _ in sockets.values()}) if sockets else {}
     for one, (number, user) in sockets.items():
         program = programs.get(number)
@@ -53,22 +53,25 @@ def _is_loopback(host: str) -> bool:
     return False
 
 
-def _sockets(ports: Iterable[int], to: int) -> dict[int, tuple[str, str]]:
-    """The numbers of the sockets, and their users, that are connected from *ports* to port *to*."""
-    wanted, found = {f"{one:04X}": one for one in ports}, {}
+def _sockets(ports: Iterable[int], at: Iterable[int]) -> dict[int, tuple[str, str]]:
+    """The numbers of the sockets, and their users, that are connected from *ports* to one of the ports *at*."""
+    wanted, found = {f"{port:04X}": port for port in ports}, {}
+    ours = {f"{port:04X}" for port in at}
     for columns in _rows():
         one = wanted.get(columns[_FROM].rpartition(":")[2])
-        if one is not None and columns[_TO].endswith(f":{to:04X}"):
+        if one is not None and columns[_TO].rpartition(":")[2] in ours:
             found[one] = columns[_SOCKET], columns[_USER]
     return found
 
 
 def _rows() -> Iterator[list[str]]:
-    """The columns of each TCP connection of this machine."""
+    """The columns of each TCP connection of this machine whose program has not closed it."""
     for table in _TABLES:
         with suppress(OSError):  # no Linux, or one without IPv6
             for line in Path(table).read_text("ascii").splitlines()[1:]:
-                yield line.split()
+                columns = line.split()
+                if columns[_SOCKET] != _CLOSED:
+                    yield columns
 
 
 def _end(text: str) -> tuple[str, int]:
