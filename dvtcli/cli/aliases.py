@@ -53,11 +53,24 @@ def usable_aliases(settings: Settings) -> dict[str, str]:
 def withheld_aliases(settings: Settings) -> Hint | None:
     """What to say of the words that do not count since their file is not trusted; None where all do."""
     withheld = _withheld(settings)
-    if not withheld:
+    if not withheld or settings.project is None:
         return None
-    words, verb = ", ".join(withheld), "does" if len(withheld) == 1 else "do"
-    why = "an alias with | or >, or with the name of a command or a common word, needs a trusted file"
-    return settings.untrusted(f"{words} in [aliases] {verb} not count: {why}")
+    commands = [word for word in withheld if word.lower() in command_names()]
+    others = [word for word in withheld if word not in commands]
+    said: list[Hint] = []
+    if others:
+        why = "an alias with | or >, with --yes or --force, or with the name of a common word, needs a trusted file"
+        said.append(settings.untrusted(f"{_words(others)} not count: {why}"))
+    if commands:
+        from dvtcli.domain.hint import as_hint
+
+        what = "the name of a command" if len(commands) == 1 else "names of commands"
+        said.append(as_hint(f"{settings.project.path}: {_words(commands)} not count: rename what is {what}"))
+    return said[0] if len(said) == 1 else said[0] + "; " + said[1]
+
+
+def _words(words: list[str]) -> str:
+    return f"{', '.join(words)} in [aliases] {'does' if len(words) == 1 else 'do'}"
 
 
 def _withheld(settings: Settings) -> list[str]:
@@ -69,14 +82,23 @@ def _withheld(settings: Settings) -> list[str]:
 
 
 def _misleads(word: str, text: str) -> bool:
-    """Whether *word* means something else to who types it, or its line sends results elsewhere."""
+    """Whether *word* means something else to who types it, or its line does what its user would have been asked."""
     from dvtcli.cli.dvt.words import WORDS
 
     known = word.lower()
     return (
         any(sign in text for sign in "|>")
+        or any(map(_answers, re.sub(r"[\"'\\{}\[\]]", "", text.lower()).split()))
         or known in _COMMON
         or known in command_names()
         or known in {name.lower() for name in WORDS}
         or _A_PDO.fullmatch(known) is not None
     )
+
+
+def _answers(option: str) -> bool:
+    """Whether *option* is, or is short for, --yes or --force; also among other letters, as in `-qy`."""
+    name = option.partition("=")[0]
+    if name.startswith("--"):
+        return len(name) > 2 and any(full.startswith(name) for full in ("--yes", "--force"))
+    return re.match(r"-[a-z]*y", name) is not None

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 def command(_session: Session, /, file: str | None, remove: bool) -> Facts:
     """Trust FILE, or the project's dvtcli.toml here or above, until a byte of it changes. Look at it before.
 
-    Of a file that is not trusted, plain options count. No alias with | or > does, nor one with the name of a command or
-    a common word; no journal folder outside of the project; and no passcode is sent on a network that the file chose.
+    Of a file that is not trusted, plain options count. No alias with | or >, --yes or --force does, nor one with the
+    name of a common word; no journal folder; no channel that is a URL, no library of a driver; and no passcode is sent
+    on a network that the file chose. An alias with the name of a command never counts.
 
     \b
     trust

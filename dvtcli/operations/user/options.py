@@ -127,12 +127,22 @@ def checked(name: str, value: Any) -> Any:
         return _bitrate(value)
     if name == "bus_kwargs":
         return tuple(map(_pair, value))
+    if name == "journal":
+        return _folder(str(value))
     if name in CHOICES and value not in CHOICES[name]:
         raise UsageError(f"{value!r} is not one of {', '.join(map(repr, CHOICES[name]))}")
     if is_repeated(name):
         return tuple(map(str, value))
     default = getattr(Options(), name)
     return value if isinstance(default, int) else str(value)
+
+
+def _folder(text: str) -> str:
+    """The whole path of a folder, so that it stays the same one wherever the program goes; empty for none."""
+    try:
+        return text and os.path.abspath(text)  # noqa: PTH100 - pathlib costs 7 ms of a --help
+    except FileNotFoundError:
+        raise UsageError(f"--journal {text}: this folder was removed", hint="cd, or give the whole path") from None
 
 
 def _node_ids(value: Any) -> int | tuple[int, ...] | str:

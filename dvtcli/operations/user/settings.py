@@ -7,6 +7,7 @@ python-can. Does not know how options are parsed, nor what they do.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -33,8 +34,18 @@ PASSCODE = "passcode"
 ALIASES = "aliases"
 #: What somebody else's project must not decide.
 USERS_OWN = ("yes", "force", PASSCODE, "no_shell")
+#: What makes a channel a URL: pyserial has some that write any file.
+_URL = "://"
+#: Keys of drivers that name a library to load, and how such a file is called.
+_LIBRARY_KEY, _LIBRARY_FILE = re.compile(r"(?i)dll|lib"), re.compile(r"(?i)\.(dll|so|dylib|pyd|ocx)\b")
 #: What says where the frames of a bus go.
 _CHOOSES_BUS = ("interface", "channel", "bus_kwargs", "bus")
+
+
+def _reaches_further(pair: str) -> bool:
+    """Whether the KEY=VALUE of a bus can make a driver open a URL or load a library."""
+    key, _, value = pair.partition("=")
+    return _URL in value or _LIBRARY_KEY.search(key) is not None or _LIBRARY_FILE.search(value) is not None
 
 
 def laid_over(weaker: Layer, stronger: Layer) -> Layer:
@@ -85,14 +96,22 @@ class File:
         return where == self.path or (where.startswith("[bus.") and where.endswith(f"] of {self.path}"))
 
     def _withhold(self) -> Iterator[str]:
-        """Take away the folders of journals outside of the file's own one; their keys."""
-        own = os.path.realpath(os.path.dirname(self.path))  # noqa: PTH120
-        tables = {"journal": self.layer} | {f"bus.{name}.journal": layer for name, layer in self.buses.items()}
-        for key, layer in tables.items():
-            folder = os.path.realpath(layer["journal"][0]) if "journal" in layer else own
-            if os.path.commonpath([own, folder]) != own:
+        """Take away folders of journals, channels that are URLs, URLs and libraries of `bus_kwargs`; their keys."""
+        tables = {"": self.layer} | {f"bus.{name}.": layer for name, layer in self.buses.items()}
+        for table, layer in tables.items():
+            if "journal" in layer:
                 del layer["journal"]
-                yield key
+                yield f"{table}journal"
+            if "channel" in layer and _URL in layer["channel"][0]:
+                del layer["channel"]
+                yield f"{table}channel"
+            if "bus_kwargs" in layer:
+                pairs, where = layer["bus_kwargs"]
+                harmless = tuple(pair for pair in pairs if not _reaches_further(pair))
+                del layer["bus_kwargs"]
+                if harmless:
+                    layer["bus_kwargs"] = harmless, where
+                yield from (f"{table}bus_kwargs.{pair.partition('=')[0]}" for pair in pairs if pair not in harmless)
 
     def _bus(self, name: str, table: Mapping[str, Any]) -> Layer:
         wrong = sorted(table.keys() & {*USERS_OWN, "bus"})
@@ -115,7 +134,10 @@ class File:
             )
         default = getattr(Options(), name)
         try:
-            return checked(name, value_of(name, value, default, self.path, repeated=is_repeated(name)))
+            value = value_of(name, value, default, self.path, repeated=is_repeated(name))
+            if name == "journal" and value:
+                value = os.path.join(os.path.dirname(os.path.abspath(self.path)), str(value))  # noqa: PTH100, PTH118, PTH120
+            return checked(name, value)
         except UsageError as wrong:
             raise InputFileError(f"{self.path}: {name}: {wrong.text}", place=self.path) from wrong
 
@@ -159,7 +181,9 @@ class Settings:
         if self.project is None or not self.project.withheld:
             return None
         names = ", ".join(self.project.withheld)
-        return self.untrusted(f"{names}: a folder outside of the project does not count until the file is trusted")
+        verb = "does" if len(self.project.withheld) == 1 else "do"
+        why = "a folder of journals, an address with :// and a driver's library need a trusted file"
+        return self.untrusted(f"{names} {verb} not count: {why}")
 
     def untrusted(self, what: str) -> Hint:
         """*what* is to be said of the project's file, and how it is trusted."""

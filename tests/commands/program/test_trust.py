@@ -10,6 +10,7 @@ import pytest
 from dvtcli.cli.aliases import usable_aliases, withheld_aliases
 from dvtcli.cli.prompt.line import Destination, taken_apart
 from dvtcli.files.user_folders import user_folder
+from dvtcli.operations.user.options import options_of
 from dvtcli.operations.user.settings import Settings
 from dvtcli.operations.user.trust_settings import trust_settings
 from tests.process import documents, environment, run
@@ -58,6 +59,12 @@ def test_the_first_use_says_the_keys_and_how_to_trust_them(tmp_path: Path) -> No
         ("v", "read 6041 > ~/.profile"),
         ("v", "read 6041 >> x"),
         ("v", 'read "6041" "|sh"'),
+        ("v", "write 6040 15 --yes"),
+        ("v", "write 6040 15 --y"),
+        ("v", "--ye write 6040 15"),
+        ("v", "write 6040 15 -qy"),
+        ("v", 'write 6040 15 --"fo"rce'),
+        ("v", "write 6040 15 --f"),
     ],
 )
 def test_an_alias_that_misleads_needs_a_trusted_file(word: str, text: str) -> None:
@@ -70,6 +77,7 @@ def test_an_alias_that_misleads_needs_a_trusted_file(word: str, text: str) -> No
     withheld = withheld_aliases(found)
     assert withheld is not None
     assert f"{word} in [aliases] does not count" in str(withheld)
+    assert ("rename what is the name of a command" in str(withheld)) == (word == "MAP")
     trust_settings()
     trusted = settings_here(content)
     assert withheld_aliases(trusted) is None
@@ -103,20 +111,54 @@ def test_a_line_is_cut_before_its_alias_is_put_in(line: str, command: str, desti
     assert taken_apart(line, {"q": 'read "', "g": "pdo | grep", "v": "read"}) == (command, destination)
 
 
-@pytest.mark.parametrize("table", ["", "[bus.bench]\n"])
-@pytest.mark.parametrize(("folder", "counts"), [("../elsewhere", False), ("/elsewhere", False), ("kept/here", True)])
-def test_journals_stay_in_the_project(table: str, folder: str, *, counts: bool) -> None:
-    content = f'{table}journal = "{folder}"\n'
+@pytest.mark.parametrize("table", ["", "bus.bench."])
+@pytest.mark.parametrize(
+    ("line", "key"),
+    [
+        ('journal = "../elsewhere"', "journal"),
+        ('journal = "kept/here"', "journal"),
+        ('channel = "spy://loop://?file=/nowhere/x"', "channel"),
+        ('bus_kwargs = ["url=SOCKET://127.0.0.1:1"]', "bus_kwargs.url"),
+        ('bus_kwargs = ["dll=x"]', "bus_kwargs.dll"),
+        ('bus_kwargs = ["override_library_name=x"]', "bus_kwargs.override_library_name"),
+        ('bus_kwargs = { driver = "/nowhere/libx.so.1" }', "bus_kwargs.driver"),
+    ],
+)
+def test_what_reaches_beyond_a_bus_needs_a_trusted_file(table: str, line: str, key: str) -> None:
+    content = (f"[{table[:-1]}]\n" if table else "") + line + "\n"
 
-    def journal(found: Settings) -> bool:
+    def said(found: Settings) -> list[object]:
         layers = [found.project.layer, *found.project.buses.values()] if found.project else []
-        return any("journal" in layer for layer in layers)
+        return [value for layer in layers for value, _ in layer.values() if value]
 
     found = settings_here(content)
-    assert journal(found) == counts
-    assert (found.withheld() is None) == counts
+    assert said(found) == []
+    assert f"{table}{key} does not count" in str(found.withheld())
     trust_settings()
-    assert journal(settings_here(content))
+    trusted = settings_here(content)
+    assert said(trusted)
+    assert trusted.withheld() is None
+
+
+def test_an_untrusted_bus_keeps_what_only_chooses_it() -> None:
+    found = settings_here('channel = "/dev/ttyACM0"\nbus_kwargs = ["dll=x", "receive_own_messages=false"]\n')
+    assert found.project is not None
+    assert found.project.withheld == ("bus_kwargs.dll",)
+    layer = {name: value for name, (value, _) in found.project.layer.items()}
+    assert layer == {"channel": "/dev/ttyACM0", "bus_kwargs": ("receive_own_messages=false",)}
+
+
+def test_a_folder_of_journals_stays_the_same_one(request: pytest.FixtureRequest) -> None:
+    before = Path.cwd()
+    request.addfinalizer(lambda: os.chdir(before))
+    assert options_of({"journal": "kept"}).journal == str(before / "kept")
+    Path("dvtcli.toml").write_text('journal = "kept"\n')
+    trust_settings()
+    Path("below").mkdir()
+    os.chdir("below")
+    found = Settings()
+    found.read_files()
+    assert found.start({}, "option")["journal"] == str(before.resolve() / "kept")
 
 
 def test_trust_is_shown_and_taken_back(tmp_path: Path) -> None:
