@@ -12,7 +12,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.who_stored import WhoStored
-from dvtcli.errors import LeftChanged
+from dvtcli.errors import InputFileError, LeftChanged, SafetyRefusal
 from dvtcli.operations.changes.change import configure_pdo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
@@ -215,3 +215,18 @@ def test_finish_may_end_at_every_write(chain: Chain, home: Path, pytestconfig: p
         recover(session, finish=True)
     assert wrong == {}
     assert chain.bus.writes - first == most
+
+
+@pytest.mark.parametrize("selected", [None, 5])
+def test_nothing_is_finished_while_a_journal_cannot_be_used(chain: Chain, home: Path, selected: int | None) -> None:
+    """Of all nodes the journal is named; if node 5 is selected nothing says what node 7 is to hold."""
+    refuse_stores(chain, (5, 7, 9))
+    refused(chain, file(home, stamp=False))
+    asked = refuse_stores(chain, ())
+    path = next(one for one in chain.journals() if one.stem.endswith("-7"))
+    path.write_text("damaged")
+    error = InputFileError if selected is None else SafetyRefusal
+    with chain.session(node=selected) as session, pytest.raises(error) as told:
+        recover(session, finish=True)
+    assert str(path) in str(told.value.place) if selected is None else "node 7" in str(told.value)
+    assert (asked, len(chain.journals())) == ([], 3)

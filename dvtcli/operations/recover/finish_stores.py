@@ -59,6 +59,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     part = furthest(journals)
     nodes = {one.node_id: session.node(one.node_id) for one in (*part.stores, *part.equal)}
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
+    _refuse_untold(journals, part)
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
     claims = _claims(session, journals, part, nodes)
@@ -81,6 +82,24 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     _store(session, journals, part, claims, tests, stamps)
     rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
     return Facts("recover", rows, (_said(session, part, ids),))
+
+
+def _refuse_untold(journals: Sequence[Journal], part: Part) -> None:
+    """SafetyRefusal if nothing says what a node of the stores is to hold: neither a journal of its own nor the others.
+
+    Its journal was closed, or cannot be used.
+    """
+    own = {journal.plan.node_id for journal in journals}
+    untold = [one.node_id for one in part.stores if one.node_id not in own and not one.holds]
+    if untold:
+        ids = several(map(str, untold))
+        raise SafetyRefusal(
+            f"what node {ids} is to hold is not known: nothing is stored",
+            node=untold[0],
+            why=f"no journal of node {ids} can be used",
+            hint=Hint(Action.RECOVER_ALL, why="puts the other nodes back as they were before")
+            + Hint(Action.APPLY, why="then {} again"),
+        )
 
 
 def _said(session: Session, part: Part, ids: str) -> str:

@@ -65,6 +65,9 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
     if finish or _rather_finishes(session, journals):
         from dvtcli.operations.recover.finish_stores import finish as go_on
 
+        if refused:
+            refused[0].details.append(("stores", "nothing is stored while a journal cannot be used"))
+            raise _first_of(refused)
         return go_on(session, journals)
     text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
     what = (
