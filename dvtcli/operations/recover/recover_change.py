@@ -48,18 +48,12 @@ def recover(
 
 
 def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed | ChangedNodes | Facts:
-    found: dict[Path, Journal] = {}
     refused: list[DvtcliError] = []  # of one node; the others are put back all the same
-    for path in waiting_paths(session, file, refused):
-        try:
-            found |= {one.path: one for one in with_others(session, path)}
-        except (InputFileError, SafetyRefusal) as unusable:
-            refused.append(unusable)
-    if refused and not found:
+    journals = _usable(session, file, refused)
+    if refused and not journals:
         raise _first_of(refused)
-    if not found:
+    if not journals:
         return nothing_to_recover(session)
-    journals = list(found.values())
     for journal in journals:
         refuse_other_bus(session, journal)
     if finish or _rather_finishes(session, journals):
@@ -83,6 +77,17 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
             failed.details.append(("done", f"node {', '.join(ids)}: put back"))
         raise failed
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _usable(session: Session, file: str | None, refused: list[DvtcliError]) -> list[Journal]:
+    """The journals that are meant and can be used; *refused* has why others cannot."""
+    found: dict[Path, Journal] = {}
+    for path in waiting_paths(session, file, refused):
+        try:
+            found |= {one.path: one for one in with_others(session, path)}
+        except (InputFileError, SafetyRefusal) as unusable:
+            refused.append(unusable)
+    return list(found.values())
 
 
 def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
