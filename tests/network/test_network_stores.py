@@ -14,6 +14,7 @@ import pytest
 
 from dvtcli import Bus
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
@@ -37,8 +38,8 @@ class Said(Silent):
 
     notes: list[str] = field(default_factory=list)
 
-    def note(self, text: str) -> None:
-        self.notes.append(text)
+    def note(self, text: Hint | str) -> None:
+        self.notes.append(typed(text))
 
 
 TYPE = (0x1800, 2)
@@ -289,7 +290,7 @@ def test_finish_beside_another_interrupted_change_says_how_to_go_on(home: Path) 
         with after.session(node=None, dry_run=True) as session:
             session.tell = said = Said()
             assert recover(session)
-        assert [text for text in said.notes if "-n 5 recover --finish would go on" in text]
+        assert [text for text in said.notes if "`-n 5 recover --finish` would go on" in text]
         with after.session(node=5) as session:
             assert recover(session, finish=True)
         assert {after.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
