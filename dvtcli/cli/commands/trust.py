@@ -17,19 +17,20 @@ if TYPE_CHECKING:
 
 @click.command("trust", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("file", type=FILE, required=False)
-@click.option("--remove", is_flag=True, help="Trust the file no longer.")
+@click.option("--remove", is_flag=True, help="Trust the file no longer, also if it is gone.")
 @click.pass_obj
-def command(_session: Session, /, file: str | None, remove: bool) -> Facts:
+def command(session: Session, /, file: str | None, remove: bool) -> Facts:
     """Trust FILE, or the project's dvtcli.toml here or above, until a byte of it changes. Look at it before.
 
     Of a file that is not trusted, plain options count. No alias with | or >, --yes or --force does, nor one with the
     name of a common word; no journal folder; no channel that is a URL, no library of a driver; and no passcode is sent
-    on a network that the file chose. An alias with the name of a command never counts.
+    on a network that the file chose. A file with an alias that is a command is not trusted.
 
     \b
     trust
     trust --remove
     """
+    from dvtcli.cli.catalogue import command_names
     from dvtcli.operations.user.trust_settings import trust_settings
 
-    return trust_settings(file, remove=remove)
+    return trust_settings(file, remove=remove, dry_run=session.dry_run, commands=command_names())

@@ -2,54 +2,86 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Collection
 
-from dvtcli.errors import UsageError
+from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.results import Facts
 from dvtcli.operations.user.settings import File
 from dvtcli.operations.user.settings_search import NAME, Found, project_file
-from dvtcli.operations.user.trusted_settings import forget, is_trusted, trust
+from dvtcli.operations.user.trusted_settings import forget, is_trusted, real_path, trust
 
 
-def trust_settings(path: str | None = None, *, remove: bool = False) -> Facts:
+def trust_settings(
+    path: str | None = None, *, remove: bool = False, dry_run: bool = False, commands: Collection[str] = ()
+) -> Facts:
     """Let all that the settings file *path* says count, as long as it stays as it is; with *remove* no longer.
 
-    None takes the project's file that counts here. InputFileError where it is wrong or cannot be read, SafetyRefusal
-    where somebody else can write it, UsageError where there is none.
+    None takes the project's file that counts here. With *dry_run* nothing is kept or removed. InputFileError where it
+    is wrong or cannot be read, or an alias is one of *commands*, which it would hide; SafetyRefusal where somebody else
+    can write it, UsageError where there is none. What is removed may be gone or wrong.
     """
-    file = _file(path)
+    where = _where(path)
+    file = _read(where, remove=remove)
+    if file is not None and not remove:
+        _refuse_hidden(file, commands)
     try:
-        if remove:
-            changed = forget(file.digest)
+        if remove or file is None:
+            changed = forget(where, dry_run=dry_run)
         else:
             changed = not is_trusted(file.digest)
-            trust(file.digest, file.path)
+            if not dry_run:
+                trust(file.digest, file.path)
     except OSError as failed:
         why = failed.strerror or str(failed)
         raise UsageError(f"trust cannot be kept: {why}", hint="is the state folder on a disk that is full?") from failed
     rows = (
-        ("file", file.path),
-        ("sha256", file.digest),
+        ("file", where),
+        ("sha256", None if file is None else file.digest),
         ("trusted", not remove),
         ("changed", changed),
-        ("keys", list(file.keys)),
-        ("never_taken", [name.replace("_", "-") for name in file.ignored]),
+        ("dry_run", dry_run),
+        ("keys", [] if file is None else list(file.keys)),
+        ("never_taken", [] if file is None else [name.replace("_", "-") for name in file.ignored]),
     )
-    return Facts("trust", rows, tuple(_lines(file, remove=remove, changed=changed)))
+    if remove or file is None:
+        lines = [f"{where} is not trusted any more" if changed else f"{where} was not trusted"]
+    else:
+        lines = _lines(file, changed=changed)
+    if dry_run:
+        lines[0] += f" (dry run: nothing was {'removed' if remove else 'kept'})"
+    return Facts("trust", rows, tuple(lines))
 
 
-def _file(path: str | None) -> File:
+def _where(path: str | None) -> str:
     if path is not None:
-        return File(Found(os.path.abspath(path)), users_own=False, believed=True)  # noqa: PTH100
+        return real_path(path)
     found = project_file()
     if found is None:
         raise UsageError(f"there is no {NAME} here or above", hint="name the file")
-    return File(Found(found.path), users_own=False, believed=True)
+    return real_path(found.path)
 
 
-def _lines(file: File, *, remove: bool, changed: bool) -> list[str]:
-    if remove:
-        return [f"{file.path} is not trusted any more" if changed else f"{file.path} was not trusted"]
+def _read(path: str, *, remove: bool) -> File | None:
+    """The file at *path*; None where what is to be removed cannot be read."""
+    try:
+        return File(Found(path), users_own=False, believed=True)
+    except (InputFileError, SafetyRefusal):
+        if remove:
+            return None
+        raise
+
+
+def _refuse_hidden(file: File, commands: Collection[str]) -> None:
+    hidden = sorted(word for word in file.aliases if word.lower() in commands)
+    if hidden:
+        raise InputFileError(
+            f"{file.path}: the alias {hidden[0]!r} is a command already",
+            place=file.path,
+            hint="rename it in [aliases], then trust the file",
+        )
+
+
+def _lines(file: File, *, changed: bool) -> list[str]:
     lines = [f"{file.path} is trusted until it changes{'' if changed else ', as before'}"]
     sets = [f"{name} = {_shown(value)}" for name, (value, _) in file.layer.items()]
     for bus, layer in file.buses.items():

@@ -13,13 +13,21 @@ from dvtcli.errors import SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 
 _TRUSTED, _USED = "trusted", "used"
+#: an entry is a word and a path (bytes)
+_MOST_BYTES = 20_000
+
+
+def real_path(path: str) -> str:
+    """The absolute *path* of a settings file: its folder by whichever link it is reached, the file's name as it is."""
+    folder, name = os.path.split(path)
+    return os.path.join(os.path.realpath(folder or os.curdir), name)  # noqa: PTH118
 
 
 def digest(path: str, data: bytes) -> str:
-    """The SHA-256 of a settings file, of its absolute *path* and of its content *data*, in hexadecimal."""
+    """The SHA-256 of a settings file, of its real *path* and of its content *data*, in hexadecimal."""
     from hashlib import sha256
 
-    return sha256(os.fsencode(os.path.abspath(path)) + b"\0" + data).hexdigest()  # noqa: PTH100
+    return sha256(os.fsencode(real_path(path)) + b"\0" + data).hexdigest()
 
 
 def is_trusted(known: str) -> bool:
@@ -45,15 +53,28 @@ def note_use(known: str, path: str) -> None:
         return
 
 
-def forget(known: str) -> bool:
-    """Trust the file of the digest *known* no longer; whether it was trusted. OSError where that cannot be kept."""
-    was = is_trusted(known)
-    _file(known).unlink(missing_ok=True)
+def forget(path: str, *, dry_run: bool = False) -> bool:
+    """Trust no content of the file *path* any longer, also if the file is gone; whether one was trusted.
+
+    With *dry_run* nothing is removed. OSError where that cannot be kept.
+    """
+    was, folder, wanted = False, _folder(), real_path(path)
+    for entry in sorted(folder.iterdir()) if folder.is_dir() else ():
+        word, of = _entry(entry)
+        if of is None or real_path(of) != wanted:
+            continue
+        was = was or word == _TRUSTED
+        if not dry_run:
+            entry.unlink(missing_ok=True)
     return was
 
 
+def _folder() -> Path:
+    return user_folder("state") / "settings"
+
+
 def _file(known: str) -> Path:
-    return user_folder("state") / "settings" / known
+    return _folder() / known
 
 
 def _said(known: str) -> str:
@@ -61,16 +82,31 @@ def _said(known: str) -> str:
     try:
         from dvtcli.device.trust import check_folder
 
-        path = _file(known)
-        check_folder(path.parent)
-        with os.fdopen(open_private(path, os.O_RDONLY), "rb") as file:
-            word = file.read(100).split(b"\n")[0].decode("ascii", "replace")
+        check_folder(_folder())
     except (OSError, SafetyRefusal):
         return ""
-    return word if word in (_TRUSTED, _USED) else ""
+    return _entry(_file(known))[0]
+
+
+def _entry(entry: Path) -> tuple[str, str | None]:
+    """What *entry* says, and of which file, None where it does not say one; empty where somebody else made it."""
+    from ast import literal_eval
+
+    try:
+        with os.fdopen(open_private(entry, os.O_RDONLY), "rb") as file:
+            word, _, rest = file.read(_MOST_BYTES).decode("utf-8", "replace").partition("\n")
+    except (OSError, SafetyRefusal):
+        return "", None
+    if word not in (_TRUSTED, _USED):
+        return "", None
+    try:
+        path = literal_eval(rest.strip())
+    except (ValueError, SyntaxError):
+        return word, None
+    return word, path if isinstance(path, str) else None
 
 
 def _keep(known: str, word: str, path: str) -> None:
     from dvtcli.device.change.private_file import write_private
 
-    write_private(_file(known), f"{word}\n{os.path.abspath(path)!r}\n")  # noqa: PTH100
+    write_private(_file(known), f"{word}\n{real_path(path)!r}\n")

@@ -184,6 +184,63 @@ def test_trust_is_shown_and_taken_back(tmp_path: Path) -> None:
         assert run(["trust"], cwd=tmp_path, env=env).returncode == 6, "who could change it at any time?"
 
 
+def trusted_here() -> bool:
+    found = Settings()
+    found.read_files()
+    return found.project is not None and found.project.trusted
+
+
+def test_a_dry_run_neither_keeps_nor_removes(tmp_path: Path) -> None:
+    env = environment() | homes(tmp_path)
+    (tmp_path / "dvtcli.toml").write_text("node = 5\n")
+
+    def said(*words: str) -> tuple[bool, bool]:
+        (document,) = documents(run(["--json", "trust", *words], cwd=tmp_path, env=env).stdout)
+        return document["changed"], document["dry_run"]
+
+    assert said("--dry-run") == (True, True)
+    assert said() == (True, False), "nothing was kept"
+    assert said("--remove", "--dry-run") == (True, True)
+    assert said("--remove") == (True, False), "nothing was removed"
+    assert said("--remove") == (False, False)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
+def test_a_file_is_the_same_one_through_a_link() -> None:
+    Path("dvtcli.toml").write_text("node = 5\n")
+    Path("link").symlink_to(Path.cwd())
+    trust_settings("link/dvtcli.toml")
+    assert trusted_here()
+    trust_settings("link/link/dvtcli.toml", remove=True)
+    assert not trusted_here()
+
+
+@pytest.mark.parametrize("now", [None, "no = = TOML\n", "node = 6\n"])
+def test_trust_of_a_file_that_is_gone_or_wrong_is_taken_back(now: str | None) -> None:
+    file = Path("dvtcli.toml")
+    for content in ("node = 5\n", "node = 7\n"):
+        file.write_text(content)
+        trust_settings()
+    file.unlink()
+    if now is not None:
+        file.write_text(now)
+    removed = dict(trust_settings("dvtcli.toml", remove=True).rows)
+    assert (removed["trusted"], removed["changed"]) == (False, True)
+    for content in ("node = 5\n", "node = 7\n"):
+        file.write_text(content)
+        assert not trusted_here()
+
+
+def test_a_file_with_an_alias_that_is_a_command_is_not_trusted(tmp_path: Path) -> None:
+    env = environment() | homes(tmp_path)
+    (tmp_path / "dvtcli.toml").write_text('[aliases]\nPdo = "nmt start"\n')
+    ran = run(["trust"], cwd=tmp_path, env=env)
+    assert ran.returncode == 4
+    assert "the alias 'Pdo' is a command already" in ran.stderr
+    (back,) = documents(run(["--json", "trust", "--remove"], cwd=tmp_path, env=env).stdout)
+    assert not back["changed"]
+
+
 def test_no_passcode_is_sent_where_a_project_s_file_says(tmp_path: Path) -> None:
     with served(tmp_path, "gen4-locked@1") as nodes:
         file = tmp_path / "dvtcli.toml"
