@@ -23,6 +23,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.rules.finding import warning
 from dvtcli.domain.several import several, value_text
 from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import (
@@ -143,6 +144,14 @@ class Recovery:
         except (DvtcliError, KeyboardInterrupt) as fault:
             raise self._left(fault) from fault
         return altered if node.bus.boot_ups(node.node_id) == self.boot_ups_read else {}
+
+    def restart_findings(self) -> tuple[Finding, ...]:
+        """A warning if the node restarted since it was read: what this did not put back is lost with that."""
+        node_id = self.node.node_id
+        if self.node.bus.boot_ups(node_id) == self.boot_ups_read:
+            return ()
+        text = f"node {node_id} restarted: what else it held in RAM only is lost"
+        return (warning("restarted", f"node {node_id}", text),)
 
     def left_unknown(self) -> LeftChanged | None:
         """What is told, once it has ended, of objects that can be read no more; None if there are none."""

@@ -218,5 +218,6 @@ def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: f
             f"{journal.part.final} had begun: node {node.node_id} {said} what was taken back; "
             f"-n {node.node_id} store keeps what it holds now"
         )
-    applied = Applied(plan, unknown_before([journal.plan]), not_put_back)
+    findings = (*recovery.restart_findings(), *unknown_before([journal.plan]))
+    applied = Applied(plan, findings, not_put_back)
     return changed(session, node, applied, seconds, undone=True)
