@@ -158,6 +158,20 @@ class Past:
         except (OSError, SafetyRefusal) as failed:
             self.say(f"it is stored, but that cannot be remembered for a later store: {_why(failed)}")
 
+    def may_be_stored(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
+        """The changes of those ids may have been stored: nobody heard what became of the store.
+
+        OSError and SafetyRefusal are shown.
+        """
+        path = self.path(node_id, identity)
+        if not names or not path.exists():
+            return
+        entries = [replace(one, maybe_stored=one.labels) if one.id in names else one for one in self._sound(path)]
+        try:
+            self._write(path, entries)
+        except (OSError, SafetyRefusal) as failed:
+            self.say(f"that it may be stored cannot be remembered for a later undo: {_why(failed)}")
+
     def forget_own(self, count: int, back: Plan) -> None:
         """Drop the last *count* changes that this process made: *back* put them back."""
         last, self._own = self._own[-count:], self._own[:-count]
@@ -176,7 +190,7 @@ class Past:
             self.say(f"it is put back, but what can be undone cannot be written down: {_why(failed)}")
 
     def _add_undoing(self, back: Plan, undone: Sequence[Recorded]) -> None:
-        stored = {label for one in undone for label in one.stored}
+        stored = {label for one in undone for label in one.stored | one.maybe_stored}
         self._remember_back(back, (one for one in back.changes if one.label in stored), undone[-1].identity)
 
     def _remember_back(self, back: Plan, put_back: Iterable[Change], identity: Identity) -> None:

@@ -22,8 +22,9 @@ class Recorded:
     """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device.
 
     *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none. *stored* are the
-    labels of what a store took of it. With *undoes* it put changes back that had been stored: no `undo` reverts it, and
-    it is remembered for what was not stored since. *number* counts the changes of its bus; 0 of earlier versions.
+    labels of what a store took of it, *maybe_stored* of what a store may have taken. With *undoes* it put changes back
+    that had been stored: no `undo` reverts it, and it is remembered for what was not stored since. *number* counts the
+    changes of its bus; 0 of earlier versions.
     """
 
     id: str
@@ -35,6 +36,7 @@ class Recorded:
     stored: frozenset[str] = frozenset()
     undoes: bool = False
     number: int = 0
+    maybe_stored: frozenset[str] = frozenset()
 
     @property
     def order(self) -> tuple[int, str]:
@@ -65,6 +67,7 @@ def document(one: Recorded) -> dict[str, Any]:
         "identity": one.identity,
         "selected": one.selected,
         "stored": sorted(one.stored),
+        "maybe_stored": sorted(one.maybe_stored),
         "undoes": one.undoes,
         "number": one.number,
         "changes": [change_document(change) for change in one.plan.changes],
@@ -81,11 +84,11 @@ def recorded_changes(document: Any) -> Iterator[Recorded]:
     for one in changes:
         identity, plan = read_plan(one)
         selected = None if one.get("selected") is None else read_number(one, "selected", 127, least=1)
-        stored = one.get("stored", [])
-        if not isinstance(stored, list):
+        stored, maybe_stored = one.get("stored", []), one.get("maybe_stored", [])
+        if not isinstance(stored, list) or not isinstance(maybe_stored, list):
             raise ValueError("stored is no list")
         yield Recorded(
             str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected,
             frozenset(map(str, stored)), one.get("undoes") is True,
-            read_number(one, "number", MOST_NUMBER) if "number" in one else 0,
+            read_number(one, "number", MOST_NUMBER) if "number" in one else 0, frozenset(map(str, maybe_stored)),
         )  # fmt: skip

@@ -14,13 +14,16 @@ import pytest
 
 from dvtcli import Bus
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.device.change.journal import read_journal
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
+from dvtcli.operations.changes.undo_changes import undo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
-from dvtcli.operations.results import Facts
+from dvtcli.operations.recover.stores_begun import furthest, stores_of
+from dvtcli.operations.results import Changed, Facts
 from dvtcli.operations.user.telling import Silent
 from dvtcli.simulator.device.refusal import Refusal
 from tests.journals import journal_document
@@ -495,3 +498,36 @@ def test_what_all_stored_and_one_lost_is_no_end_of_it(chain: Chain, home: Path) 
     with chain.session(node=None) as session:
         assert recover(session)
     assert (types(chain), chain.journals()) == ({5: 255, 9: 255}, [])
+
+
+@pytest.mark.parametrize("ahead", [True, False])
+def test_an_accepted_node_hands_on_what_is_known_of_the_stores(home: Path, *, ahead: bool) -> None:
+    """Node 7 was asked to store, and may have: later nobody says otherwise, nor that nothing was stored."""
+    (home.parent / "files").mkdir()
+    home.mkdir(exist_ok=True)
+    families = dict.fromkeys((5, 7, 9), "generic")
+    chain = Chain(home.parent / "files", bus=Watched, families=families, operational=False)
+    path = home.parent / "three.yaml"
+    path.write_text(
+        "defaults: {store: true, tpdo: {1: {transmission: 1}}}\n"
+        + "".join(f"n{node_id}: {{node_id: {node_id}}}\n" for node_id in families)
+    )
+
+    def look(after: Chain) -> None:
+        known = stores_of(furthest([read_journal(one) for one in after.journals()]))
+        assert known == {"stored": [5], "unknown": [7], "not stored": [9]}
+        with after.session(node=7) as session:
+            recover(session, accept=True)
+        assert stores_of(furthest([read_journal(one) for one in after.journals()])) == known
+        with after.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 7 is to hold"):
+            recover(session, finish=True)
+        with after.session(node=7) as session:
+            done = undo(session)
+        assert isinstance(done, Changed)
+        assert not done.as_before
+        assert types(after) == {5: 1, 7: 255, 9: 1}
+
+    wrong: list[str] = []
+    while_storing(chain, 7, lambda one: wrong.append(afterwards(one, home, look)), ahead=ahead)
+    chain.apply(path)
+    assert wrong == [""]

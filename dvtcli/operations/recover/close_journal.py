@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.device.change.journal import ACCEPTED, DISCARDED, read_journal
+from dvtcli.device.change.journal import ACCEPTED, DISCARDED, Journals, read_journal
+from dvtcli.device.change.own_journal import journal_files
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
+from dvtcli.operations.recover.stores_begun import furthest, stored_before
 from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.node import Node
     from dvtcli.operations.session.session import Session
@@ -62,9 +67,12 @@ def accepted(session: Session, file: str | None) -> Facts:
     node = session.node(journal.plan.node_id)
     refuse_other_device(node, journal)
     states = accepted_states(node, journal)
-    others = [one.plan.node_id for one in with_others(session, path) if one.path != path]
-    kept = None if session.dry_run else _set_aside(session, path, node.node_id, ACCEPTED)
-    if kept is not None:
+    together = with_others(session, path)
+    others = [one.plan.node_id for one in together if one.path != path]
+    kept = None
+    if not session.dry_run:
+        _hand_on_stores(node, journal, together)
+        kept = _set_aside(session, path, node.node_id, ACCEPTED)
         node.pending.suspicions.pop(CHANGE, None)
     text = [
         f"{name:<11} {line}" for one in states for name, line in (("holds now", one.held), ("held before", one.before))
@@ -82,6 +90,24 @@ def accepted(session: Session, file: str | None) -> Facts:
     if unknown := [one.label for one in states if not one.is_known]:
         said += f"; what it holds of {several(unknown)} is not known"
     return Facts("recover", rows, (*text, said, *_after_accepting(node, journal, others)))
+
+
+def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -> None:
+    """Before *journal* is closed: those *together* with it say all that it says of stores, and `undo` of its change.
+
+    SafetyRefusal if a journal cannot be written.
+    """
+    part = furthest(together)
+    if journal.part.whole is None or not part.stores:
+        return
+    journals = Journals(journal.path.parent, journal.bus)
+    for other in together:
+        if other.path != journal.path and other.part.stores != part.stores:
+            told = replace(other.part, final=part.final, stores=part.stores, equal=part.equal)
+            with journal_files(journals, other.plan.node_id, "kept"):
+                journals.write(other.plan, other.identity, other.nmt_state, told)
+    if stored_before(journal, together) is not False and node.keeper is not None:
+        node.keeper.past.may_be_stored(node.node_id, journal.identity, journal.part.entries)
 
 
 def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hint]:
