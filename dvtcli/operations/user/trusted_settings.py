@@ -58,10 +58,11 @@ def forget(path: str, *, dry_run: bool = False) -> bool:
 
     With *dry_run* nothing is removed. OSError where that cannot be kept.
     """
-    was, folder, wanted = False, _folder(), real_path(path)
+    was, folder = False, _folder()
+    wanted = {repr(real_path(path)), repr(os.path.abspath(path))}  # noqa: PTH100
     for entry in sorted(folder.iterdir()) if folder.is_dir() else ():
         word, of = _entry(entry)
-        if of is None or real_path(of) != wanted:
+        if of not in wanted:
             continue
         was = was or word == _TRUSTED
         if not dry_run:
@@ -88,22 +89,14 @@ def _said(known: str) -> str:
     return _entry(_file(known))[0]
 
 
-def _entry(entry: Path) -> tuple[str, str | None]:
-    """What *entry* says, and of which file, None where it does not say one; empty where somebody else made it."""
-    from ast import literal_eval
-
+def _entry(entry: Path) -> tuple[str, str]:
+    """What *entry* says, and of which file, as `repr` has it; empty texts where somebody else made it."""
     try:
         with os.fdopen(open_private(entry, os.O_RDONLY), "rb") as file:
-            word, _, rest = file.read(_MOST_BYTES).decode("utf-8", "replace").partition("\n")
+            word, _, of = file.read(_MOST_BYTES).decode("utf-8", "replace").partition("\n")
     except (OSError, SafetyRefusal):
-        return "", None
-    if word not in (_TRUSTED, _USED):
-        return "", None
-    try:
-        path = literal_eval(rest.strip())
-    except (ValueError, SyntaxError):
-        return word, None
-    return word, path if isinstance(path, str) else None
+        return "", ""
+    return (word, of.strip()) if word in (_TRUSTED, _USED) else ("", "")
 
 
 def _keep(known: str, word: str, path: str) -> None:
