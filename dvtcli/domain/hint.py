@@ -63,6 +63,7 @@ class Action(Enum):
     CHECK = "check the file"
     PLAN = "plan the network"
     APPLY = "apply the file"
+    APPLY_NETWORK = "apply the network file"
     COMPARE = "compare with the file"
     LSS_SCAN = "find the nodes without node-ID"
     LSS_SELECT = "select a node by its LSS address"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli import Bus
-from dvtcli.cli.view.typed_hints import typed
+from dvtcli.cli.view.typed_hints import TypedCall, TypedHints, typed
 from dvtcli.device.change.journal import read_journal
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand
@@ -492,8 +492,13 @@ def test_a_bus_that_is_gone_once_all_have_stored_leaves_nothing_to_store(chain: 
 def test_what_all_stored_and_one_lost_is_no_end_of_it(chain: Chain, home: Path) -> None:
     assert cut_after_stores(chain, home, 1) is not None
     chain.devices[5].download(*TYPE, b"\x07")
-    with chain.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 5 does not hold any more"):
+    with chain.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 5 does not hold") as told:
         recover(session, finish=True)
+    assert told.value.hint is not None
+    shell = TypedHints(lambda: TypedCall(node=("-n", "9"), selected=9, alone=True), told.value.node)
+    said = shell.text(told.value.hint)
+    assert said.startswith("`dvtcli recover` puts every node back as before; then `dvtcli apply ")
+    assert said.endswith("net.yaml` again")
     assert len(chain.journals()) == 2
     with chain.session(node=None) as session:
         assert recover(session)

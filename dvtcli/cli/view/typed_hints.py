@@ -55,6 +55,7 @@ COMMANDS: dict[Action, str] = {
     Action.CHECK: "check {file|FILE}",
     Action.PLAN: "plan {file|FILE}",
     Action.APPLY: "apply {file|FILE} {to_manager?--to-manager} {to_manager} {force?--force}",
+    Action.APPLY_NETWORK: "apply {file|FILE}",
     Action.COMPARE: "compare {file|FILE} {all?--all}",
     Action.LSS_SCAN: "lss scan {wait?--wait} {wait}",
     Action.LSS_SELECT: "lss select ADDRESS",
@@ -128,7 +129,7 @@ _OF_THE_BUS = frozenset(
         Action.LIST_PROFILES, Action.LSS_ASSIGN, Action.LSS_BIT_RATE, Action.LSS_IDENTIFY, Action.LSS_NODE_ID,
         Action.IMPORT, Action.SEND_SYNC, Action.SAVE_SCRIPT, Action.LOG,
         Action.SHOW_HABITS, Action.FORGET_HABITS, Action.LISTEN_BIT_RATE,
-        Action.TRUST,
+        Action.TRUST, Action.RECOVER_ALL, Action.APPLY_NETWORK,
     }
 )  # fmt: skip
 #: commands that need no bus

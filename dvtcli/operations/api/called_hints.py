@@ -60,6 +60,7 @@ CALLS: dict[Action, str] = {
     Action.CHECK: "bus.check({file|FILE})",
     Action.PLAN: "bus.plan({file|FILE})",
     Action.APPLY: "bus.apply({file|FILE})",
+    Action.APPLY_NETWORK: "bus.apply({file|FILE})",
     Action.COMPARE: "node.compare({file|FILE})",
     Action.LSS_SCAN: "bus.lss.scan({wait_s=})",
     Action.LSS_SELECT: "bus.lss.select(ADDRESS)",

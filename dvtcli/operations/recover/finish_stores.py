@@ -21,7 +21,7 @@ from dvtcli.operations.changes.final_verify import ClaimsAtStore
 from dvtcli.operations.recover.stores_begun import furthest, waiting
 from dvtcli.operations.results import Facts
 from dvtcli.operations.stores.store_network import store_each
-from dvtcli.operations.stores.unfinished_stores import Stores
+from dvtcli.operations.stores.unfinished_stores import Stores, back_and_again
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,7 +75,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     expected = {**claims.changes, **with_tests}
     expected |= {node_id: [one for one in expected[node_id] if not is_stamp(one)] for node_id in stamps}
     for node_id in nodes:
-        _refuse_unlike(replace(claims, changes=expected), node_id)
+        _refuse_unlike(replace(claims, changes=expected), node_id, part.name)
     ids = ", ".join(map(str, waiting(part)))
     what = f"; store on node {ids}?" if ids else ", and has stored it; is it to stay so?"
     session.consent(f"{part.name}: every node holds what was planned{what}")
@@ -97,8 +97,7 @@ def _refuse_untold(journals: Sequence[Journal], part: Part) -> None:
             f"what node {ids} is to hold is not known: nothing is stored",
             node=untold[0],
             why=f"no journal of node {ids} can be used",
-            hint=Hint(Action.RECOVER_ALL, why="puts the other nodes back as they were before")
-            + Hint(Action.APPLY, why="then {} again"),
+            hint=back_and_again(part.name, "the other nodes"),
         )
 
 
@@ -201,7 +200,7 @@ def _put_tests_back(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Chan
         put_test_back(nodes[node_id], changes, several(change.label for change in changes))
 
 
-def _refuse_unlike(claims: ClaimsAtStore, node_id: int) -> None:
+def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:
     try:
         claims.verify_before_store(node_id)
     except DeviceRefused as other:
@@ -209,8 +208,7 @@ def _refuse_unlike(claims: ClaimsAtStore, node_id: int) -> None:
             f"node {node_id} does not hold any more what was verified: nothing is stored",
             node=node_id,
             why=other.why,
-            hint=Hint(Action.RECOVER_ALL, why="puts every node back as it was before")
-            + Hint(Action.APPLY, why="then {} again"),
+            hint=back_and_again(name),
         ) from other
 
 

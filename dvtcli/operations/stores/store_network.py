@@ -112,7 +112,7 @@ def store_each(
     others = [] if stores.lost or stores.failed else one_by_one([claims.others.verify])
     stores.lost = stores.lost or claims.verify_after_stores()
     if stores.lost:
-        left = lost_settings(stores, stores.lost)
+        left = lost_settings(name, stores, stores.lost)
         if stores.are_all_done():
             _note_states(name, stores, journals, left)
         raise left from stores.lost[0]

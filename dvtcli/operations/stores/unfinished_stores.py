@@ -109,16 +109,27 @@ def lost_besides(course: Stores, lost: BaseException) -> LeftChanged:
     return left
 
 
-def lost_settings(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
-    """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
+def back_and_again(name: str, who: str = "every node") -> Hint:
+    """The way back for *who*, and after it what is called *name* anew: for all nodes, whichever is selected."""
+    back = Hint(Action.RECOVER_ALL, why=f"puts {who} back as before")
+    command, _, file = name.partition(" ")
+    if command == "apply" and file:
+        return back + Hint(Action.APPLY_NETWORK, {"file": file}, "then {} again")
+    return back + f"then {name} again"
+
+
+def lost_settings(name: str, course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
+    """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored.
+
+    *name* is what the change is called.
+    """
     first, *others = lost
     left = LeftChanged(
         _lost_text(course, first),
         node=first.node if isinstance(first, DvtcliError) else None,
         place=first.place if isinstance(first, DvtcliError) else None,
         why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
-        hint=Hint(Action.RECOVER_ALL, why="puts every node back as it was before")
-        + Hint(Action.APPLY, why="then {} again"),
+        hint=back_and_again(name),
         state="left_changed",
     )
     is_gone = isinstance(first, BusUnavailable)
