@@ -189,13 +189,6 @@ class NoAnswer(DvtcliError):
     slug = "no_answer"
 
 
-class StoppedNode(NoAnswer):
-    """A node that was heard to be STOPPED did not answer: it answers no SDO (CiA 301, 7.3.2.2)."""
-
-    exit_code = 6
-    slug = "safety"
-
-
 class SdoProtocolError(DvtcliError):
     """A node's answers break the SDO protocol."""
 

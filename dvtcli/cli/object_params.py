@@ -13,7 +13,6 @@ import click
 from click.shell_completion import CompletionItem
 
 from dvtcli.cli.params import CanopenType
-from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.object_syntax import (
     MappedObject,
@@ -94,6 +93,8 @@ class ObjectType(CanopenType):
             else:
                 return
         if isinstance(failure, UnknownName):
+            from dvtcli.cli.view.typed_hints import typed
+
             raise ValueError(f"{failure}; {typed(name_hint(failure))}")
         if failure is not None:
             raise failure

@@ -93,7 +93,7 @@ def test_json_says_on_stderr_who_came_and_what_was_written(tmp_path: Path) -> No
     told = [
         one
         for one in documents("".join(line for line in error.splitlines(keepends=True) if line[0] == "{"))
-        if one["schema"] == "dvtcli.gateway_event/1"
+        if one["schema"] == "dvtcli.gateway-event/1"
     ]
     connected, written = (next(one for one in told if one["event"] == wanted) for wanted in ("connected", "written"))
     assert connected["client"] == written["client"]

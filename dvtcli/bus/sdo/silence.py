@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import NoAnswer, StoppedNode, stopped_node
+from dvtcli.errors import NoAnswer, SafetyRefusal, stopped_node
 
 _NEVER = Hint(Action.FIND_NODES, why="power, node-ID, bit rate? A node in STOPPED answers no SDO; {} shows who does")
 _BEFORE = Hint(
@@ -28,7 +28,9 @@ def no_answer(
     """
     if is_stopped:
         refused, silent = stopped_node(node_id), f"it did not answer for 0x{place} within {timeout_s:g} s"
-        return StoppedNode(refused.text, node=node_id, place=place, why=silent, hint=refused.hint)
+        stopped = NoAnswer(refused.text, node=node_id, place=place, why=silent, hint=refused.hint)
+        stopped.exit_code, stopped.slug = SafetyRefusal.exit_code, SafetyRefusal.slug  # CiA 301, 7.3.2.2: no SDO then
+        return stopped
     return NoAnswer(
         f"node {node_id} did not answer for 0x{place} within {timeout_s:g} s",
         node=node_id,

@@ -11,7 +11,6 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, InputFileError, UsageError
 from dvtcli.operations.user.said import Said
 
@@ -142,6 +141,8 @@ class Opened(Said):
             self._network = self._network_on(bus, simulated)
             self._obey(bus)
             if self.options.bus_share and bus.bitrate is None and not bus.simulated:
+                from dvtcli.domain.hint import Action, Hint
+
                 self.tell.note(
                     Hint(Action.GIVE, {"bus_share": None}, f"is of no effect: the bit rate of {bus.name} is not known")
                     + Hint(Action.GIVE_BIT_RATE, why="says it")
@@ -238,6 +239,8 @@ class Opened(Said):
             if (by := self.chosen_by()) != NOBODY:
                 failed.details.append(("chosen by", by))
             elif described := self.settings.described_buses():
+                from dvtcli.domain.hint import as_hint
+
                 failed.hint = as_hint(described) + failed.hint if failed.hint else described
             failed.at_start = True
             raise

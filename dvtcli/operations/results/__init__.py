@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.failures import *  # noqa: F403
     from dvtcli.operations.results.files import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
+    from dvtcli.operations.results.gateway_events import *  # noqa: F403
     from dvtcli.operations.results.habit_listing import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
     from dvtcli.operations.results.library_files import *  # noqa: F403

@@ -7,13 +7,13 @@ from typing import Literal
 
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.wall_clock import utc
-from dvtcli.operations.results.documents import Document
+from dvtcli.operations.results.documents import Document, Short
 
 GatewayHappening = Literal["connected", "left", "written", "nmt", "note", "warning"]
 
 
 @dataclass(frozen=True, slots=True)
-class GatewayEvent:
+class GatewayEvent(Short):
     """What happened at *time_s* (s since 1970), in words as *text*; *client* is whose doing it was, None for nobody's.
 
     Of a write *node*, *object* and *data* (hexadecimal) say what; *data* is None where it is a passcode.
@@ -28,9 +28,9 @@ class GatewayEvent:
     data: str | None = None
 
     def document(self) -> Document:
-        """`dvtcli.gateway_event/1`."""
+        """`dvtcli.gateway-event/1`."""
         return {
-            "schema": "dvtcli.gateway_event/1",
+            "schema": "dvtcli.gateway-event/1",
             "time": utc(self.time_s),
             "event": self.event,
             "client": self.client,

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
-from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.opening.opened import Opened
 
@@ -77,6 +76,8 @@ class Session(Opened):
         """The node-ID that is selected before any `node ID`."""
         if self.base.one_node is not None:
             return self.base.one_node
+        from dvtcli.domain.hint import Action, Hint
+
         if self.base.nodes or self.base.every_node:
             said = ",".join(map(str, self.base.nodes)) or "all"
             raise UsageError(

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.user.options import Options
 
@@ -77,6 +76,8 @@ class Said:
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.tell.ask(question)
         if answer is None:
+            from dvtcli.domain.hint import Action, Hint
+
             raise SafetyRefusal(
                 f"nobody can answer: {question}", node=node_id, hint=Hint(Action.AGREE, why="give {} to answer yes")
             )
