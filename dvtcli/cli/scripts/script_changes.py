@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.restarts import held_plans, refuse_after_restarts
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted
 
@@ -93,6 +92,7 @@ class ScriptChanges:
         None if nothing was set, or if nothing differs and not all of it can be read again. Raises as reading does.
         """
         from dvtcli.device.change.expected import moves, no_longer_held
+        from dvtcli.domain.plan import PdoChange
 
         held, found, is_read = self._held(), [], []
         for node in self._session.met_nodes():

@@ -36,6 +36,7 @@ MAY_CATCH_ALL = {
 }
 #: where any failure of ours is left unsaid, with why
 MAY_LEAVE_UNSAID = {
+    "cli/conversation.py": "a script's failure is told; of what its earlier lines set nothing is claimed then",
     "cli/name_completion.py": "nothing is offered; it is said once the line is run",
     "cli/prompt/completer.py": "the same",
     "cli/prompt/checking.py": "the same",
