@@ -134,7 +134,7 @@ def test_what_it_came_up_with_is_read_for_a_store_that_asks_whether_it_is_needed
     assert drive.node.came_up.why_not(1, held) == ""
 
 
-@pytest.mark.parametrize("what", ["commanded", "claim", "forget", "read_anew"])
+@pytest.mark.parametrize("what", ["commanded", "begin_change", "forget", "read_anew"])
 def test_after_what_may_have_changed_it_the_node_is_asked_anew(what: str) -> None:
     drive = Drive.of()
     assert drive.timer_ms != 77

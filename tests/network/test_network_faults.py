@@ -144,7 +144,7 @@ def storing(folder: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize(("node_id", "stored"), [(1, []), (5, [1]), (9, [1, 5])])
+@pytest.mark.parametrize(("node_id", "stored"), [(1, [5, 9]), (5, [1, 9]), (9, [1, 5])])
 def test_a_store_that_fails_names_who_has_stored_and_takes_nothing_back(
     node_id: int, stored: list[int], tmp_path: Path
 ) -> None:
@@ -159,7 +159,7 @@ def test_a_store_that_fails_names_who_has_stored_and_takes_nothing_back(
     assert str(node_id) in told.get("not stored", "") + told.get("unknown", "")
     assert [one for one in CHAIN if chain.stored()[one] != before[one]] == stored
     assert not chain.plan().plan.changed, "every node holds what was planned"
-    assert chain.journals() == []
+    assert len(chain.journals()) == len(CHAIN), "recover goes on, or back"
     assert chain.states() == {**OPERATIONAL, 1: NmtState.PRE_OPERATIONAL}, "what left OPERATIONAL stays where it is"
 
 

@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 
 import pytest
 
+from dvtcli.domain.hint import Hint
 from dvtcli.operations.exchange.import_network import import_network
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.session.session import Session
@@ -21,9 +22,10 @@ from tests.virtual_time import VirtualTimeBus
 
 NODES = (1, 5, 9)
 FILE = "".join(f"n{node_id}: {{node_id: {node_id}, tpdo: {{1: {{event_timer: 40}}}}}}\n" for node_id in NODES)
+#: with the action that a command line writes as its option, Python as its argument
 NOTE = (
     "the bit rate of virtual time is not known: its 3 nodes are asked one by one, and nothing of the bus is kept free "
-    "for a running machine; say what it is, as -b 250000 or as bitrate = 250000 in dvtcli.toml"
+    "for a running machine; say what it is, as name the bit rate or as bitrate = 250000 in dvtcli.toml"
 )
 
 
@@ -53,9 +55,9 @@ class Listener(Silent):
     def __init__(self) -> None:
         self.notes: list[str] = []
 
-    def note(self, text: str) -> None:
-        if "bit rate" in text:
-            self.notes.append(text)
+    def note(self, text: Hint | str) -> None:
+        if "bit rate" in str(text):
+            self.notes.append(str(text))
 
 
 @pytest.fixture(autouse=True)

@@ -65,7 +65,7 @@ def test_values_for_no_sub_index_and_of_no_type(tmp_path: Path) -> None:
     ]
     file.write_text(text + "\n".join(f"[0x{index:04X}]\nParameterValue=1\n" for index in range(9)), "utf-8")
     *first, last = held_by(str(file)).unread
-    assert (len(first), last) == (3, f"{file}: 9 more lines like these; `dvtcli eds check {file}` names them")
+    assert (len(first), last) == (3, f"{file}: 9 more lines like these; a check of the file names them")
 
 
 def test_an_eds_and_a_sound_file_say_nothing(tmp_path: Path) -> None:

@@ -201,7 +201,7 @@ def test_nmt_by_hand_is_nmt() -> None:
         assert bench.run("send 000#0101 --yes").code == 0
         assert bench.run("node --json").document["nodes"][0]["state"] == "OPERATIONAL"
         assert bench.run("send 000#0201 --yes").code == 0
-        assert bench.run("read 1017").code == 5
+        assert bench.run("read 1017").code == 6  # it was heard to be STOPPED
 
 
 def test_an_sdo_by_hand_is_read_back() -> None:

@@ -50,4 +50,4 @@ def test_a_store_that_fails_behind_another_one_is_left_changed_and_says_who_stor
     assert ran.code == 7
     error = ran.documents[-1]
     assert (error["stores"]["stored"], error["stores"]["unknown"]) == ([5], [9])
-    assert "`-n 9 store`" in error["hint"]
+    assert "-n 9 store` stores the rest" in error["hint"]
