@@ -70,6 +70,11 @@ class Past:
         else:
             self._own[-1] = (path, entry.id)
 
+    @property
+    def remembers_last(self) -> bool:
+        """Whether a later process can put the last change of this one back."""
+        return not self._own or self._own[-1] is not None
+
     def _sound(self, path: Path) -> list[Recorded]:
         """What *path* holds; a damaged file is set aside under another name."""
         try:

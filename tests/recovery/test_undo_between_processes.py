@@ -371,3 +371,15 @@ def test_all_stops_where_somebody_else_changed_something_in_between(bench: Bench
     assert bench.run("undo", "--all")[0] == 0
     assert bench.pdos() == others, "what somebody else set is not overwritten"
     assert bench.run("undo", "--all")[0] == 6
+
+
+def test_what_is_not_remembered_is_not_said_to_be_undone(bench: Bench) -> None:
+    _changes().parent.mkdir(parents=True, exist_ok=True)
+    _changes().write_text("in the way")
+    code, stdout, stderr = bench.run("set", "tpdo2", "--timer", "7")
+    assert code == 0, stderr
+    assert "cannot be remembered for a later undo" in stderr
+    assert "In RAM only" in stdout
+    assert "undo" not in stdout
+    _changes().unlink()
+    assert "`undo` reverts it" in bench.run("set", "tpdo2", "--timer", "8")[1]

@@ -98,6 +98,7 @@ def changed(
         unreadable=applied.unreadable,
         as_before=undone and not applied.not_put_back and _is_as_stored(node, applied),
         understood=understood(node, applied.plan.changes),
+        remembered=node.keeper is None or node.keeper.past.remembers_last,
     )
 
 

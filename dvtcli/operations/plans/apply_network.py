@@ -83,7 +83,11 @@ def apply_network(
             complete(course)
     kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
     without = {one.node_id: _kept_without(nodes[one.node_id], one.plan) for one in planned if kept.get(one.node_id)}
-    return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept, without)
+    not_remembered = tuple(
+        node_id for node_id, node in nodes.items() if node.keeper is not None and not node.keeper.past.remembers_last
+    )
+    seconds = time.monotonic() - started
+    return NetworkApplied(plan, session.dry_run, seconds, stored, kept, without, not_remembered=not_remembered)
 
 
 def _kept_without(node: Node, plan: Plan) -> tuple[str, ...]:

@@ -46,6 +46,8 @@ class Changed(Answer):
     unreadable: tuple[str, ...] = ()
     #: what the values of single objects mean, by object
     understood: Mapping[str, Understood] = field(default_factory=dict)
+    #: whether a later `undo` knows of it
+    remembered: bool = True
 
     def __bool__(self) -> bool:
         """Whether everything is as it was asked for: false where something was not put back as it was."""

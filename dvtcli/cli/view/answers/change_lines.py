@@ -58,7 +58,7 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     keeps = f"In RAM only: {typed(result.keep)}" if result.volatile else "The device keeps it by itself"
     if result.as_before and result.volatile:
         keeps = "As it was before: dvtcli stored nothing of it in between"
-    next_step = "" if result.undone or result.unknown_before else ", `undo` reverts it"
+    next_step = "" if result.undone or result.unknown_before or not result.remembered else ", `undo` reverts it"
     if not result.altered:
         keeps, next_step = "It held that before: nothing has changed", ""
     if result.saved:

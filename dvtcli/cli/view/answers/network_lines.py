@@ -186,7 +186,8 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
     for words, nodes in told.items():
         where = ", ".join(nodes)
         text = f"In RAM only on node {where}: {words}" if words else f"Kept by node {where} without a store"
-        yield [Cell(f"{text}, `undo --all` reverts it.", "dim")]
+        reverts = "" if result.not_remembered else ", `undo --all` reverts it"
+        yield [Cell(f"{text}{reverts}.", "dim")]
     for node_id, labels in result.kept_without.items():
         if labels and node_id not in stored:
             yield [Cell(f"Kept by node {node_id} without a store: {several(labels)}.", "dim")]
