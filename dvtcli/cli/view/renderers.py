@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.lines import Cell, Line, part
 from dvtcli.domain.several import several
 
 if TYPE_CHECKING:
@@ -36,6 +36,6 @@ def remarks(result: Result) -> Iterator[Line]:
     if lost:
         yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {several(lost)}")]
     for number, reason in enumerate(getattr(result, "reasons", ())):
-        yield [Cell("      " if number else "why:  ", "yellow"), Cell(reason)]
+        yield [Cell("      " if number else "why:  ", "yellow"), part(reason)]
     if result.remark:
         yield result.remark

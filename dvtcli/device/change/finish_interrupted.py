@@ -23,7 +23,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
-from dvtcli.domain.rules.finding import warning
+from dvtcli.domain.rules.no_way_back import restarted_finding
 from dvtcli.domain.several import several, value_text
 from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import (
@@ -150,8 +150,7 @@ class Recovery:
         node_id = self.node.node_id
         if self.node.bus.boot_ups(node_id) == self.boot_ups_read:
             return ()
-        text = f"node {node_id} restarted: what else it held in RAM only is lost"
-        return (warning("restarted", f"node {node_id}", text),)
+        return (restarted_finding(node_id),)
 
     def left_unknown(self) -> LeftChanged | None:
         """What is told, once it has ended, of objects that can be read no more; None if there are none."""

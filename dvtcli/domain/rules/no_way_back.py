@@ -19,6 +19,8 @@ RULES = (
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS; the family"),
     Rule("no-way-back", ERROR, "after the change a PDO could neither be put back nor be switched off and emptied",
          "ours; the EDS; the family"),
+    Rule("restarted-meanwhile", WARNING,
+         "a node restarted while it was put back: what else it held in RAM only is lost", "ours"),
 )  # fmt: skip
 
 _FIELDS = {
@@ -99,3 +101,9 @@ def left_as(before: PdoConfig, back: PdoConfig) -> str:
     """What becomes of a PDO that was *before* and is put *back*, in words."""
     off = [] if back.enabled else ["off", *([] if back.count else ["empty"])]
     return " and ".join([*off, *_parameters(back, before)])
+
+
+def restarted_finding(node_id: int) -> Finding:
+    """Return what is said of a node that restarted while it was put back."""
+    text = f"node {node_id} restarted: what else it held in RAM only is lost"
+    return warning("restarted-meanwhile", f"node {node_id}", text)

@@ -107,7 +107,7 @@ SAME = [
 
 def told(ran: Ran) -> list[dict[str, object]]:
     """The documents without what a clock or the dry run itself changes."""
-    changing = ("dry_run", "seconds", "stored", "ms", "state", "stays")
+    changing = ("dry_run", "seconds", "stored", "ms", "state", "stays", "stays_differing")
     return [{key: value for key, value in document.items() if key not in changing} for document in ran.documents]
 
 

@@ -174,7 +174,7 @@ def test_what_check_finds_in_the_new_file_is_said(tmp_path: Path, monkeypatch: p
         checked = bench.run("check net.yaml --json")
         errors = checked.document["files"][0]["count"]["error"]
         assert (ran.code, checked.code, errors > 0) == (0, 4, True), ran
-        assert f"{errors} error{'s' * (errors > 1)} by `check`, to be mended first: dvtcli check net.yaml" in ran.stdout
+        assert f"{errors} error{'s' * (errors > 1)}, to be mended first: dvtcli check net.yaml" in ran.stdout
         assert bench.run("import net.yaml eds --json --yes").document["errors"] == errors
     with Bench(("gen4@1",)) as bench:
         assert "Check it: dvtcli check live.yaml" in bench.run("import live.yaml").stdout

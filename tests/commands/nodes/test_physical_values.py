@@ -49,7 +49,7 @@ def test_what_a_virtual_pdo_writes_itself_is_said_in_its_unit(gen4: Bench) -> No
     said = gen4.run("write 60FF 1000rpm")
     assert said.code == 1
     assert "0x60FF:00 is -1500 rpm, expected 1000 rpm" in said.stderr
-    assert "a virtual PDO ties it: vpdo motor" in said.stderr
+    assert "a virtual PDO ties it: `dvtcli --sim gen4 vpdo motor`" in said.stderr
 
 
 def test_a_limit_is_written_in_volts(truck: Bench) -> None:
