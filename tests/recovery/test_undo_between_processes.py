@@ -320,7 +320,7 @@ def test_what_was_changed_from_a_node_is_undone_from_there_and_what_is_newer_els
         (finding,) = document["findings"]
         assert finding["rule"] == "newer-change"
         assert "node 3 was changed later" in finding["text"]
-        assert "-n 3 undo puts that back" in finding["text"]
+        assert "-n 3 undo` puts that back" in finding["hint"]
         assert json.loads(nodes.dvtcli("-n", "3", "undo", "--json").stdout)["pdo"] == "tpdo3"
         undone = nodes.dvtcli("-n", "1", "undo", "--json")
         document = json.loads(undone.stdout)

@@ -93,7 +93,12 @@ def test_nothing_is_said_of_examples_that_are_gone() -> None:
 def quick_first(lines: list[str]) -> list[Any]:
     """*lines*, of which the first of each command is quick."""
     first = {line.split()[0]: line for line in reversed(lines)}
-    return [pytest.param(line, marks=[pytest.mark.quick] * (line in first.values())) for line in lines]
+    return [pytest.param(line, marks=[pytest.mark.quick] * (line in first.values()) + _needed(line)) for line in lines]
+
+
+def _needed(line: str) -> list[pytest.MarkDecorator]:
+    """The mark of an example that needs a package which few have."""
+    return [pytest.mark.needs("matplotlib")] if line.endswith(".png") else []
 
 
 ENDING = [line for line in EXAMPLES if line not in kind("until") + kind("why_not")]
