@@ -59,6 +59,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         choices=("lot", "rest", "all"),
         help="of `drawn` tests: what the lot takes, the rest, or all [lot; all where some are named]",
     )
+    parser.addoption("--share", type=int, default=1, metavar="N", help="of `--cases rest`: one case of N, by lot [1]")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -127,9 +128,10 @@ def _order(items: list[pytest.Item]) -> None:
     processors have something to do meanwhile. What has something large to read once in a process, `together`, goes
     behind them to one part. Nothing else changes in the order that pytest-randomly made.
     """
-    early = [item for item in items if item.get_closest_marker("long")]
-    rest = [item for item in items if not item.get_closest_marker("long")]
-    rest.sort(key=lambda item: not item.get_closest_marker("together"))
+    marks = {item: sample.marks(item) for item in items}
+    early = [item for item in items if "long" in marks[item]]
+    rest = [item for item in items if "long" not in marks[item]]
+    rest.sort(key=lambda item: "together" not in marks[item])
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     ordered: list[pytest.Item] = []
     for number in range(workers):

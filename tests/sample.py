@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 from collections import defaultdict
 from collections.abc import Sequence
+from math import ceil
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,11 +18,11 @@ import pytest
 One = TypeVar("One")
 
 #: so many cases of a test a whole run takes, where the test says nothing else
-CASES = 4
+CASES = 3
 #: marks of what takes long, or waits, or needs what few machines have
-NOT_QUICK = ("counted", "kernel", "long", "needs", "together", "xfail")
-#: What takes a second of processor time or more by itself: a whole run takes some of all of them.
-heavy = pytest.mark.drawn(8, "heavy")
+NOT_QUICK = {"counted", "kernel", "long", "needs", "together", "xfail"}
+#: A test that takes a fifth of a second of processor time or more: a whole run takes some of all of them.
+heavy = pytest.mark.drawn(40, "heavy")
 
 
 def turn(config: pytest.Config) -> int:
@@ -43,12 +44,17 @@ def mark_many(items: Sequence[pytest.Item]) -> None:
     """
     of_test: dict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
-        if not any(item.get_closest_marker(name) for name in ("counted", "drawn")):
+        if not marks(item) & {"counted", "drawn"}:
             of_test[item.nodeid.partition("[")[0]].append(item)
     for cases in of_test.values():
         if len(cases) > CASES and not _is_law(cases[0]):
             for item in cases:
                 item.add_marker(pytest.mark.drawn(CASES))
+
+
+def marks(item: pytest.Item) -> set[str]:
+    """Return the names of the marks of *item*, its class and its file."""
+    return {mark.name for mark in item.iter_markers()}
 
 
 def _is_law(item: pytest.Item) -> bool:
@@ -57,34 +63,49 @@ def _is_law(item: pytest.Item) -> bool:
 
 
 def mark_quick(items: Sequence[pytest.Item]) -> None:
-    """Mark the first test of each file `quick`, unless what it is takes long; what else is quick says so itself."""
-    first: dict[Path, pytest.Item] = {}
-    for item in sorted(items, key=lambda item: (item.location[1] or 0, item.nodeid)):  # they come in a random order
-        drawn = item.get_closest_marker("drawn")
-        is_of_a_lot = drawn is not None and len(drawn.args) > 1  # each of those starts processes, or takes a second
-        if not (is_of_a_lot or _is_law(item) or any(item.get_closest_marker(name) for name in NOT_QUICK)):
-            first.setdefault(item.path, item)
-    for item in first.values():
+    """Mark the first test of each file `quick`, unless it takes long; other quick tests have the mark themselves."""
+    first: dict[Path, tuple[tuple[int, str], pytest.Item]] = {}
+    for item in items:  # they come in a random order
+        place = (_line(item), item.nodeid)
+        if (item.path not in first or place < first[item.path][0]) and not _takes_long(item):
+            first[item.path] = (place, item)
+    for _, item in first.values():
         item.add_marker(pytest.mark.quick)
+
+
+def _line(item: pytest.Item) -> int:
+    """Return the line where the function of *item* begins; `item.location` costs a second for all tests."""
+    code = getattr(getattr(item, "function", None), "__code__", None)
+    return int(code.co_firstlineno) if code else 0
+
+
+def _takes_long(item: pytest.Item) -> bool:
+    drawn = item.get_closest_marker("drawn")
+    starts_processes = drawn is not None and len(drawn.args) > 1  # a lot of several tests: each takes a second, too
+    return starts_processes or _is_law(item) or bool(marks(item) & NOT_QUICK)
 
 
 def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -> set[pytest.Item]:
     """Those cases of tests marked `drawn(N)` that do not run: all but N of each test, or, of the `rest`, those N.
 
-    With `drawn(N, NAME)` all tests of that name are one lot; a whole file may be. None whose cases are counted, or of
-    Hypothesis, is in such a lot: `.ci/run` asks for more of them.
+    Of the `rest`, only one case in `--share` runs. With `drawn(N, NAME)` all tests of that name are one lot; a whole
+    file may be. None whose cases are counted, or of Hypothesis, is in such a lot: `.ci/run` asks for more of them.
     """
+    share = config.getoption("share")
     cases: dict[tuple[str, int], list[pytest.Item]] = defaultdict(list)
     for item in items if wanted != "all" else ():
         marker = item.get_closest_marker("drawn")
         if marker is None:
             continue
         count, *name = marker.args
-        if not name or not any(item.get_closest_marker(kind) for kind in ("counted", "hypothesis")):
+        if not name or not marks(item) & {"counted", "hypothesis"}:
             cases[(name or [item.nodeid.partition("[")[0]])[0], count].append(item)
     out: set[pytest.Item] = set()
     for (test, count), of_test in cases.items():
         of_test.sort(key=lambda item: item.nodeid)
         drawn = set(part(of_test, count, config, test))
-        out |= drawn if wanted == "rest" else set(of_test) - drawn
+        if wanted == "rest":
+            rest = [item for item in of_test if item not in drawn]
+            drawn = set(part(rest, ceil(len(rest) / share), config, f"rest of {test}"))
+        out |= set(of_test) - drawn
     return out

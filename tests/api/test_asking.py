@@ -10,6 +10,7 @@ import dvtcli
 from dvtcli import errors
 from dvtcli.results import SyncCheck
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 
 def test_who_produces_sync_is_what_the_command_says() -> None:
@@ -72,6 +73,7 @@ def test_another_device_is_refused_before_anything_is_done_to_it() -> None:
                 node.require(**wrong)
 
 
+@heavy
 def test_a_node_as_a_script_brings_another_one_to_the_same(tmp_path: Path) -> None:
     with dvtcli.simulate("gen4") as bus:
         node = bus.node()

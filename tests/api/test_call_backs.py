@@ -12,6 +12,7 @@ import pytest
 import dvtcli
 from tests.posix import needs_signals
 from tests.process import PATIENCE_S, environment
+from tests.sample import heavy
 
 #: A network whose nodes hold something else than its file says.
 _NETWORK = """
@@ -39,6 +40,7 @@ def program(folder: Path, *lines: str) -> str:
     ).stdout  # fmt: skip
 
 
+@heavy
 def test_they_come_in_the_thread_that_called(tmp_path: Path) -> None:
     threads: set[int] = set()
 
@@ -57,6 +59,7 @@ def test_they_come_in_the_thread_that_called(tmp_path: Path) -> None:
     assert threads == {threading.get_ident()}
 
 
+@heavy
 def test_one_that_calls_the_bus_ends_a_change_of_several_nodes_which_is_put_back(tmp_path: Path) -> None:
     said = program(
         tmp_path,
@@ -72,6 +75,7 @@ def test_one_that_calls_the_bus_ends_a_change_of_several_nodes_which_is_put_back
     ]
 
 
+@heavy
 @pytest.mark.parametrize("presses", [1, 2])
 @needs_signals
 def test_ctrl_c_in_one_is_obeyed(tmp_path: Path, presses: int) -> None:
@@ -90,6 +94,7 @@ def test_ctrl_c_in_one_is_obeyed(tmp_path: Path, presses: int) -> None:
     assert said.splitlines()[1:] == ["[10, 10]"]
 
 
+@heavy
 @needs_signals
 def test_one_that_never_ends_is_left_by_a_second_ctrl_c(tmp_path: Path) -> None:
     said = program(

@@ -97,6 +97,7 @@ def test_nmt_is_judged_by_the_state_that_is_seen() -> None:
         assert not bus.node().nmt("start")
 
 
+@heavy
 def test_a_change_of_an_earlier_program_is_recovered(dvtcli_serve: Serve) -> None:
     served = dvtcli_serve("gen4@5")
     killed = """
@@ -416,6 +417,7 @@ def test_another_threads_call_is_no_part_of_a_dry_run() -> None:
         assert not bus.node().pdo("tpdo1").config.enabled
 
 
+@heavy
 def test_what_stood_or_fell_together_is_recovered_on_every_node(dvtcli_serve: Serve) -> None:
     served = dvtcli_serve("gen4@1", "gen4@3")
     killed = f"""
@@ -540,6 +542,7 @@ def test_a_wrong_sync_is_told(wrong: dict[str, Any]) -> None:
         bus.sync(**wrong)
 
 
+@heavy
 def test_an_answer_has_a_short_text() -> None:
     with dvtcli.simulate("gen4") as bus:
         node = bus.node()

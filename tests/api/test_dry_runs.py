@@ -16,6 +16,7 @@ from dvtcli import errors
 from dvtcli.simulator.network.family_file import family_eds
 from tests.posix import needs_signals
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 
 
 @pytest.fixture(autouse=True)
@@ -97,6 +98,7 @@ def test_what_another_bus_raises_in_it_says_how_that_ones_device_is() -> None:
         assert not any("twin" in said for _, said in refused.value.details)
 
 
+@heavy
 def test_buses_of_several_threads_are_independent() -> None:
     failed: list[BaseException] = []
 

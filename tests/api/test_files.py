@@ -15,6 +15,7 @@ from tests.sample import heavy
 WRONG = "[DeviceInfo]\nVendorNumber=0x1E\n[1000]\nParameterName=Device type\nDataType=0x0007\nDefaultValue=none\n"
 
 
+@heavy
 def test_findings_are_values_and_an_answer_is_true_where_nothing_is_wrong(tmp_path: Path) -> None:
     good, wrong = tmp_path / "good.eds", tmp_path / "wrong.eds"
     good.write_bytes(family_eds("gen4").read_bytes())
@@ -67,6 +68,7 @@ def test_the_library_is_filled_and_listed(tmp_path: Path) -> None:
         dvtcli.add_eds()
 
 
+@heavy
 def test_a_node_and_a_network_are_written_to_files_and_over_them_with_consent_only(tmp_path: Path) -> None:
     file, dcf, press = tmp_path / "drive.yaml", tmp_path / "drive.dcf", tmp_path / "press.yaml"
     with dvtcli.simulate("gen4@1", "tmcm@5") as bus:
@@ -89,6 +91,7 @@ def test_a_node_and_a_network_are_written_to_files_and_over_them_with_consent_on
     assert dvtcli.check_eds(dcf, profile="gen4")
 
 
+@heavy
 def test_a_folder_of_files_is_imported_without_asking_a_node(tmp_path: Path) -> None:
     folder, press = tmp_path / "eds", tmp_path / "press.yaml"
     folder.mkdir()

@@ -10,6 +10,7 @@ import pytest
 import dvtcli
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.results import LearnForecast, LearntDevice
+from tests.sample import heavy
 
 
 def held(node: dvtcli.Node) -> list[object]:
@@ -35,6 +36,7 @@ def test_a_device_is_learnt_kept_and_put_back(tmp_path: Path, monkeypatch: pytes
     assert "pump" in [row.name for row in dvtcli.profiles() if row.own]
 
 
+@heavy
 def test_a_dry_run_says_what_would_be_asked_and_asks_nobody() -> None:
     with dvtcli.simulate("generic") as bus, bus.dry_run():
         forecast = bus.node().learn()

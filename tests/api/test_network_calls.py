@@ -10,8 +10,10 @@ import pytest
 import dvtcli
 from dvtcli.errors import SafetyRefusal, UsageError
 from tests.process import ROOT
+from tests.sample import heavy
 
 
+@heavy
 def test_a_program_plans_and_applies_a_network_file(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     file.write_text("a: {node_id: 1, tpdo: {1: {event_timer: 70}}}\nb: {node_id: 5, tpdo: {1: {event_timer: 80}}}\n")
@@ -47,6 +49,7 @@ def test_load_of_a_file_and_of_the_nodes() -> None:
             bus.load(for_s=-1)
 
 
+@heavy
 def test_check_of_files_of_nodes_and_of_both(tmp_path: Path) -> None:
     file = ROOT / "examples" / "line.yaml"
     with dvtcli.simulate("gen4@1", "generic@5") as bus:

@@ -17,6 +17,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
 from tests.bus.scripted import NODE, Server, Steps, frame, message, well_behaved
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 
 Serve = Callable[..., tuple[CanBus, Server]]
 
@@ -376,6 +377,7 @@ def test_idle_ends_in_time(serve: Serve) -> None:
 # Threads --------------------------------------------------------------------------------------------------------
 
 
+@heavy
 @pytest.mark.parametrize("nodes", [list(range(1, 9)), [NODE] * 4, [NODE] * 8, [1, 1, 2, 2, 3, 3, 4, 4]])
 def test_many_threads_get_their_own_answers(serve: Serve, nodes: list[int]) -> None:
     def by_address(request: bytes) -> list[bytes]:

@@ -21,6 +21,7 @@ from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.bus.devices import device, dictionary
 from tests.house.laws.source_tree import SourceTree
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes
 from tests.virtual_time import VirtualTimeBus
@@ -252,6 +253,7 @@ class TestSimulation(CarriesFrames):
         assert len(beats) >= 14
         assert [round(later - one, 6) for one, later in pairwise(beats)] == [0.02] * (len(beats) - 1)
 
+    @heavy
     def test_a_thread_that_waits_hears_what_another_s_frame_brings(self, bus: CanopenBus) -> None:
         """Every answer goes to whom it belongs, whoever reads."""
         expected = {node_id: bus.sdo(node_id).upload(0x1018, 4) for node_id in (1, 2)}
@@ -301,6 +303,7 @@ class TestTwin(CarriesFrames):
         real.close()
 
 
+@heavy
 @pytest.mark.together
 def test_who_uses_a_bus_does_not_know_of_which_kind_it_is() -> None:
     """Only who opens one does; everybody else has the contract."""

@@ -11,10 +11,12 @@ import pytest
 
 from dvtcli.bus.discover import Found, adapters, find_interfaces, serial_ports
 from dvtcli.bus.opening import open_bus
+from tests.sample import heavy
 
 _NUMBERS = count(1)
 
 
+@heavy
 def test_drivers_are_asked_in_a_process_of_their_own() -> None:
     (found,) = adapters(["virtual"], patience_s=60)
     assert found.interface == "virtual"
@@ -42,6 +44,7 @@ def test_a_driver_that_takes_too_long_finds_nothing() -> None:
     assert adapters(["virtual"], patience_s=0.001) == []
 
 
+@heavy
 def test_looking_for_everything_never_fails() -> None:
     assert all(one.interface not in ("virtual", "udp_multicast", "socketcand") for one in find_interfaces())
 

@@ -184,6 +184,7 @@ class TestGateway(Contract):
         assert "closed the connection" in str(caught.value.why)
 
 
+@heavy
 @pytest.mark.parametrize("node_id", [1, 5])
 def test_map_verify_and_store_run_over_it(gateway: Gateway, node_id: int) -> None:
     options = Options(interface="line-gateway", channel=gateway.channel, node=node_id, yes=True, timeout=20)
@@ -214,6 +215,7 @@ def test_a_refusal_rolls_back_over_it(gateway: Gateway) -> None:
             open_wire(session)
 
 
+@heavy
 def test_scan_finds_nodes_over_it(gateway: Gateway) -> None:
     with Session(Options(interface="line-gateway", channel=gateway.channel), open_bus=opened) as session:
         assert [row.node for row in find_nodes(session, 5).rows] == [1, 2, 5]

@@ -20,6 +20,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate
 from tests.commands.bus import device
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
 IDS = (1, 2, 3)
@@ -53,6 +54,7 @@ def test_no_more_than_may_be_asked_at_once() -> None:
     assert order == [1, 2] * 3 + [3] * 3
 
 
+@heavy
 def test_a_fault_lets_the_others_end_and_begins_none() -> None:
     bus, order = VirtualTimeBus(devices(), faults=[Fault.parse("1:silent@1")]), list[int]()
     bus.most_at_once = 2

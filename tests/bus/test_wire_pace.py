@@ -13,6 +13,7 @@ from dvtcli.bus.wire_pace import AHEAD_S, LONGEST_WAIT_S, WirePace
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
 from tests.commands.bus import device
+from tests.sample import heavy
 from tests.wire_timed_bus import WireTimedBus
 
 HEARTBEAT_ID, HEARTBEAT_S = 0x700, 0.1
@@ -41,6 +42,7 @@ def reads(bus: WireTimedBus, node_id: int, until_s: float) -> Callable[[], None]
     return read
 
 
+@heavy
 @pytest.mark.parametrize(("count", "bitrate"), [(16, 125_000), (16, 250_000), (64, 250_000), (127, 500_000)])
 def test_no_node_starves_behind_those_with_lower_can_ids(count: int, bitrate: int) -> None:
     bus = nodes(count, bitrate, 0.002)
@@ -56,6 +58,7 @@ def test_no_node_starves_behind_those_with_lower_can_ids(count: int, bitrate: in
     assert bus.bits / bus.wire_bitrate > 0.94 * (bus.now_s() - began_s), "the wire is used"
 
 
+@heavy
 def test_without_a_pace_they_would() -> None:
     bus = nodes(16, 250_000, 0.002)
     bus.bitrate = None

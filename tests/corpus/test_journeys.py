@@ -8,7 +8,7 @@ import pytest
 
 from tests.corpus.journey import travel
 from tests.corpus.oddities import ODDITIES, OddFile, odd_files
-from tests.sample import turn
+from tests.sample import heavy, turn
 
 #: Of all ways to change a PDO, each one is taken on every so many PDOs.
 SHARE = 5
@@ -24,12 +24,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize("file", chosen, ids=[file.name for file in chosen])
 
 
+@heavy
 def test_nothing_goes_wrong(file: OddFile) -> None:
     journey = travel(file.write(Path.cwd()), SHARE)
     assert not journey.wrong, file.planted
     assert journey.outcomes[-1].step != "eds check", "it came to its end"
 
 
+@heavy
 def test_the_same_seed_makes_the_same_files() -> None:
     assert odd_files(len(ODDITIES) + 5, seed=3) == odd_files(len(ODDITIES) + 5, seed=3)
     assert odd_files(3, seed=3) != odd_files(3, seed=4)

@@ -21,6 +21,7 @@ from dvtcli.domain.profile import GENERIC, StorePolicy
 from dvtcli.domain.proof import POWER, RESET_NODE, Proof
 from dvtcli.errors import DeviceRefused, NoAnswer
 from tests.laws.bench import NODE, DirectBus, booted, dictionary, profile
+from tests.sample import heavy
 
 TPDO1 = Pdo.parse("tpdo1")
 HEARTBEAT = (0x1017, 0)
@@ -102,6 +103,7 @@ def test_after_a_restart_it_is_led_back_to_where_it_may_be_written() -> None:
     assert (held.pdos, lost) == (bench.node.pdos(), ())
 
 
+@heavy
 def test_nor_does_a_device_that_starts_itself_end_the_gate() -> None:
     bench = Bench("gen4")
     before = Held.now(bench.node)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.stamp import Stamp
+from tests.sample import heavy
 
 DAY_MS = 24 * 60 * 60 * 1000
 DATES, TIMES = st.integers(0, 0xFFFF_FFFF), st.integers(0, 0xFFFF_FFFF)
@@ -51,6 +52,7 @@ def test_whatever_a_device_holds_can_be_shown(days: int, ms: int) -> None:
     assert str(Stamp(days, ms))
 
 
+@heavy
 def test_one_in_9973_times_of_a_day_is_ours() -> None:
     own = sum(Stamp(1_000_000, ms).is_own for ms in range(DAY_MS // 100))
     assert own == DAY_MS // 100 // 9973 + 1 or own == DAY_MS // 100 // 9973

@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 from tests.process import PATIENCE_S, ROOT, environment
+from tests.sample import heavy
 
 
+@heavy
 def test_without_tkinter_one_error_names_the_package(tmp_path: Path) -> None:
     (tmp_path / "tkinter.py").write_text("raise ImportError(\"No module named '_tkinter'\")\n")
     done = subprocess.run(

@@ -129,6 +129,7 @@ def test_a_killed_change_is_put_back_by_recover(machine: Machine) -> None:
     assert "0x185" in machine.run("pdo", "tpdo1").stdout
 
 
+@heavy
 def test_a_damaged_journal_is_set_aside_with_a_name_that_windows_takes(machine: Machine) -> None:
     machine.killed(step=3)
     (journal,) = machine.journals()
@@ -300,6 +301,7 @@ def test_settings_are_read_and_kept_where_windows_has_them(tmp_path: Path) -> No
     assert ran.code == 0, ran.stderr
 
 
+@heavy
 def test_a_reader_that_leaves_is_no_error(tmp_path: Path) -> None:
     child = start(WINDOWS, tmp_path, "--sim", "gen4", "objects")
     assert child.stdout is not None

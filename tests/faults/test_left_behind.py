@@ -12,6 +12,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran, beside
 from tests.faults.matrix import _held
 from tests.network.bench import device
+from tests.sample import heavy
 
 FILE = """nodes:
   first: {node_id: 5, tpdo: {1: {transmission: 1, mapping: [6041, 6064]}}, rpdo: {1: {cob_id: 0x305}}}
@@ -102,6 +103,7 @@ def test_a_change_whose_roll_back_alters_another_pdo_names_that_one(line: str, a
             assert differing(before, devices) <= {(5, label(altered[:4])), (5, "TPDO1"), (5, "RPDO1")}
 
 
+@heavy
 def test_of_an_atomic_script_what_nobody_can_read_is_left_and_the_rest_is_as_before(tmp_path: Path) -> None:
     bench, devices = on(tmp_path)
     with bench:

@@ -6,7 +6,7 @@ import pytest
 
 from tests.faults.matrix import NEW, OLD, RECOVERED, TOLD, UNNOTICED, Cell, cells_of, groups, outcome
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, Start
-from tests.sample import part
+from tests.sample import heavy, part
 
 #: faults for each sequence in a long run
 MANY = 12
@@ -42,6 +42,7 @@ def test_the_same_cell_ends_the_same(fault: str) -> None:
     assert outcome(cell) == outcome(cell)
 
 
+@heavy
 def test_what_a_fault_of_each_kind_leaves() -> None:
     at = ("gen4", "map-tpdo", Start(operational=True, modified=True), 5)
     assert {fault: outcome(Cell(*at, fault)) for fault in ("refuse", "lose-response", "reset-0.6s")} == {

@@ -6,7 +6,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
@@ -116,7 +116,6 @@ def test_a_cut_off_capture_is_said_to_be_one(path: Path, suffix: str, length: in
     )
 
 
-@settings(max_examples=100)
 @given(
     style=STYLES, at=st.integers(0), new=st.binary(min_size=1, max_size=8), suffix=st.sampled_from([".pcapng", ".pcap"])
 )

@@ -20,6 +20,7 @@ from dvtcli.files.recording_formats import formats, written
 from dvtcli.files.recordings.recording_format import RecordingFormat
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING, frames
 from tests.house.source import PACKAGE
+from tests.sample import heavy
 
 #: formats that can be written here: .mf4 where asammdf is installed
 WRITABLE = [suffix for suffix in FORMATS if suffix != ".mf4" or find_spec("asammdf")]
@@ -51,7 +52,7 @@ def test_a_format_lacks_nothing() -> None:
 
 
 @pytest.mark.parametrize("suffix", [suffix for suffix in WRITABLE if suffix != ".mf4"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=max(8, settings().max_examples // 2), deadline=None)
 @given(sent=frames())
 def test_what_is_recorded_is_read_back(suffix: str, sent: list[Frame]) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -90,6 +91,7 @@ def test_formats_that_cannot_be_appended_say_so(tmp_path: Path, suffix: str) -> 
     assert ".blf .log" in typed(caught.value.hint)
 
 
+@heavy
 @pytest.mark.parametrize("suffix", ROTATING)
 def test_rotation_loses_no_frame(tmp_path: Path, suffix: str) -> None:
     sent = [Frame(0x181, n.to_bytes(8, "little"), timestamp_s=BEGIN_S + n / 100) for n in range(6000)]

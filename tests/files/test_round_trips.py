@@ -27,6 +27,7 @@ from tests.corpus.oddities import ODDITIES, odd_files
 from tests.corpus.round_trips import WAYS, round_trip, travelled
 from tests.house.source import PACKAGE
 from tests.real_files import real_files
+from tests.sample import heavy
 from tests.small_xdd import COMMISSIONING, OBJECTS, variable, xdd
 
 FAMILIES = sorted(PACKAGE.glob("families/*/*.eds"))
@@ -262,6 +263,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("described", paths, ids=[one.name for one in paths])
 
 
+@heavy
 def test_what_a_file_says_about_itself_stays_or_is_named(described: Path, tmp_path: Path) -> None:
     before = file_info_of(described)
     direct, of_direct, back, of_way = copies(described, tmp_path)
@@ -277,6 +279,7 @@ def test_what_a_file_says_about_itself_stays_or_is_named(described: Path, tmp_pa
     }, of_direct
 
 
+@heavy
 def test_where_nothing_is_said_to_be_lost_every_key_is_there(described: Path, tmp_path: Path) -> None:
     before = keys_of(described)
     direct, of_direct, back, of_way = copies(described, tmp_path)

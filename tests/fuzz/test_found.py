@@ -24,6 +24,7 @@ from dvtcli.operations.user.settings import File
 from dvtcli.operations.user.settings_search import Found
 from tests.commands.bench import Bench
 from tests.fuzz.server import NODE, HostileLink
+from tests.sample import heavy
 
 
 @pytest.mark.parametrize(
@@ -157,6 +158,7 @@ def test_a_segment_acknowledged_before_it_was_sent_is_not_acknowledged() -> None
         client(premature).download(0x2000, 0, bytes(14))
 
 
+@heavy
 @pytest.mark.parametrize("announced", [None, 0xFFFF_FFFF])
 def test_an_upload_that_never_ends_is_a_protocol_error(announced: int | None) -> None:
     def endless(request: bytes) -> Iterator[bytes]:

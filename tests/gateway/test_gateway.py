@@ -320,7 +320,7 @@ def test_whatever_is_said_the_next_line_is_answered(said: list[bytes]) -> None:
 
 
 @pytest.mark.long
-@settings(max_examples=max(10, settings().max_examples // 4))  # of each, two devices from their start on
+@settings(max_examples=max(2, settings().max_examples // 4))  # of each, two devices from their start on
 @given(st.sampled_from(FAMILIES), wishes())
 def test_lines_through_the_gateway_make_the_device_that_apply_makes(family: str, wish: str) -> None:
     path = network_file(Path(), wish)

@@ -33,6 +33,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
+@heavy
 def test_a_plan_is_written_as_lines_and_run(file: Path) -> None:
     lines = file.with_suffix(".309")
     with Bench(("generic@4",), {"yes": True}) as bench:
@@ -81,7 +82,7 @@ def test_lines_of_a_device_file_keep_what_apply_refuses(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@settings(max_examples=max(10, settings().max_examples // 4))  # of each, two devices from their start on
+@settings(max_examples=max(2, settings().max_examples // 4))  # of each, two devices from their start on
 @given(st.sampled_from(FAMILIES), wishes())
 def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: str) -> None:
     path = network_file(Path(), wish)
@@ -98,7 +99,7 @@ def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: 
 
 
 @pytest.mark.long
-@settings(max_examples=max(10, settings().max_examples // 4))  # of each, two devices from their start on
+@settings(max_examples=max(2, settings().max_examples // 4))  # of each, two devices from their start on
 @given(st.sampled_from(FAMILIES), wishes())
 def test_what_a_session_saves_as_lines_makes_the_device_that_it_made(family: str, wish: str) -> None:
     path = network_file(Path(), wish)

@@ -17,7 +17,9 @@ from tests.laws.configurations import legal
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(
+    max_examples=max(3, settings().max_examples // 12), deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 @given(data=st.data())
 def test_planned_or_as_it_was(family: str, data: st.DataObject) -> None:
     bus = simulate([booted(family)])

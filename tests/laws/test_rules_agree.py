@@ -14,9 +14,7 @@ from dvtcli.errors import SdoAborted
 from tests.laws.bench import FAMILIES, NODE, DirectSdo, booted, dictionary, profile
 from tests.laws.configurations import legal, wild
 
-laws = settings(
-    max_examples=max(30, settings().max_examples), deadline=None, suppress_health_check=[HealthCheck.too_slow]
-)
+laws = settings(max_examples=settings().max_examples, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 families = pytest.mark.parametrize("family", FAMILIES)
 
 

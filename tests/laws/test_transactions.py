@@ -44,7 +44,7 @@ from tests.laws.configurations import legal
 
 Configs = dict[Pdo, PdoConfig]
 laws = settings(
-    max_examples=max(10, settings().max_examples // 5), deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=max(3, settings().max_examples // 5), deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 families = pytest.mark.parametrize("family", FAMILIES)
 TPDO1 = Pdo(Direction.TPDO, 1)

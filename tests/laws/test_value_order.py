@@ -41,7 +41,7 @@ Values = dict[Place, bytes]
 SLOTS = (1, 2, 3)
 _SIZES = {0x1017: 2, 0x1019: 1}
 laws = settings(
-    max_examples=max(10, settings().max_examples // 3), deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=max(3, settings().max_examples // 3), deadline=None, suppress_health_check=list(HealthCheck)
 )
 
 
@@ -196,7 +196,7 @@ def test_the_fewest_writes() -> None:
     assert order((0x1014, 0, 0x81, 0x82)) == [(0x1014, 0, 0x8000_0081), (0x1014, 0, 0x82)]
 
 
-@settings(max_examples=max(4, settings().max_examples // 20), deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=max(2, settings().max_examples // 20), deadline=None, suppress_health_check=list(HealthCheck))
 @given(start=configurations("rich"), wanted=configurations("rich"), at=st.integers(1, 12))
 def test_apply_of_a_file_does_so_too(start: Values, wanted: Values, at: int) -> None:
     writes = len(plan_to(device("rich"), start))

@@ -18,6 +18,7 @@ from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted, differing
 from tests.learn.test_put_back import values
 from tests.learn.virtual import VirtualWire
+from tests.sample import heavy
 from tests.small_eds import U16, communication, plain, var
 
 EDS = family_eds("generic")
@@ -46,6 +47,7 @@ LACKING = [
 ]
 
 
+@heavy
 @pytest.mark.parametrize("absent", LACKING, ids=["event timer", "two", "a PDO", "entries", "storage"])
 def test_what_the_device_lacks_is_lacking(absent: dict[tuple[int, int], int]) -> None:
     listed = read_eds(EDS).dictionary
@@ -79,6 +81,7 @@ def limited(path: Path, *, narrow: bool) -> Path:
     return path
 
 
+@heavy
 @pytest.mark.parametrize("checked", [True, False], ids=["checked", "not checked"])
 def test_limits_of_the_file_are_learnt(checked: bool, tmp_path: Path) -> None:
     eds = limited(tmp_path / "limited.eds", narrow=not checked)
@@ -94,6 +97,7 @@ def test_limits_of_the_file_are_learnt(checked: bool, tmp_path: Path) -> None:
     assert {taken["inhibit time below its limit"], taken["event timer above its limit"]} == {not checked}
 
 
+@heavy
 def test_the_file_that_described_a_node_describes_it_after_what_was_learnt_is_kept() -> None:
     """Its identity leads to the learnt profile now; it led to one that comes with dvtcli, and from there to the EDS."""
     wire = VirtualWire(device("gen4"))

@@ -15,6 +15,7 @@ from dvtcli.simulator.network.family_file import load_family
 from tests.laws.bench import dictionary
 from tests.learn.cells import some
 from tests.learn.virtual import VirtualWire
+from tests.sample import heavy
 
 NO = 0x0602_0000
 FAMILIES = ("canopennode", "generic", "lely")
@@ -39,6 +40,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     some(metafunc, "family,check", every, 2)
 
 
+@heavy
 @pytest.mark.parametrize("operational", [False, True], ids=["PRE-OPERATIONAL", "OPERATIONAL"])
 def test_a_device_that_refuses_one_thing_is_as_it_was(family: str, check: str, operational: bool) -> None:
     one = refusing(family, check)
@@ -51,6 +53,7 @@ def test_a_device_that_refuses_one_thing_is_as_it_was(family: str, check: str, o
     assert ran.code == 0, ran
 
 
+@heavy
 def test_entries_that_do_not_go_back_are_asked_of_a_pdo_whose_do() -> None:
     """Unused entries hold 0, which such a device does not take: a PDO that maps something is asked instead."""
     one = refusing("canopennode", "entry-zero")

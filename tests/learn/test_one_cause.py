@@ -18,6 +18,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench, Ran
 from tests.learn.virtual import VirtualWire
+from tests.sample import heavy
 from tests.small_eds import Eds, plain, var
 
 #: data types by length in bits, of more than one kind where there is one
@@ -48,6 +49,7 @@ def values(ran: Ran, where: str = "profile") -> dict[str, object]:
     return {value["key"]: value["value"] for value in ran.document[where]}
 
 
+@heavy
 def test_a_boolean_that_a_granularity_of_8_keeps_out_says_nothing_of_its_access(tmp_path: Path) -> None:
     eds = described([("rw", 0x01), ("ro", 0x05), ("rw", 0x05), ("ro", 0x07)])
     ran = learnt(tmp_path, eds, replace(load_family("generic"), granularity=8))
@@ -112,7 +114,7 @@ taking = st.sets(st.sampled_from([Access.RW, Access.RWW, Access.WO]), min_size=1
 
 @settings(
     deadline=None,
-    max_examples=max(10, settings().max_examples // 4),
+    max_examples=max(3, settings().max_examples // 4),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     phases=(Phase.explicit, Phase.generate),  # a device is small as it is drawn, and each takes a second to learn
 )

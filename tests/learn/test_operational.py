@@ -17,6 +17,7 @@ from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted
 from tests.learn.test_put_back import values
 from tests.learn.virtual import VirtualWire, own
+from tests.sample import heavy
 
 EDS = family_eds("generic")
 PDOS, MAPPINGS = (0x1400, 0x1BFF), (0x1600, 0x17FF)
@@ -58,6 +59,7 @@ def test_what_operational_refuses_is_learnt(behaviour: dict[str, object], gate: 
         assert put(booted(EDS, node.family), question) == put(booted(EDS, learnt), question), question
 
 
+@heavy
 def test_without_isolated_operational_says_nothing() -> None:
     family = replace(load_family("generic"), pre_operational_writes=(PDOS,))
     node = StrictDevice(read_eds(EDS).dictionary, family, 1)
@@ -70,6 +72,7 @@ def test_without_isolated_operational_says_nothing() -> None:
     assert {row["why"] for row in asked} == {"only while nothing else is on the bus, and the node is OPERATIONAL"}
 
 
+@heavy
 def test_what_is_not_asked_of_an_enabled_pdo_in_operational_is_said_with_the_reason() -> None:
     with own("tmcm") as bench:
         assert bench.run("nmt start").code == 0
@@ -91,6 +94,7 @@ def test_a_family_s_other_ranges_stay() -> None:
     assert found.value == [[0x1A00, 0x1BFF], [0x1010, 0x1011], [0x13F0, 0x13FF], [0x1C00, 0x1C05], [0x3000, 0x3400]]
 
 
+@heavy
 def test_rules_that_hold_in_operational_only_are_learnt() -> None:
     family = replace(load_family("generic"), pdo_rules_always=False)
     node = StrictDevice(read_eds(EDS).dictionary, family, 1)

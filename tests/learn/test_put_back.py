@@ -16,6 +16,7 @@ from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import device
 from tests.learn.virtual import VirtualWire
+from tests.sample import heavy
 from tests.small_eds import U8, communication, plain, var
 
 #: With its 5th download the node alters TPDO1, which is not asked.
@@ -27,6 +28,7 @@ def held(bench: Bench) -> Mapping[Pdo, PdoConfig]:
     return {pdo: read_pdo(node.sdo, pdo) for pdo in present_pdos(node.sdo, node.dictionary)}
 
 
+@heavy
 @pytest.mark.parametrize("fault", ["", "lose-response@30", "reset@30", "refuse@40=0x08000021"])
 def test_what_is_altered_beside_is_put_back_however_it_ends(fault: str) -> None:
     faults = (ALTERS, fault) if fault else (ALTERS,)
@@ -76,6 +78,7 @@ def values(node: StrictDevice) -> Mapping[tuple[int, int], bytes]:
     return {(index, sub): node.value(index, sub) for index in indices for sub in node.dictionary[index].entries}
 
 
+@heavy
 @pytest.mark.parametrize("stamp", [Stamp.of("a file"), Stamp(15_000, 1)], ids=["ours", "another's"])
 def test_a_stamp_that_the_device_clears_meanwhile_is_put_back(stamp: Stamp) -> None:
     wire = VirtualWire(one := device("generic"))

@@ -27,6 +27,7 @@ from tests.learn.questions import Question, put
 from tests.learn.test_consent import sent
 from tests.learn.test_learnt_families import booted
 from tests.learn.virtual import VirtualWire
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 SAVE = int.from_bytes(b"save", "little")
@@ -53,6 +54,7 @@ def ran() -> Iterator[tuple[Ran, list[bytes], StrictDevice]]:
         yield bench.run("learn --with-store --yes --json"), signatures(wire), node
 
 
+@heavy
 def test_it_is_told_to_save_once_wrongly_and_once_rightly(ran: tuple[Ran, list[bytes], StrictDevice]) -> None:
     answered, written, _ = ran
     assert (answered.code, written, answered.document["saves"]) == (0, [bytes(4), b"save"], 2), answered
@@ -69,6 +71,7 @@ def test_what_is_saved_is_what_it_was_found_with(ran: tuple[Ran, list[bytes], St
     assert {place: data for place, data in kept.items() if data != fresh.value(*place)} == {}
 
 
+@heavy
 def test_without_the_option_nothing_is_saved_and_what_it_says_is_learnt() -> None:
     wire = VirtualWire(made(store_capability=3, restore_capability=1))
     with wire.bench({"eds": str(EDS)}) as bench:
@@ -81,6 +84,7 @@ def test_without_the_option_nothing_is_saved_and_what_it_says_is_learnt() -> Non
     assert why["save"] == why["wrong signature"] == "only with --with-store"
 
 
+@heavy
 @pytest.mark.parametrize(
     ("behaviour", "written"),
     [
@@ -129,6 +133,7 @@ def test_how_a_device_that_saves_by_itself_is_asked_about() -> None:
         assert "written up to" in asked
 
 
+@heavy
 @pytest.mark.parametrize("signature", [1, 2])
 def test_a_device_that_restarts_at_a_signature_is_as_it_was_and_may_have_saved(signature: int) -> None:
     wire = VirtualWire(made())
@@ -160,6 +165,7 @@ def opened(node: StrictDevice, *faults: str) -> Iterator[Session]:
             yield session
 
 
+@heavy
 def test_where_no_answer_to_save_came_in_time_nobody_says_that_nothing_was_stored() -> None:
     node = made()
     with opened(node, "slow-store=25") as session, pytest.raises(NoAnswer) as raised:
@@ -169,6 +175,7 @@ def test_where_no_answer_to_save_came_in_time_nobody_says_that_nothing_was_store
     assert node.value(0x1800, 2) == b"\x01"
 
 
+@heavy
 @pytest.mark.parametrize(("answer", "unstored"), [(0, ["TPDO1"]), (0x08000020, [])])
 def test_only_save_stores_what_was_not_stored(answer: int, unstored: list[str]) -> None:
     with opened(made(wrong_signature=answer)) as session:

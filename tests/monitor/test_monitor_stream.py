@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from tests.process import PATIENCE_S, documents, dvtcli, start
+from tests.sample import heavy
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
 
@@ -32,6 +33,7 @@ def test_changes_and_filter_leave_out_what_says_nothing_new() -> None:
     assert [one["pdo"] for one in found] == ["tpdo2"]
 
 
+@heavy
 def test_a_bus_from_outside_until_ctrl_c(tmp_path: Path) -> None:
     with served(tmp_path, "gen4@5") as server:
         words = [sys.executable, "-m", "dvtcli", *bus_words(server.port), "monitor", "--nodes", "5"]

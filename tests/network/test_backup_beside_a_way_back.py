@@ -9,10 +9,12 @@ import pytest
 from dvtcli.errors import DeviceRefused
 from tests.commands.bench import Bench
 from tests.network.bench import Chain
+from tests.sample import heavy
 
 PART = "  tpdo: {2: {mapping: [6041, 606C]}, 1: {event_timer: 70}}\n"
 
 
+@heavy
 def test_what_is_taken_back_is_no_state_to_go_back_to(home: Path) -> None:
     folder, path = home.parent / "files", home.parent / "net.yaml"
     folder.mkdir()

@@ -11,6 +11,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
 from dvtcli.operations.recover.recover_change import recover
 from tests.network.bench import Chain, Heard
+from tests.sample import heavy
 
 PART = "  heartbeat_producer: 300\n  tpdo: {2: {mapping: [6041, 606C]}, 1: {event_timer: 70}}\n"
 
@@ -33,6 +34,7 @@ class Cut(Heard):
             self.cut = not self.left
 
 
+@heavy
 @pytest.mark.parametrize("writes", [17, 18])
 def test_after_each_store_it_is_said_who_has_stored_and_who_may_have(home: Path, writes: int) -> None:
     folder, path = home.parent / "files", home.parent / "net.yaml"
@@ -141,6 +143,7 @@ def test_of_nodes_that_were_not_begun_nobody_says_that_they_were_read_back(home:
     )
 
 
+@heavy
 def test_beside_one_that_is_left_changed_too(home: Path) -> None:
     chain, path = refused(home, "7:silent@1")
     with pytest.raises(LeftChanged) as raised:
@@ -150,6 +153,7 @@ def test_beside_one_that_is_left_changed_too(home: Path) -> None:
     assert others == ["node 5: as before, read back equal", "node 9: nothing was written to it"]
 
 
+@heavy
 @pytest.mark.parametrize("node_id", [7, 9])
 def test_a_bus_that_is_gone_once_all_is_back_replaces_no_fault(home: Path, node_id: int) -> None:
     chain, path = refused(home, f"{node_id}:refuse@1=0x06090030", Dead)

@@ -16,6 +16,7 @@ from dvtcli.operations.user.options import checked
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.laws.bench import dictionary
+from tests.sample import heavy
 from tests.wire_timed_bus import WireTimedBus
 
 OPERATIONAL, PRE_OPERATIONAL = b"\x05", b"\x7f"
@@ -83,6 +84,7 @@ class BusyBus(WireTimedBus):
         return highest / self.wire_bitrate
 
 
+@heavy
 def test_reading_64_nodes_leaves_the_load_at_the_share_while_one_runs() -> None:
     bus = BusyBus(250_000, 0.3, OPERATIONAL, 0.002, count=64)
     bus.sleep(0.5)

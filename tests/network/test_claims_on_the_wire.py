@@ -19,7 +19,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.network.bench import device
 from tests.network.test_read_together import sampled
-from tests.sample import part
+from tests.sample import heavy, part
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 
@@ -156,6 +156,7 @@ def claimed(command: str) -> list[Place]:
     return [*HELD.values(), *(EQUAL.values() if command in OF_BOTH else ())]
 
 
+@heavy
 @pytest.mark.parametrize("command", COMMANDS)
 def test_all_that_is_claimed_is_read_behind_the_last_download(tmp_path: Path, command: str) -> None:
     press = machine(tmp_path, command)
@@ -194,6 +195,7 @@ def test_what_a_write_alters_besides_is_no_success(tmp_path: Path, command: str,
         clean(tmp_path)
 
 
+@heavy
 @pytest.mark.parametrize("place", [(5, 0x1801, 2), (5, 0x1801, 5), (5, 0x1800, 3)])
 def test_undo_of_several_nodes_reads_also_what_was_set_back_already(tmp_path: Path, place: Place) -> None:
     changes = ["set 5:tpdo2 --timer 50", "set 5:tpdo1 --timer 20", "set 9:tpdo1 --timer 20", "set 5:tpdo2 --timer 0"]
@@ -244,6 +246,7 @@ def test_a_node_that_restarts_after_any_answer(
         clean(tmp_path)
 
 
+@heavy
 def test_the_other_pdos_of_all_nodes_are_looked_at_before_the_first_store(tmp_path: Path) -> None:
     written(
         tmp_path,

@@ -19,6 +19,7 @@ from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.plans.link_pdos import link_pdos
 from tests.network.bench import Chain
 from tests.network.test_many_nodes import Unheard, written
+from tests.sample import heavy
 
 #: node 6 holds it in RAM only, as `device` makes it
 EQUAL = "  equal: {node_id: 6, tpdo: {1: {event_timer: 33}}}\n"
@@ -64,6 +65,7 @@ def test_it_restarts_while_another_one_is_written(tmp_path: Path) -> None:
     assert (chain.held()[5], chain.journals()) == (before, [])
 
 
+@heavy
 def test_it_restarts_and_holds_it_all_the_same(tmp_path: Path) -> None:
     chain, file = two(tmp_path)
     chain.devices[6]._memory.save(0x1800, 0x1800)

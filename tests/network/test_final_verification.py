@@ -14,6 +14,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran, beside
 from tests.faults.matrix import snapshot, stored_pdos
 from tests.network.bench import device
+from tests.sample import heavy
 
 #: what the device alters when a PDO of it is enabled, as `--fault` writes it: another PDO, and a single object
 ALTERED = ["1801:2:0x05", "1801:5:0x0063", "1017:0:0x0123"]
@@ -70,6 +71,7 @@ def test_a_network_file(tmp_path: Path, altered: str, store: str) -> None:
     assert stored_pdos(of) == stored
 
 
+@heavy
 @pytest.mark.parametrize("altered", ALTERED)
 @pytest.mark.parametrize("line", WRITERS)
 def test_a_file_of_a_device(tmp_path: Path, altered: str, line: str) -> None:
@@ -81,6 +83,7 @@ def test_a_file_of_a_device(tmp_path: Path, altered: str, line: str) -> None:
             refused(bench.run(f"{command} {file}"), was, of)
 
 
+@heavy
 @pytest.mark.parametrize("altered", ALTERED[:2])
 def test_no_node_stores_if_a_pdo_of_another_one_was_altered(tmp_path: Path, altered: str) -> None:
     """The file says nothing of TPDO2: one node stored, the other was refused, a power cycle left a mixture."""
@@ -120,6 +123,7 @@ def test_a_node_that_only_stores_is_read_before_another_one_stores(tmp_path: Pat
     assert [stored_pdos(of) for of in devices] == stored
 
 
+@heavy
 def test_a_setting_that_the_file_says_and_nobody_writes(tmp_path: Path) -> None:
     """The device alters it with a PDO: nothing would put it back, so it is said that it is left."""
     with Bench(("gen4",), {"yes": True}) as bench:

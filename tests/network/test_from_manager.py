@@ -14,6 +14,7 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import UsageError
 from dvtcli.files.network.read_network import read_network_file
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.small_eds import U8, U32, Eds, communication, plain, var
 
 VENDOR, PRODUCT = 0x1234, 0x55
@@ -88,6 +89,7 @@ def expect(bench: Bench, node_id: int, vendor: int, product: int) -> None:
         bench.session.node(12).sdo.download(index, node_id, number.to_bytes(4, "little"))
 
 
+@heavy
 @pytest.mark.parametrize(
     ("file", "families"),
     [

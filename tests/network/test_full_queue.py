@@ -22,6 +22,7 @@ from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import device
+from tests.sample import heavy
 from tests.served_nodes import ServedNodes
 from tests.surroundings import HOMES
 
@@ -44,6 +45,7 @@ class OftenFull(VirtualBus):
         self.left = 0 if self.taken % _EVERY else _TRIES
 
 
+@heavy
 def test_a_queue_that_is_full_in_the_middle_of_an_apply_is_a_wait(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

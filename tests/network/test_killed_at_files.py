@@ -21,7 +21,7 @@ from tests.faults.matrix import Snapshot
 from tests.network.bench import Chain, Heard
 from tests.network.killed import Watched, afterwards, in_own_process
 from tests.network.test_network_faults import OPERATIONAL, STEPS, storing
-from tests.sample import part
+from tests.sample import heavy, part
 
 _listeners: list[Callable[[Path], None]] = []
 
@@ -152,6 +152,7 @@ def _wherever_recover_ends(home: Path, pytestconfig: pytest.Config) -> None:
     assert wrong == {}
 
 
+@heavy
 def test_recover_finds_the_journals_of_another_folder(home: Path) -> None:
     """Killed with one `--journal`, recovered with another one: each node's lock notes where its journal is."""
     chain = network(home, "files", Watched)

@@ -16,7 +16,7 @@ from examples.many_nodes import network
 from tests.network.bench import Chain, Heard
 from tests.network.killed import afterwards
 from tests.network.test_network_faults import FAULTS
-from tests.sample import part, turn
+from tests.sample import heavy, part, turn
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 
@@ -64,6 +64,7 @@ def own_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv(name, str(tmp_path / "home"))
 
 
+@heavy
 def test_a_plan_for_many_nodes_is_empty_once_it_was_applied(tmp_path: Path) -> None:
     chain, file = many(tmp_path, 4)
     assert chain.plan(file).plan.writes == 36 * 4

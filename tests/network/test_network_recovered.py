@@ -14,7 +14,7 @@ from dvtcli.operations.recover.recover_change import recover
 from tests.network.bench import Chain, Heard
 from tests.network.killed import Watched, afterwards
 from tests.network.test_network_faults import OPERATIONAL, STEPS, ideal
-from tests.sample import part
+from tests.sample import heavy, part
 
 
 @pytest.mark.counted
@@ -52,6 +52,7 @@ def applied(home: Path) -> Chain:
     return Chain(home.parent / "files", bus=Watched)
 
 
+@heavy
 def test_an_undo_of_all_nodes_goes_back_in_phases(applied: Chain) -> None:
     before, stored = applied.held(), applied.stored()
     applied.apply()

@@ -14,6 +14,7 @@ import pytest
 from dvtcli.domain.pdo import Pdo
 from tests.network.bench import Chain
 from tests.network.test_many_nodes import Unheard, many
+from tests.sample import heavy
 
 PDOS = [Pdo.parse(f"{direction}{number}") for direction in ("tpdo", "rpdo") for number in range(1, 5)]
 
@@ -67,6 +68,7 @@ def cob_ids(pdos: list[Pdo]) -> set[str]:
     return {f"{pdo.communication_index:04X}:01" for pdo in pdos}
 
 
+@heavy
 @pytest.mark.parametrize("count", [1, 4])
 def test_where_all_pdos_change_each_is_read_whole_twice_after_that(tmp_path: Path, count: int) -> None:
     bus = counted(*many(tmp_path, count, bus=Counted))

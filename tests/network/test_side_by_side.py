@@ -44,6 +44,7 @@ def chain(home: Path, name: str, faults: list[str] | None = None, bus: type[Watc
     return Chain(home.parent / name, faults, bus=bus, operational=False)
 
 
+@heavy
 def test_the_same_is_done_in_less_time(home: Path) -> None:
     ends = []
     for name, bus in (("one", OneByOne), ("all", Watched)):
@@ -106,6 +107,7 @@ def stopped(made: Chain, at: int, stop: Callable[[Session], None]) -> Interrupte
     return raised.value
 
 
+@heavy
 @pytest.mark.parametrize("at", [1, 14, 30])
 def test_a_request_to_stop_takes_every_node_back_and_says_how_far_it_was(home: Path, at: int) -> None:
     def stop(session: Session) -> None:
@@ -115,6 +117,7 @@ def test_a_request_to_stop_takes_every_node_back_and_says_how_far_it_was(home: P
     assert said.text.startswith("stopped at node ")
 
 
+@heavy
 @pytest.mark.parametrize("at", [1, 14, 30])
 def test_whoever_tears_it_apart_finds_every_node_as_before(home: Path, at: int) -> None:
     def tear(session: Session) -> None:
@@ -126,6 +129,7 @@ def test_whoever_tears_it_apart_finds_every_node_as_before(home: Path, at: int) 
     assert said.text.startswith("stopped at once at node ")
 
 
+@heavy
 def test_a_stop_while_a_plan_is_read_is_obeyed_wherever_it_comes(home: Path) -> None:
     """What is read ahead of several nodes is read in threads: whatever ends one of them ends the plan."""
     made = chain(home, "files", bus=Torn)

@@ -15,6 +15,7 @@ from dvtcli.operations.user.telling import Silent
 from tests.network.bench import Chain
 from tests.network.killed import Watched
 from tests.network.test_network_stores import TYPE, file, stored_type, types, while_storing
+from tests.sample import heavy
 
 
 @dataclass
@@ -76,6 +77,7 @@ def test_one_while_the_first_stores_says_that_the_others_do_so_too(chain: Chain,
     assert {chain.stored()[node_id][TYPE] for node_id in (5, 9)} == {b"\x01"}
 
 
+@heavy
 def test_a_second_one_says_of_each_node_whether_it_stored(chain: Chain, home: Path) -> None:
     with chain.session() as session:
 

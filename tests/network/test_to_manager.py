@@ -20,6 +20,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench, beside
+from tests.sample import heavy
 from tests.small_eds import plain, var
 
 FILE = """io:
@@ -137,6 +138,7 @@ def test_it_asks_and_a_dry_run_writes_nothing() -> None:
         assert (dry.code, held(bench, 0x1F22, 4)) == (0, before), dry
 
 
+@heavy
 def test_who_is_left_out_is_said() -> None:
     Path("net.yaml").write_text(FILE + OTHERS, "utf-8")
     with Bench((), {"yes": True}, beside([unknown(2), on_bus(manager(expects=False))])) as bench:
@@ -206,6 +208,7 @@ def test_a_node_that_only_its_device_tells_is_known_as_plan_knows_it() -> None:
         assert (ran.code, "is left out: no EDS is known of it" in ran.stderr) == (2, True)
 
 
+@heavy
 def test_a_changed_download_is_shown_object_by_object() -> None:
     with Bench((manager(),), {"yes": True}) as bench:
         new = bench.run("plan net.yaml --to-manager 10").stdout

@@ -12,7 +12,7 @@ from dvtcli.errors import DvtcliError, LeftChanged
 from tests.network.bench import CHAIN, Chain
 from tests.network.drawn_cells import JOBS, draw, outcome, own_folder
 from tests.network.test_network_faults import FAULTS, ideal
-from tests.sample import turn
+from tests.sample import heavy, turn
 
 
 def drawn(lot: random.Random) -> list[str]:
@@ -68,6 +68,7 @@ def test_nothing_is_claimed_that_a_drawn_network_with_two_faults_does_not_hold(p
 ONCE_WRONG = ("r-67", "r-69", "r-214")
 
 
+@heavy
 @pytest.mark.parametrize("seed", ONCE_WRONG)
 def test_a_cell_that_was_wrong(seed: str) -> None:
     with own_folder() as folder:

@@ -17,6 +17,7 @@ from dvtcli.operations.user.telling import Silent
 from dvtcli.operations.whole_device.compare_pdos import verify
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
+from tests.sample import heavy
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 
@@ -98,6 +99,7 @@ def test_it_is_said_by_each_command_that_asks_several_nodes(tmp_path: Path, does
         assert noted(tmp_path, "saved") == [NOTE]
 
 
+@heavy
 def test_it_is_said_once_a_session(tmp_path: Path) -> None:
     assert noted(tmp_path, "all") == [NOTE]
 
@@ -117,6 +119,7 @@ def test_it_is_said_once_a_bus_that_was_gone_and_is_back(tmp_path: Path) -> None
     assert told.notes == [NOTE]
 
 
+@heavy
 def test_it_is_not_said_where_it_costs_nothing(tmp_path: Path) -> None:
     assert noted(tmp_path, "plan", bit_rate=250_000) == []
     assert noted(tmp_path, "plan", simulated=True) == []

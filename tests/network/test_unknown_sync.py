@@ -14,6 +14,7 @@ from dvtcli.operations.sync.unknown_sync import ShortFrames
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
+from tests.sample import heavy
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 
@@ -49,6 +50,7 @@ def test_a_sync_of_nobody_who_is_known_is_noted_by_apply(tmp_path: Path) -> None
     assert noted(tmp_path, 9) == (0x080,)
 
 
+@heavy
 def test_plan_notes_what_passes_while_it_reads(tmp_path: Path) -> None:
     assert noted(tmp_path, 9, apply=False) == (0x080,)
 

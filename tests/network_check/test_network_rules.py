@@ -11,6 +11,7 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
 from dvtcli.domain.network.network_state import NetworkState
 from tests.network_check.planted import BIT_RATE, PLANTED, SOUND, Planted, concise, hears, node
+from tests.sample import heavy
 
 ALL = {rule.name for rule in NETWORK_RULES}
 
@@ -52,6 +53,7 @@ def test_every_rule_has_a_planted_fault() -> None:
     assert len(NETWORK_RULES) == len(ALL)
 
 
+@heavy
 def test_most_faults_are_found_by_few_rules() -> None:
     """A fault is not drowned by what follows from it."""
     counts = [len({rule.name for rule, _, _ in network_findings(one.network, ALL)}) for one in PLANTED]

@@ -10,6 +10,7 @@ import pytest
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.operations.session.whole_file import write_whole
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.small_eds import U16, plain, var
 
 
@@ -97,6 +98,7 @@ def test_what_is_written_of_an_odd_file_is_read_by_its_own_reader_or_is_not_ther
         assert again.code == 0, (ran, again)
 
 
+@heavy
 def test_no_backup_of_these_files_is_refused(tmp_path: Path) -> None:
     """What a list names and nothing describes is left out, and said."""
     for kind in KINDS:

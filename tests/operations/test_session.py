@@ -19,6 +19,7 @@ from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.stores.store_restore import restore_defaults, store_settings
 from dvtcli.operations.user.options import Options, options_of
+from tests.sample import heavy
 
 TPDO3 = Pdo(Direction.TPDO, 3)
 
@@ -149,6 +150,7 @@ def test_options_are_taken_as_a_command_line_takes_them() -> None:
     assert options_of(given) == Options(node=16, bitrate=500_000, timeout=0.2, sim=("gen4",), channel="0", dry_run=True)
 
 
+@heavy
 def test_plain_python_needs_neither_click_nor_a_terminal() -> None:
     code = (
         "import sys\n"

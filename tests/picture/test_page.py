@@ -40,6 +40,7 @@ from dvtcli.files.picture.svg import alone, clipped_name
 from dvtcli.files.picture.wiring import wiring
 from tests.commands.bench import Bench
 from tests.process import ROOT
+from tests.sample import heavy
 
 LINE = ROOT / "examples" / "line.yaml"
 VOID = {"meta", "link", "br"}
@@ -87,6 +88,7 @@ def drawn(tmp_path: Path, file: Path, name: str = "x.html", **wishes: object) ->
     return (tmp_path / name).read_text("utf-8")
 
 
+@heavy
 def test_the_page_of_a_file_has_all_of_it_and_is_the_same_each_time(tmp_path: Path) -> None:
     first, again = (drawn(tmp_path, LINE, name, bit_rate=500_000) for name in ("a.html", "b.html"))
     assert first == again
@@ -113,6 +115,7 @@ def test_the_page_asks_for_nothing_and_runs_only_its_own_script(tmp_path: Path) 
     assert "unsafe" not in policy
 
 
+@heavy
 def test_a_bus_is_drawn_as_it_is_and_compared_with_a_file(tmp_path: Path) -> None:
     with dvtcli.simulate("gen4@1", "generic@5") as bus:
         bus.apply(LINE, yes=True)
@@ -143,6 +146,7 @@ def test_what_cannot_be_compared_is_said_and_drawn_all_the_same(tmp_path: Path) 
 SWAPPED = "a: {node_id: 1, dcf: gen4, identity: {vendor: 0x1E}}\nb: {node_id: 5, dcf: tmcm}\n"
 
 
+@heavy
 def test_swapped_devices_are_findings_and_the_exit_code_is_that_of_diff(tmp_path: Path) -> None:
     (tmp_path / "line.yaml").write_text(SWAPPED)
     with Bench(("gen4@5", "tmcm@1"), {"yes": True}) as bench:
@@ -166,6 +170,7 @@ def test_a_node_that_is_not_there_is_a_finding(tmp_path: Path) -> None:
     assert "node 5" in read.text[read.text.index("Findings") :]
 
 
+@heavy
 def test_a_file_is_read_and_simulated_once(tmp_path: Path) -> None:
     """A page of 100 nodes takes as long as that."""
     from dvtcli.files.network.read_network import read_network_file
@@ -187,6 +192,7 @@ def test_a_file_is_read_and_simulated_once(tmp_path: Path) -> None:
     assert seen == ["read_network_file", "described_network"]
 
 
+@heavy
 def test_the_contents_lead_to_every_section_and_each_of_them_back(tmp_path: Path) -> None:
     with dvtcli.simulate("gen4@1", "generic@5") as bus:
         bus.report(tmp_path / "x.html", LINE, yes=True)
@@ -224,6 +230,7 @@ def test_nothing_is_written_where_it_cannot_be_drawn(tmp_path: Path, name: str) 
         dvtcli.report(tmp_path / "x.pdf", LINE)
 
 
+@heavy
 def test_what_the_file_says_of_values_is_in_the_page(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     said = "    physical: {606C: {unit: mm/s, factor: 0.25}}\n"
@@ -305,7 +312,7 @@ def any_pdo(draw: st.DrawFn, end: Endpoint) -> PicturePdo:
 
 
 @pytest.mark.long
-@settings(max_examples=max(10, settings().max_examples // 4))  # each draws a page, twice
+@settings(max_examples=max(2, settings().max_examples // 4))  # each draws a page, twice
 @given(picture=pictures())
 def test_every_text_stays_text_and_every_pdo_is_there(picture: NetworkPicture) -> None:
     data = page(picture)

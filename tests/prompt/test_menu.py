@@ -19,6 +19,7 @@ from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.simulator.network.family_file import family_names
+from tests.sample import heavy
 
 
 @pytest.fixture
@@ -100,6 +101,7 @@ def test_a_key_never_uses_the_bus(session: Conversation) -> None:
     assert frames, "a read would have been seen"
 
 
+@heavy
 def test_a_large_dictionary_gives_a_menu_that_can_be_read(tmp_path: Path) -> None:
     eds = tmp_path / "large.eds"
     names = ["velocity actual", "torque demand", "motor temperature", "battery voltage"]

@@ -12,6 +12,7 @@ import pytest
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, PATIENCE_S, Terminal
 from tests.prompt.wire import Wire
+from tests.sample import heavy
 from tests.serve.served import bus_words
 
 PRE_OPERATIONAL, OPERATIONAL = b"\x7f", b"\x05"
@@ -127,6 +128,7 @@ def test_a_flood_of_messages_is_cut_and_counted(wire: Wire, terminal: Terminal) 
     assert terminal.ended() == 0
 
 
+@heavy
 def test_a_heartbeat_that_stops_is_said(wire: Wire, terminal: Terminal) -> None:
     for _ in range(3):
         wire.say(0x705, PRE_OPERATIONAL)

@@ -10,6 +10,7 @@ import pytest
 
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER
+from tests.sample import heavy
 
 
 def test_a_narrow_terminal_shows_what_matters_most_whole(open_terminal: Open) -> None:
@@ -81,6 +82,7 @@ def test_a_terminal_that_does_not_say_where_its_cursor_is_can_be_typed_at(open_t
     assert terminal.ended() == 0
 
 
+@heavy
 def test_results_go_into_a_pipe_while_the_prompt_stays(open_terminal: Open, tmp_path: Path) -> None:
     shell = ["/bin/sh", "-c", f"{sys.executable} -m dvtcli --sim gen4 > out"]
     terminal = open_terminal(command=shell)

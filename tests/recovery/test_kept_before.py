@@ -17,6 +17,7 @@ from tests.bus.devices import device
 from tests.commands.bench import Bench, beside
 from tests.commands.change.test_second_try import stricter
 from tests.process import dvtcli
+from tests.sample import heavy
 from tests.surroundings import HOMES, kept_in
 
 KEPT = Path(__file__).parent / "kept_november_2026"
@@ -73,6 +74,7 @@ def test_the_history_is_taken_back() -> None:
     assert left.value(0x1017, 0) == device(5).value(0x1017, 0)
 
 
+@heavy
 def test_a_backup_is_read(kept: Path) -> None:
     made = device(5)
     with Bench((), {"yes": True, "node": (5,)}, beside([made])) as bench:

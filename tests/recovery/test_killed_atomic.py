@@ -14,6 +14,7 @@ import canopen
 import pytest
 
 from tests.posix import SIGKILL
+from tests.sample import heavy
 from tests.serve.killing import Killable, killable
 from tests.serve.served import state_folder
 
@@ -143,6 +144,7 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
     assert waiting(nodes) == []
 
 
+@heavy
 def test_a_script_that_is_complete_leaves_nothing_to_recover(nodes: Killable) -> None:
     before = held(nodes)
     done = nodes.dvtcli("-n", "1", "run", "-", "--atomic", stdin="\n".join(LINES))

@@ -18,6 +18,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 
 @pytest.fixture(autouse=True)
@@ -98,6 +99,7 @@ class Trigger(StrictDevice):
             self.victim.nmt(NmtCommand.RESET_NODE)
 
 
+@heavy
 def test_an_undo_of_two_nodes_one_of_which_restarts_is_taken_back() -> None:
     trigger = Trigger(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
     trigger.victim = device("generic", 3)

@@ -16,6 +16,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.commands.network.test_verify_restarts import Restarting, restarting
+from tests.sample import heavy
 
 TPDO1 = Pdo.parse("tpdo1")
 
@@ -74,6 +75,7 @@ def test_a_dry_run_looks_at_it_without_the_lock(tmp_path: Path) -> None:
             assert another.run("recover").code == 0
 
 
+@heavy
 def test_a_node_that_restarts_when_it_is_started_is_put_back_again(tmp_path: Path) -> None:
     served = restarting()
     with Wire(served) as wire, Bench((), {**wire.options, "yes": True, "journal": str(tmp_path)}) as bench:

@@ -24,6 +24,7 @@ from tests import process
 from tests.posix import SIGHUP
 from tests.process import PATIENCE_S, environment
 from tests.recovery.bench import MAP, STEPS, Bench
+from tests.sample import heavy
 from tests.serve.served import wait_for
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -258,6 +259,7 @@ def test_a_store_that_is_stopped_says_what_is_stored_and_changes_nothing_else(
     assert (bench.pdos() == pdos) is not is_ahead, "it is stored, unless it was stopped ahead of that"
 
 
+@heavy
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_second_signal_before_the_answer_rolls_back_and_says_so(
     bench: Bench, tmp_path: Path, number: signal.Signals

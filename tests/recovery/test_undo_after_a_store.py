@@ -11,6 +11,7 @@ import pytest
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 
 
 @pytest.fixture(autouse=True)
@@ -32,6 +33,7 @@ def heard_boot_up(wire: Wire) -> None:
         time.sleep(0.01)
 
 
+@heavy
 @pytest.mark.parametrize("line", ["set tpdo1 --timer 70", "write 1017 1000"])
 @pytest.mark.parametrize("together", [True, False])
 def test_the_next_store_names_it(line: str, together: bool) -> None:
@@ -66,6 +68,7 @@ def test_what_was_never_stored_is_as_stored_again() -> None:
     assert stored["changed"] == []
 
 
+@heavy
 def test_it_is_no_change_that_undo_reverts() -> None:
     with Wire(device("generic")) as wire:
         for line in ("set tpdo1 --timer 70", "set tpdo1 --timer 71", "store", "undo"):

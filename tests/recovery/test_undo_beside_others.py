@@ -11,6 +11,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 
 def elsewhere(wire: Wire, *lines: str) -> None:
@@ -26,6 +27,7 @@ def cob_id(wire: Wire, word: str) -> CobId:
         return read_pdo(bench.session.node().sdo, Pdo.parse(word)).communication.cob_id
 
 
+@heavy
 def test_a_recorded_undo_leaves_alone_what_another_one_changed_since_it_was_looked_at() -> None:
     with Wire(device("generic")) as wire:
         before = cob_id(wire, "tpdo2")
@@ -38,6 +40,7 @@ def test_a_recorded_undo_leaves_alone_what_another_one_changed_since_it_was_look
         assert cob_id(wire, "tpdo2") == before
 
 
+@heavy
 @pytest.mark.parametrize(
     ("first", "between", "last", "label"),
     [

@@ -258,7 +258,7 @@ STEPS = [
 
 
 @settings(
-    max_examples=max(10, settings().max_examples // 10),
+    max_examples=max(2, settings().max_examples // 10),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -7,6 +7,7 @@ import pytest
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import address_of, unconfigured
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 TIMER = (0x1800, 5)
@@ -69,6 +70,7 @@ def test_a_backup_of_another_device_is_said_to_be_one() -> None:
     assert "--force" in said
 
 
+@heavy
 def test_a_spare_device_takes_the_backup_of_the_one_before_by_force() -> None:
     nodes = drives()
     with bench(nodes, node=1) as one:

@@ -16,6 +16,7 @@ import can
 import pytest
 
 from tests.process import dvtcli
+from tests.sample import heavy
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 
 QUESTION = can.Message(arbitration_id=0x601, data=bytes.fromhex("4018100100000000"), is_extended_id=False)
@@ -114,6 +115,7 @@ def test_clients_come_and_go_while_a_node_is_configured(server: Served) -> None:
             thread.join()
 
 
+@heavy
 @pytest.mark.skipif(sys.platform == "win32", reason="ulimit of POSIX")
 def test_a_system_without_room_for_a_client_lets_the_next_one_in(tmp_path: Path) -> None:
     ready, complaints = tmp_path / "ready", tmp_path / "complaints"

@@ -101,6 +101,7 @@ def test_requests_may_come_in_pieces_or_all_at_once(bench: Bench) -> None:
         ]
 
 
+@heavy
 def test_no_frame_comes_with_the_answer_to_rawmode(bench: Bench) -> None:
     with bench.attach() as busy:
         stopping = threading.Event()
@@ -232,6 +233,7 @@ def test_a_server_that_was_stopped_itself_drops_nobody_for_it() -> None:
     assert now_s - back_s > STALL_S - 2 * LOOK_S
 
 
+@heavy
 def test_the_bus_waits_for_a_slow_client(bench: Bench) -> None:
     count = 20_000
     with raw_client(bench.port, receive_buffer=4096) as slow, bench.attach() as sender:

@@ -16,6 +16,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.loads import Measured
 from dvtcli.watch.frame_count import FrameCount
 from tests.process import PATIENCE_S
+from tests.sample import heavy
 from tests.serve.served import ANSWER_S, Served, served
 
 BIT_RATE, SYNC_MS, SYNCS = 125_000, 10, 120
@@ -48,6 +49,7 @@ def _heard(server: Served) -> FrameCount:
     return count
 
 
+@heavy
 def test_what_is_on_a_served_bus_is_what_is_computed(tmp_path: Path) -> None:
     with (
         served(tmp_path, "gen4@1", "generic@5", "-b", str(BIT_RATE)) as server,

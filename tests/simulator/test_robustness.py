@@ -85,7 +85,7 @@ def check_entry(device: StrictDevice, mapping: int, row: int) -> None:
     assert entry.bits is None or bits <= entry.bits
 
 
-@settings(max_examples=max(60, settings().max_examples), deadline=None)
+@settings(max_examples=max(20, settings().max_examples), deadline=None)
 @given(st.sampled_from(FAMILIES), st.lists(ANY_REQUEST.filter(lambda it: not begins_a_block(it)), max_size=30))
 def test_any_request_is_answered_or_ignored(family: str, requests: list[bytes]) -> None:
     device = fresh(family)
@@ -105,7 +105,7 @@ def begins_a_block(request: bytes) -> bool:
     return len(request) == 8 and request[0] >> 5 in (BLOCK_UPLOAD, BLOCK_DOWNLOAD)
 
 
-@settings(max_examples=max(60, settings().max_examples), deadline=None)
+@settings(max_examples=max(20, settings().max_examples), deadline=None)
 @given(st.sampled_from(FAMILIES), st.lists(ANY_REQUEST, max_size=30))
 def test_after_any_requests_an_abort_makes_the_server_free(family: str, requests: list[bytes]) -> None:
     device = fresh(family)
@@ -118,7 +118,7 @@ def test_after_any_requests_an_abort_makes_the_server_free(family: str, requests
     assert server.handle(bytes.fromhex("4018100100000000")) == bytes.fromhex("43181001") + device.value(0x1018, 1)
 
 
-@settings(max_examples=max(80, settings().max_examples), deadline=None)
+@settings(max_examples=max(20, settings().max_examples), deadline=None)
 @given(st.sampled_from(FAMILIES), st.lists(PDO_WRITES, min_size=5, max_size=60))
 def test_no_sequence_of_pdo_writes_makes_an_illegal_pdo(family: str, requests: list[bytes]) -> None:
     device = fresh(family)
@@ -148,7 +148,7 @@ LSS = st.builds(
 )
 
 
-@settings(max_examples=max(60, settings().max_examples), deadline=None)
+@settings(max_examples=max(20, settings().max_examples), deadline=None)
 @given(st.sampled_from(FAMILIES), st.lists(FRAMES | LSS, max_size=40))
 def test_any_frame_leaves_a_node_alive(family: str, frames: list[Frame]) -> None:
     node = SimulatedNode(fresh(family))

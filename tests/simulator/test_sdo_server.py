@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.sample import heavy
 from tests.simulator.bench import Aborted, Client, booted
 
 
@@ -90,6 +91,7 @@ def test_segments_keep_to_the_announced_size(segment: str, code: int) -> None:
     assert client.read(0x2002) == b"unit 1"
 
 
+@heavy
 def test_a_download_that_never_ends_is_refused() -> None:
     client = Client.on(booted())
     client.ask(bytes.fromhex("2002200000000000"))

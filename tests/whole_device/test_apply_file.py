@@ -381,7 +381,7 @@ def _settable(bench: Bench) -> list[OdEntry]:
 EVERYTHING = "--include 1000-9FFF"
 
 
-@settings(max_examples=8)
+@settings(max_examples=max(2, settings().max_examples // 10))
 @given(st.data())
 def test_the_file_of_a_node_makes_a_fresh_one_equal(data: st.DataObject) -> None:
     family = data.draw(st.sampled_from(FAMILIES))

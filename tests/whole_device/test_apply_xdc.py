@@ -17,7 +17,7 @@ from tests.whole_device.test_apply_file import EVERYTHING, _lines, run_or_force
 from tests.whole_device.test_export_dcf import FAMILIES
 
 
-@settings(max_examples=3, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=max(1, settings().max_examples // 20), phases=(Phase.explicit, Phase.generate))
 @given(st.data())
 def test_a_dcf_and_an_xdc_of_one_node_are_one_plan_and_make_one_device(data: st.DataObject) -> None:
     """Whatever was changed on the node; on a bus that others use, where changes are journalled and the node stays."""

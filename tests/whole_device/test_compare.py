@@ -19,6 +19,7 @@ from dvtcli.operations.whole_device.backup_device import backup_device
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.real_files import real_files
+from tests.sample import heavy
 from tests.small_eds import U16, U32, plain, var
 from tests.virtual_time import VirtualTimeBus
 from tests.whole_device.test_export_dcf import FAMILIES, odd
@@ -81,6 +82,7 @@ def test_two_backups_have_names_where_an_eds_of_their_identity_is_known(chosen: 
         assert (one["object"], one["name"]) == ("2705:00", "Current scaling")
 
 
+@heavy
 def test_what_follows_the_node_id_is_no_difference_on_another_node(tmp_path: Path) -> None:
     for form in FORMS:
         with Bench(("generic@5",)) as bench:
@@ -102,6 +104,7 @@ def test_entries_beyond_the_count_of_a_mapping_mean_nothing(tmp_path: Path) -> N
         assert bench.run(f"compare {tmp_path / 'a.dcf'}").code == 0
 
 
+@heavy
 def test_commands_are_told_apart_and_secrets_are_not_read(tmp_path: Path) -> None:
     with Bench((str(odd(tmp_path)),)) as bench:
         for form in FORMS:

@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.files.device_file import read_device_file
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
 
@@ -31,6 +32,7 @@ def test_an_xdc_holds_the_values_of_a_dcf(family: str, tmp_path: Path) -> None:
         assert entry.value is None or other.initial(5) == entry.initial(5), entry.object
 
 
+@heavy
 def test_a_node_made_of_its_xdc_holds_the_same(tmp_path: Path) -> None:
     path = tmp_path / "node.xdc"
     with Bench(("generic@5",)) as bench:

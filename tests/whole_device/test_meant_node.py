@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, beside
+from tests.sample import heavy
 from tests.simulator.bench import booted
 from tests.whole_device.test_apply_file import made
 
@@ -19,6 +20,7 @@ def devices() -> list[StrictDevice]:
     return [booted("generic", node_id) for node_id in (4, 5)]
 
 
+@heavy
 @pytest.mark.parametrize("form", ["dcf", "jsonl"])
 def test_without_a_selected_node_all_take_the_one_of_the_file(
     form: str, devices: list[StrictDevice], tmp_path: Path
@@ -40,6 +42,7 @@ def test_without_a_selected_node_all_take_the_one_of_the_file(
             assert bench.run(f"{line} {file}").code == 0, line
 
 
+@heavy
 def test_a_selected_node_goes_before_the_one_of_the_file(devices: list[StrictDevice], tmp_path: Path) -> None:
     file = made(tmp_path, "generic", "dcf", "write 1017 700")
     with Bench((), {"node": 4}, bus=beside(devices)) as bench:

@@ -40,7 +40,7 @@ def thinned(text: str, keep: float, draw: random.Random) -> str:
 
 
 @pytest.mark.long
-@settings(max_examples=6)
+@settings(max_examples=max(2, settings().max_examples // 10))
 @given(
     family=st.sampled_from(FAMILIES), of_file=st.lists(st.sampled_from(CHANGES), max_size=3),
     of_node=st.lists(st.sampled_from(CHANGES), max_size=3), keep=st.sampled_from((0.1, 0.5, 0.9)),

@@ -18,6 +18,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.errors import SdoAborted
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.small_eds import U16, U32, communication, mapping, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES
 
@@ -32,7 +33,7 @@ NO_SETTING = frozenset(
 LIFTED = frozenset(one for one in NotWritten if one.is_lifted_by_include)
 
 
-@settings(max_examples=5)
+@settings(max_examples=max(1, settings().max_examples // 15))
 @given(st.data())
 def test_what_a_node_holds_otherwise_is_a_difference_or_named(data: st.DataObject) -> None:
     family = data.draw(st.sampled_from(FAMILIES))
@@ -103,6 +104,7 @@ def drive(folder: Path) -> str:
     return f"{path}@5"
 
 
+@heavy
 @pytest.mark.parametrize("form", ["dcf", "jsonl", "xdc"])
 def test_a_limit_that_an_rpdo_could_take_is_a_setting_as_long_as_none_takes_it(form: str, tmp_path: Path) -> None:
     file = tmp_path / f"node.{form}"

@@ -9,6 +9,7 @@ import pytest
 import dvtcli
 from dvtcli.operations.whole_device.held_device import held_by
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.small_eds import U16, Section, var
 from tests.whole_device.test_apply_file import made
 from tests.whole_device.test_lost_values import COMMANDS, described
@@ -38,12 +39,14 @@ def told(file: Path, text: str, words: str) -> None:
         assert bench.run("read 1017").stderr == ""
 
 
+@heavy
 @pytest.mark.parametrize(("more", "words"), BEHIND)
 def test_a_section_that_nobody_reads(more: str, words: str, tmp_path: Path) -> None:
     text = made(tmp_path, "generic", "dcf", "write 1017 700").read_text("utf-8") + "\n"
     told(tmp_path / "bad.dcf", text + more, f"{text.count(chr(10)) + 1}: {words}")
 
 
+@heavy
 def test_a_misspelt_key(tmp_path: Path) -> None:
     before, sign, after = made(tmp_path, "generic", "dcf").read_text("utf-8").partition("[1017]\n")
     text = before + sign + after.replace("ParameterValue=", "ParamValue=", 1)
@@ -104,6 +107,7 @@ def test_a_node_id_that_is_none_is_refused(said: str, tmp_path: Path) -> None:
             assert bench.run(f"diff {file}").code == 3, none
 
 
+@heavy
 def test_a_node_id_of_an_xdc_that_is_none_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "node.xdc"
     with Bench(("generic@5",)) as bench:

@@ -15,6 +15,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire, device
 from tests.process import dvtcli
+from tests.sample import heavy
 
 LINES = ("map tpdo1 606C --cob-id 0x6A1", "write 1017 700", "map 2:tpdo2 6041 --cob-id 0x6A2", "set tpdo1 --timer 70")
 
@@ -48,6 +49,7 @@ def test_lines_that_all_work_stay(bench: Bench, tmp_path: Path) -> None:
     assert [one == other for one, other in zip(before, after, strict=True)] == [False, False, False, True]
 
 
+@heavy
 @pytest.mark.parametrize(("wrong", "code"), [("read 5FFF", 1), ("map tpdo1 1018:1", 1), ("node 9", 5)])
 def test_a_failing_line_takes_all_lines_back(bench: Bench, tmp_path: Path, wrong: str, code: int) -> None:
     assert bench.run("set tpdo3 --timer 33").code == 0
@@ -92,6 +94,7 @@ def test_a_difference_is_a_failure_too(bench: Bench, tmp_path: Path) -> None:
     assert held(bench) == before
 
 
+@heavy
 def test_it_works_on_the_twin(bench: Bench, tmp_path: Path) -> None:
     before = held(bench)
     assert atomic(bench, tmp_path, *LINES, "store", options="--dry-run").code == 0
@@ -108,6 +111,7 @@ def test_on_twins_too_all_that_was_set_is_still_held(options: str, tmp_path: Pat
         assert (ran.code, ran.stderr) == (0, "")
 
 
+@heavy
 def test_the_nodes_go_back_to_operational(bench: Bench, tmp_path: Path) -> None:
     with Bench(("gen4@1", "gen4@2")) as gated:
         assert gated.run("nmt start all").code == 0
@@ -139,6 +143,7 @@ def test_what_cannot_be_taken_back_stands_behind_the_last_change(
     assert not bench.session.record.lines
 
 
+@heavy
 @pytest.mark.parametrize("final", ["store", "restore", "nmt reset-node", "write 1010:1 save", "fpo op", "run INNER"])
 def test_what_is_done_to_a_twin_alone_is_not_final(bench: Bench, tmp_path: Path, final: str) -> None:
     inner = tmp_path / "inner.dvt"
@@ -173,6 +178,7 @@ def test_a_line_that_fails_behind_a_store_is_left_changed(bench: Bench, tmp_path
 STORES = "nodes: {{a: {{node_id: 1, store: {store}, tpdo: {{1: {{event_timer: 77}}}}}}}}"
 
 
+@heavy
 def test_an_apply_that_stores_stands_behind_the_last_change(bench: Bench, tmp_path: Path) -> None:
     file, saved = tmp_path / "net.yaml", tmp_path / "p.json"
     file.write_text(STORES.format(store="communication"))
@@ -256,6 +262,7 @@ class Refusing(StrictDevice):
             super().nmt(command)
 
 
+@heavy
 @pytest.mark.parametrize("family", ["gen4", "generic"])
 def test_a_start_of_all_that_one_node_does_not_obey_is_taken_back(family: str, tmp_path: Path) -> None:
     """The way back stops the nodes that the line itself had started: that was consented to with it."""

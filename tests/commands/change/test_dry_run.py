@@ -10,6 +10,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 SCRIPT = [
     "map tpdo1 606C 6041 --cob-id auto --sync 1",
@@ -67,6 +68,7 @@ def test_only_uploads_reach_the_bus(family: str, state: NmtState, described: boo
             assert node.state is state
 
 
+@heavy
 def test_the_commands_of_the_script_do_something() -> None:
     """Else the law above would hold for nothing: on a CiA 301 drive all of them succeed."""
     with Wire(device("generic")) as wire:

@@ -17,6 +17,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench, Ran
 from tests.laws.bench import DirectSdo, booted, dictionary
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -112,6 +113,7 @@ def test_a_change_that_was_rolled_back_over_a_restart_does_not_say_that_everythi
     assert "everything is as it was" not in said
 
 
+@heavy
 @pytest.mark.parametrize("faults", [("alters@2=1801:01:0xC0000299",), ("reset-at-read@{}=0", "no-boot-up")])
 def test_an_atomic_script_holds_all_that_it_set_at_its_end(faults: tuple[str, ...], tmp_path: Path) -> None:
     """Whatever a later line altered of what an earlier one had set, or a restart that nobody heard took of it."""
@@ -179,6 +181,7 @@ def test_an_atomic_script_that_was_taken_back_is_looked_at_once_more(tmp_path: P
     assert "it does not hold what it held before: TPDO3 event timer is 0" in " ".join(ran.stderr.split())
 
 
+@heavy
 def test_nodes_that_are_as_they_were_do_not_count_one_that_restarted_before_the_plan_was_made() -> None:
     """Node 1 restarts while `undo --all` looks at it: what it held in RAM is lost, and nothing puts that back."""
     told = set()

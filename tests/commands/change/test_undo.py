@@ -34,7 +34,7 @@ STEPS = [
 
 
 @pytest.mark.long
-@settings(max_examples=max(10, settings().max_examples // 3), deadline=None)
+@settings(max_examples=max(3, settings().max_examples // 3), deadline=None)
 @given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=14), st.booleans())
 def test_undo_brings_everything_back(lines: list[str], at_once: bool) -> None:
     with Bench() as bench:

@@ -9,6 +9,7 @@ import pytest
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, beside, impatient
 from tests.commands.bus import device
+from tests.sample import heavy
 
 MAP = "map tpdo1 6041 606C"
 
@@ -51,6 +52,7 @@ def test_a_node_that_restarts_instead_of_storing_is_not_told_to_store_what_is_lo
     assert "it restarted instead: what was not stored is lost; set it again, then `dvtcli --sim generic" in ran.stderr
 
 
+@heavy
 def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(tmp_path: Path) -> None:
     with sim("silent@3") as bench:
         ran = bench.run(MAP)

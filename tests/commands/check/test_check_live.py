@@ -13,6 +13,7 @@ from dvtcli.operations.opening.simulated_nodes import simulated_device, simulate
 from tests.commands.bench import Bench
 from tests.network_check.planted import concise
 from tests.process import ROOT
+from tests.sample import heavy
 from tests.small_eds import U8, U16, U32, plain, var
 from tests.virtual_time import VirtualTimeBus
 
@@ -48,6 +49,7 @@ HEARD = {"sync-not-heard", "sync-heard-twice", "sync-uneven", "comes-too-often",
          "emergency", "error-frames"}  # fmt: skip
 
 
+@heavy
 def test_a_bus_is_listened_to_for_two_seconds() -> None:
     code, (bus,) = _check(_bus("gen4@1"), "check --json", *RUNS)
     assert code == 0
@@ -56,6 +58,7 @@ def test_a_bus_is_listened_to_for_two_seconds() -> None:
     assert not _rules(bus) & HEARD
 
 
+@heavy
 def test_how_long_is_listened_can_be_said() -> None:
     assert _check(_bus("gen4@1"), "check --for 5 --json", *RUNS)[1][0]["heard"]["seconds"] == 5.0
     assert _check(_bus("gen4@1"), "check --for 0 --json", *RUNS)[1][0]["heard"] is None
@@ -73,6 +76,7 @@ def test_another_master_and_what_nobody_sends_are_heard() -> None:
     ]
 
 
+@heavy
 def test_sync_that_is_needed_and_not_heard_is_an_error() -> None:
     synchronous = (*RUNS[:2], "set tpdo1 --sync 1")
     code, (bus,) = _check(_bus("gen4@1"), "check --json", *synchronous)
@@ -93,6 +97,7 @@ def test_two_nodes_with_one_node_id_are_heard() -> None:
     assert "node-id-twice" in _rules(bus)
 
 
+@heavy
 def test_a_file_is_held_against_the_nodes_that_are_there(tmp_path: Path) -> None:
     file = tmp_path / "press.yaml"
     file.write_text(

@@ -11,6 +11,7 @@ import pytest
 
 from tests.commands.bench import Bench
 from tests.process import ROOT
+from tests.sample import heavy
 
 LINE, FAULTY = ROOT / "examples" / "line.yaml", ROOT / "examples" / "faulty.yaml"
 
@@ -44,6 +45,7 @@ def test_a_finding_has_the_line_of_its_pdo(nothing: Bench) -> None:
     assert text[-1] == f"{FAULTY}: 2 nodes, 8 PDOs; 1 error, 2 warnings, 1 note"
 
 
+@heavy
 def test_rules_are_chosen_by_name(nothing: Bench) -> None:
     assert rules(nothing.run(f"check {FAULTY} --rule unwatched-link --json").document) == ["unwatched-link"]
     left = nothing.run(f"check {FAULTY} --without frame-too-short --json")
@@ -53,6 +55,7 @@ def test_rules_are_chosen_by_name(nothing: Bench) -> None:
     assert (wrong.code, "did you mean unwatched-link?" in wrong.stderr) == (2, True)
 
 
+@heavy
 def test_formats_for_ci(nothing: Bench) -> None:
     github = nothing.run(f"check {FAULTY} {LINE} --format github")
     assert github.code == 4
@@ -97,6 +100,7 @@ def test_a_file_whose_identity_its_nodes_do_not_have(nothing: Bench) -> None:
     assert (ran.code, rules(ran.document)) == (4, ["identity"])
 
 
+@heavy
 def test_nodes_on_a_bus() -> None:
     with Bench(("gen4@1", "generic@5"), {"yes": True}) as bench:
         ran = bench.run("check --json")

@@ -16,6 +16,7 @@ from dvtcli.operations.opening.simulated_nodes import simulated_device, simulate
 from dvtcli.operations.plans.plan_network import plan_network
 from tests.commands.bench import Bench, Ran
 from tests.process import ROOT
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 LINE = ROOT / "examples" / "line.yaml"
@@ -52,6 +53,7 @@ def test_the_text_has_bars_and_says_what_is_assumed(nothing: Bench) -> None:
     assert "assumed: 2 nodes send an EMCY each 1000 ms at most" in ran.stdout
 
 
+@heavy
 def test_what_has_no_limit_is_never_nothing(nothing: Bench) -> None:
     ran = nothing.run(f"load {LINE} --inhibit 1:tpdo1=0 --json")
     assert (ran.document["load"], ran.document["unlimited"], ran.document["fits"]) == (0.03736, [], True)
@@ -111,6 +113,7 @@ LIVE = ("map 1:tpdo1 6041 606C --event --timer 10", "disable 1:tpdo2", "map 5:tp
         "disable 5:tpdo2", "node 1", "write 1017 100", "node 5", "write 1017 200", "nmt start all")  # fmt: skip
 
 
+@heavy
 def test_what_is_heard_is_what_is_computed() -> None:
     """Twenty seconds of the bus's own time: the computed rates and the frames that came differ by less than 2 %."""
     with Bench((), {"sim": (), "yes": True, "bitrate": 125_000}, _virtual("gen4@1", "generic@5")) as bench:

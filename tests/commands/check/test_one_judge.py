@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.commands.bench import Bench, Ran
+from tests.sample import heavy
 from tests.small_eds import communication, mapping, plain
 
 JUDGES = ("check", "plan", "diff", "apply", "verify")
@@ -288,6 +289,7 @@ ODD_PDOS = (
 )
 
 
+@heavy
 @pytest.mark.parametrize(("cob_id", "entries", "rule"), ODD_PDOS)
 def test_what_a_device_holds_against_a_rule_is_a_warning_until_it_is_changed(
     cob_id: str, entries: list[str], rule: str, tmp_path: Path
@@ -359,7 +361,7 @@ def errors(ran: Ran) -> set[tuple[str, int | None, int | None]]:
     return {(rule, line, column) for rule, severity, line, column in found(ran) if severity == "error"}
 
 
-@settings(max_examples=max(10, settings().max_examples // 3), deadline=None)
+@settings(max_examples=max(3, settings().max_examples // 3), deadline=None)
 @given(network_files())
 def test_check_and_plan_agree_on_errors(file: dict[str, Any]) -> None:
     """Offline, by the EDS of a family, and with nodes as new from it."""

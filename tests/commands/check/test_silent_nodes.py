@@ -10,6 +10,7 @@ import pytest
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 NODES = (1, 5, 40)
 #: nothing is waited for: who is silent is not heard in three seconds either
@@ -36,6 +37,7 @@ def _looked_at(ran: object, page: Path) -> set[int]:
     return {one["node"] for one in document["frames"]}
 
 
+@heavy
 @pytest.mark.parametrize("line", COMMANDS)
 def test_a_node_without_heartbeat_is_found(wire: Wire, tmp_path: Path, line: str) -> None:
     wire.frames()

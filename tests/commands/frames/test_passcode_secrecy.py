@@ -20,6 +20,7 @@ from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.secret_objects import Secrets
 from dvtcli.watch.listener import Listener
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.serve.served import PATIENCE_S, bus_words, own_environment, served, wait_for
 
 LOGIN = Frame(0x601, bytes.fromhex("2B 00 50 02 44 44 00 00"), timestamp_s=1.0)
@@ -117,6 +118,7 @@ HAND_WRITTEN = {
 }
 
 
+@heavy
 @pytest.mark.parametrize("way", HAND_WRITTEN)
 def test_a_passcode_that_is_sent_by_hand_is_nowhere(way: str) -> None:
     """Neither in what `send` says, nor in `trace last`, -vv, the kept exchange, or the file of a bug."""
@@ -148,6 +150,7 @@ def _fails() -> None:
     raise ZeroDivisionError("a bug")
 
 
+@heavy
 @pytest.mark.parametrize("name", ["run.log", "run.asc", "run.trc"])
 def test_a_log_has_the_login_but_not_the_passcode(tmp_path: Path, name: str) -> None:
     path = tmp_path / name

@@ -22,6 +22,7 @@ from dvtcli.watch.service import service_of
 from tests.commands.bench import Bench
 from tests.files.recordings import BEGIN_S, frames
 from tests.process import dvtcli
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 #: words that filters are made of, with what they mean, said another way
@@ -99,7 +100,7 @@ def test_what_is_replayed_is_what_was_recorded(
         assert [told(one) for one in read_recording(again)] == [told(one) for one in meant]
 
 
-@settings(max_examples=20)
+@settings(max_examples=max(5, settings().max_examples // 5))
 @given(st.integers(0, 9), st.integers(0, 9))
 def test_a_part_of_it_is_replayed(first: int, last: int) -> None:
     some = [Frame(0x7A0 + n, b"", timestamp_s=BEGIN_S + n) for n in range(10)]
@@ -180,6 +181,7 @@ def test_of_several_channels_one_is_chosen(tmp_path: Path) -> None:
         assert bench.run(f"replay {path} --from-channel can7").code == 2
 
 
+@heavy
 @pytest.mark.parametrize("words", ["--rate 0", "--rate 100"])
 def test_the_load_stays_within_its_share(tmp_path: Path, words: str) -> None:
     """With a node OPERATIONAL no second has more than half the bus, also where the recording has more."""

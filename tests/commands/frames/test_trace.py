@@ -14,6 +14,7 @@ from dvtcli.cli.run_line import boundary
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.frames.kept_exchange import keep_exchange
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 
 def test_a_write_is_shown_with_its_answers() -> None:
@@ -80,6 +81,7 @@ def test_without_an_exchange_it_says_where_it_works() -> None:
     assert (ran.code, "-vv" in ran.stderr) == (2, True)
 
 
+@heavy
 def test_the_exchange_of_a_run_that_failed_is_kept_for_another_one() -> None:
     kept = user_folder("state") / "last-exchange.txt"
     with Bench(in_real_time=True) as bench:

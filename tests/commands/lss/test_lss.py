@@ -74,7 +74,7 @@ def test_slaves_that_are_found_again_and_again_are_told_apart_by_every_branch() 
         assert (ran.code, [row["serial"] for row in ran.document["nodes"]]) == (0, [1, 2]), ran.stderr
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=max(3, settings().max_examples // 6))
 @given(
     st.lists(
         st.tuples(st.integers(2, 0xFFFF_FFFF), st.sampled_from(["generic", "lss-echo"])),
@@ -625,7 +625,7 @@ def test_a_node_that_is_another_one_once_it_boots_is_left_and_said(tmp_path: Pat
 
 
 @given(st.lists(st.integers(0, 0xFFFFFFFF), min_size=2, max_size=2), st.sampled_from([1, 0x800, 0xFFFFFFFF]))
-@settings(max_examples=20)
+@settings(max_examples=max(4, settings().max_examples // 5))
 def test_who_is_within_ranges_says_so(ends: list[int], serial: int) -> None:
     low, high = sorted(ends)
     one = unconfigured(serial, node_id=5)

@@ -250,7 +250,7 @@ def test_who_does_not_say_its_nmt_state_is_named() -> None:
 
 
 @pytest.mark.long
-@settings(max_examples=15)
+@settings(max_examples=max(3, settings().max_examples // 6))
 @given(st.integers(0, 2), st.integers(1, 60))
 def test_a_node_whose_power_fails_leaves_no_bus_of_two_bit_rates(which: int, after: int) -> None:
     """It comes back at what it has stored, whenever it goes: then all run there, or it is said who does not."""

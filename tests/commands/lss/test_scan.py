@@ -15,6 +15,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.bus.devices import device as small_device
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 
@@ -131,6 +132,7 @@ def test_absent_nodes_are_asked_once(option: str) -> None:
     assert {node: asked[node] for node in range(1, 128) if node != 9} == {n: 1 for n in range(1, 128) if n != 9}
 
 
+@heavy
 def test_a_full_bus_loses_no_answer() -> None:
     """All 127 nodes, in virtual time; each is found, and none is asked anything twice."""
     bus = VirtualTimeBus([small_device(node_id) for node_id in range(1, 128)])

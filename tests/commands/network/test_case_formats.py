@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 FILE = """nodes:
   drive:
@@ -28,6 +29,7 @@ def counted(text: str) -> tuple[int, int, int]:
     return tests, failures, errors
 
 
+@heavy
 def test_github_gets_a_command_for_each_difference(bench: Bench, file: Path) -> None:
     place = f"file={file},line=5,title=node 1::TPDO1 of node 1: event_timer is 0 ms, expected 20 ms"
     assert f"::notice {place}" in bench.run(f"plan {file} --format github").stdout.splitlines()
@@ -45,6 +47,7 @@ def test_github_gets_a_command_for_each_difference(bench: Bench, file: Path) -> 
         assert (ran.code, ran.stdout.count("::error ")) == (0, 0)
 
 
+@heavy
 def test_junit_gets_a_case_for_each_pdo_and_object(bench: Bench, file: Path) -> None:
     assert counted(bench.run(f"plan {file} --format junit").stdout) == (3, 0, 0)
     for word in ("diff", "verify"):
@@ -55,6 +58,7 @@ def test_junit_gets_a_case_for_each_pdo_and_object(bench: Bench, file: Path) -> 
     assert counted(bench.run("verify --format junit").stdout)[1:] == (0, 0)
 
 
+@heavy
 def test_a_whole_device_has_a_case_for_each_setting_that_differs(bench: Bench) -> None:
     assert bench.run("backup monday.dcf").code == 0
     assert counted(bench.run("compare monday.dcf --format junit").stdout) == (1, 0, 0)

@@ -12,6 +12,7 @@ from dvtcli.files.network.read_network import read_network_file
 from dvtcli.operations.meanings.named_objects import entry_at
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 
 def exported(bench: Bench, file: Path) -> NodeWish:
@@ -68,6 +69,7 @@ def test_a_file_is_overwritten_with_consent_only(tmp_path: Path) -> None:
         assert bench.run(f"export {tmp_path}").code == 2
 
 
+@heavy
 def test_the_answer_says_how_much(tmp_path: Path) -> None:
     with Bench(("gen4",)) as bench:
         document = bench.run(f"export {tmp_path / 'a.yml'} --json").document

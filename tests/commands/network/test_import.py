@@ -18,6 +18,7 @@ from tests.virtual_time import VirtualTimeBus
 PAIRS = [("gen4", "tmcm"), ("roboteq", "espac"), ("lely", "gen4"), ("canopennode", "generic")]
 
 
+@heavy
 @pytest.mark.parametrize("pair", PAIRS)
 def test_what_was_imported_plans_empty(pair: tuple[str, str], tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
@@ -33,6 +34,7 @@ def test_what_was_imported_plans_empty(pair: tuple[str, str], tmp_path: Path) ->
         assert (planned.code, planned.document["writes"]) == (0, 0), planned
 
 
+@heavy
 def test_links_are_found_and_plan_empty(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     with Bench(("gen4@1", "tmcm@5", "generic@6")) as bench:
@@ -88,6 +90,7 @@ def test_heartbeat_and_sync_are_imported_and_carried_out_elsewhere(tmp_path: Pat
         assert fresh.run(f"diff {file}").code == 0
 
 
+@heavy
 def test_some_nodes_of_a_network(tmp_path: Path) -> None:
     nodes, file = ("gen4@1", "tmcm@5", "generic@6"), tmp_path / "net.yaml"
     with Bench(nodes, {"node": (1, 6)}) as bench:
@@ -160,6 +163,7 @@ def test_a_network_without_nodes_is_no_answer(tmp_path: Path) -> None:
         assert not (tmp_path / "net.yaml").exists()
 
 
+@heavy
 def test_what_check_finds_in_the_new_file_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("eds").mkdir()

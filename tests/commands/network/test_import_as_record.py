@@ -10,6 +10,7 @@ import pytest
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.read_network import read_network_file
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 #: what somebody could write: of each object its size in bytes, and which bits of it become others
 SERVICES = {
@@ -38,6 +39,7 @@ def test_each_service_that_is_changed_later_differs(family: str, tmp_path: Path)
     assert len(taken) >= LEAST[family]
 
 
+@heavy
 def test_apply_puts_the_record_back(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     with Bench(("generic@9",), {"yes": True}) as bench:
@@ -63,6 +65,7 @@ def test_who_is_watched_has_a_key_and_the_other_entries_are_values(tmp_path: Pat
     assert "1016:01" not in {one.object.text for one in node.values}
 
 
+@heavy
 def test_emcy_s_default_follows_the_node_id_and_another_node_s_is_told(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     with Bench(("generic@9",)) as bench:

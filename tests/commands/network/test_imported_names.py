@@ -15,6 +15,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_names
 from tests.commands.bench import Bench
 from tests.commands.bus import device
+from tests.sample import heavy
 from tests.small_eds import U8, plain, var
 from tests.virtual_time import VirtualTimeBus
 
@@ -65,6 +66,7 @@ def frame_of(offline: Bench, frame: str, file: str = "net.yaml") -> str:
     return ran.stdout
 
 
+@heavy
 @pytest.mark.parametrize("family", sorted(family_names()))
 def test_no_name_of_a_family_is_unknown_without_the_bus(family: str, offline: Bench) -> None:
     """Also of a family without a vendor-ID, which nothing but its name tells."""
@@ -84,6 +86,7 @@ def test_a_served_generic_device_is_decoded_by_its_family(offline: Bench) -> Non
     assert "Statusword" in offline.run("decode run.log -d net.yaml --csv").stdout.splitlines()[0]
 
 
+@heavy
 @pytest.mark.parametrize("before", [(0x10001,), (0x10000, 0x10001, 0x20000), (0x0,)])
 def test_an_imported_file_means_the_same_whatever_is_added_to_the_library(
     before: tuple[int, ...], offline: Bench
@@ -103,6 +106,7 @@ def test_an_imported_file_means_the_same_whatever_is_added_to_the_library(
         assert bench.run("plan net.yaml --exit-code").code == 0
 
 
+@heavy
 def test_a_family_that_is_chosen_stays_its_name(offline: Bench) -> None:
     """Another computer has its file elsewhere."""
     with Bench((), {"yes": True, "eds": "generic", "node": 5}, live(device("generic", 5))) as bench:
@@ -125,6 +129,7 @@ def _added(offline: Bench, name: str, revisions: tuple[int, ...], pressure: str)
         assert offline.run(f"eds add {name}{revision:X}.eds").code == 0
 
 
+@heavy
 def test_a_file_that_is_added_later_does_not_take_an_imported_familys_names(offline: Bench) -> None:
     with Bench((), bus=live(device("tmcm", 5))) as bench:
         assert bench.run("import net.yaml").code == 0

@@ -13,6 +13,7 @@ import dvtcli
 from dvtcli.errors import UsageError
 from tests.commands.bench import Bench
 from tests.house.source import PACKAGE
+from tests.sample import heavy
 
 #: gen4 can skip and watch a heartbeat, tmcm neither.
 NODES = ("gen4@1", "tmcm@5", "generic@6")
@@ -47,6 +48,7 @@ def mapped(pdo: dict[str, Any]) -> list[str]:
     return [f"{one['object']}/{one['bits']}" for one in pdo["mapping"]]
 
 
+@heavy
 def test_consumers_hear_the_producer_at_its_places_and_watch_it(bench: Bench) -> None:
     assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x201").code == 0
     assert bench.run("map 5:rpdo2 6040 60FF --off").code == 0
@@ -87,6 +89,7 @@ def test_consumers_go_on_before_the_producer(bench: Bench) -> None:
     assert enabled == [(5, 0x1401), (1, 0x1800)]
 
 
+@heavy
 @pytest.mark.parametrize("place", ["1:refuse@1", "5:refuse@1", "6:refuse@1", "6:refuse@2"])
 def test_a_fault_on_one_node_brings_all_of_them_back(place: str) -> None:
     with Bench(NODES, {"yes": True, "fault": (f"{place}=0x08000021",)}) as bench:
@@ -96,6 +99,7 @@ def test_a_fault_on_one_node_brings_all_of_them_back(place: str) -> None:
         assert held(bench) == before
 
 
+@heavy
 def test_a_dry_run_changes_nothing(bench: Bench) -> None:
     before = held(bench)
     assert bench.run("map 6:rpdo1 60FF --off").code == 0
@@ -210,6 +214,7 @@ links:
 """
 
 
+@heavy
 def test_links_of_a_file_are_planned_and_applied(bench: Bench, tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     file.write_text(FILE)
@@ -243,6 +248,7 @@ def test_the_file_says_after_how_many_heartbeats_one_is_late(bench: Bench, tmp_p
     assert value(bench, "6:1016:01") == 1 << 16 | 1000
 
 
+@heavy
 def test_who_goes_on_hearing_a_can_id_that_is_given_up_is_named(bench: Bench, tmp_path: Path) -> None:
     assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x2A1").code == 0
     assert bench.run("map 6:rpdo1 60FF --off").code == 0
@@ -322,6 +328,7 @@ def test_a_guarded_node_gets_no_heartbeat(tmp_path: Path) -> None:
         assert value(bench, "1:1017") == 100
 
 
+@heavy
 def test_what_moves_a_drive_is_named_in_the_plan_and_in_the_question() -> None:
     """A statusword enables no drive unseen; a link on nodes that are OPERATIONAL is asked about with these words."""
     with Bench(("gen4@1", "generic@6")) as bench:

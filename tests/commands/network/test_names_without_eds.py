@@ -7,6 +7,7 @@ from pathlib import Path
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 FILE = "nodes:\n  one:\n    node_id: 1\n{more}    tpdo: {{1: {{mapping: [velocity_actual_value]}}}}\n"
 
@@ -58,6 +59,7 @@ def test_a_saved_plan_keeps_why(tmp_path: Path) -> None:
         assert "0x1017:00  500 ms -> 700 ms  heartbeat_producer" in bench.run(f"apply {saved}").stdout
 
 
+@heavy
 def test_the_eds_of_a_served_family_goes_by_its_name(tmp_path: Path) -> None:
     with Wire(device("generic")) as wire:
         with Bench((), {**wire.options, "eds": "generic", "node": 1, "yes": True}) as bench:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 FILE = """
 nodes:
@@ -30,6 +31,7 @@ def held(bench: Bench) -> list[object]:
     return [*rows, bench.run("read 1017 --json").document["value"]]
 
 
+@heavy
 def test_a_plan_writes_nothing_and_after_apply_it_is_empty(bench: Bench, file: Path) -> None:
     before = held(bench)
     planned = bench.run(f"plan {file} --json")
@@ -60,6 +62,7 @@ def test_only_what_it_needs_is_read(bench: Bench, tmp_path: Path) -> None:
     assert len(asked) < 80, "the rules of networks look at what is enabled, and no PDO that is off is read"
 
 
+@heavy
 def test_a_saved_plan_is_applied_once_and_refused_where_it_is_stale(bench: Bench, file: Path, tmp_path: Path) -> None:
     saved = tmp_path / "plan.json"
     assert bench.run(f"plan {file} -o {saved}").code == 0
@@ -94,6 +97,7 @@ BESIDE = """nodes:
 _MOVED, _SLOWER = "set 6:tpdo1 --cob-id 0x1A0", "write 1017 800 --as u16"
 
 
+@heavy
 @pytest.mark.parametrize(("line", "nothing"), [(_MOVED, False), (_SLOWER, False), (_SLOWER, True)])
 def test_a_saved_plan_is_stale_where_a_node_that_it_does_not_change_has_changed(
     line: str, nothing: bool, tmp_path: Path
@@ -111,6 +115,7 @@ def test_a_saved_plan_is_stale_where_a_node_that_it_does_not_change_has_changed(
         assert bench.run(f"apply {saved}").code == 0
 
 
+@heavy
 def test_a_plan_for_another_device_is_refused(bench: Bench, file: Path, tmp_path: Path) -> None:
     saved = tmp_path / "plan.json"
     assert bench.run(f"plan {file} -o {saved}").code == 0
@@ -155,6 +160,7 @@ b: {node_id: 5, tpdo: {1: {mapping: [1018:01]}}}
     assert len(ran.documents[-1]["findings"]) == 2
 
 
+@heavy
 def test_two_producers_of_one_can_id_are_refused_and_an_exchange_is_not(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "clash.yaml"
     both = "a: {{node_id: 1, tpdo: {{1: {{cob_id: {0}}}}}}}\nb: {{node_id: 5, tpdo: {{1: {{cob_id: {1}}}}}}}\n"
@@ -183,6 +189,7 @@ def test_without_consent_nothing_is_written(file: Path) -> None:
         assert held(bench) == before
 
 
+@heavy
 def test_nodes_store_once_all_are_verified(bench: Bench, file: Path) -> None:
     file.write_text("defaults: {store: true}\n" + FILE)
     ran = bench.run(f"apply {file} --json")
@@ -200,6 +207,7 @@ def test_what_a_file_does_not_name_goes_off_with_prune(bench: Bench, tmp_path: P
     assert enabled == ["tpdo1"]
 
 
+@heavy
 def test_what_is_right_and_not_stored_is_stored_by_the_next_apply_that_should(bench: Bench, file: Path) -> None:
     assert bench.run(f"apply {file}").code == 0
     file.write_text("defaults: {store: true}\n" + FILE)

@@ -63,6 +63,7 @@ def with_communication() -> Eds:
     return eds
 
 
+@heavy
 def test_what_a_dcf_says_of_communication_is_taken_also_where_it_is_as_usual() -> None:
     """A COB-ID of EMCY, entries of 0x1016, and what 0x1005 holds anyway: `diff` sees them altered later."""
     eds = with_communication()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.small_eds import plain, var
 
 ENTRIES = 3
@@ -126,6 +127,7 @@ def test_where_sdo_fills_every_entry_nobody_else_is_watched() -> None:
         assert "0x1016 of node 9 has no free entry (3 in all, 3 of them as sdo has it)" in ran.stderr
 
 
+@heavy
 @pytest.mark.parametrize(
     "entries",
     [(), (0x0004_05DC,), (0, 0x0004_05DC), (0x0005_01F4, 0, 0x0004_05DC), (0x0006_0064, 0x0005_01F4, 0x0004_05DC)],

@@ -11,6 +11,7 @@ import pytest
 
 from tests.commands.bench import Bench
 from tests.process import ROOT
+from tests.sample import heavy
 
 FILE = ROOT / "examples" / "stamped.yaml"
 
@@ -24,6 +25,7 @@ def bench() -> Iterator[Bench]:
         yield made
 
 
+@heavy
 def test_text_names_who_was_not_read(bench: Bench) -> None:
     said = bench.run(f"plan {FILE} --trust-stamp").stdout
     assert said.count("not read: its stamp (0x1020) is that of the file") == 1
@@ -36,6 +38,7 @@ def test_text_names_who_was_not_read(bench: Bench) -> None:
     assert "Every node, as its stamp (0x1020) says, holds" in bench.run(f"apply {FILE} --trust-stamp").stdout
 
 
+@heavy
 def test_an_atomic_script_that_is_taken_back_leaves_the_stamp_as_it_was(bench: Bench, tmp_path: Path) -> None:
     script = tmp_path / "lines.dvt"
     script.write_text("node 5\nset tpdo1 --timer 70\nwrite 1018:1 0\n")
@@ -47,6 +50,7 @@ def test_an_atomic_script_that_is_taken_back_leaves_the_stamp_as_it_was(bench: B
     assert bench.run("read 5:1020:1").stdout != before[0]
 
 
+@heavy
 def test_documents_say_it(bench: Bench) -> None:
     for line in ("plan {} --json", "plan {} --trust-stamp --json", "apply {} --trust-stamp --json"):
         document = bench.run(line.format(FILE)).document
@@ -55,6 +59,7 @@ def test_documents_say_it(bench: Bench) -> None:
         assert [node["unchanged"] for node in document["nodes"]] == [0 if trusts else 3, 0]
 
 
+@heavy
 def test_formats_for_ci_say_it(bench: Bench) -> None:
     github = bench.run(f"diff {FILE} --trust-stamp --format github").stdout
     assert "::notice " in github
@@ -65,6 +70,7 @@ def test_formats_for_ci_say_it(bench: Bench) -> None:
     assert [one.get("message") for one in suite.iter("skipped")] == ["not read: its stamp (0x1020) is that of the file"]
 
 
+@heavy
 def test_a_saved_plan_keeps_it(bench: Bench, tmp_path: Path) -> None:
     saved = tmp_path / "plan.json"
     assert bench.run(f"plan {FILE} --trust-stamp -o {saved}").code == 0

@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
+from tests.sample import heavy
 from tests.small_eds import plain
 
 TWO = ("generic@1", "generic@3")
@@ -98,6 +99,7 @@ def test_single_objects_are_compared_too() -> None:
         assert [row["object"] for row in ran.document["differences"]] == ["1017:00"]
 
 
+@heavy
 def test_a_script_is_compared_by_what_it_would_leave(tmp_path: Path) -> None:
     script = tmp_path / "press.dvt"
     script.write_text(
@@ -167,6 +169,7 @@ def test_a_file_is_compared_as_before() -> None:
         assert bench.run(f"verify {family_eds('gen4')}").code == 3
 
 
+@heavy
 @pytest.mark.parametrize(
     "lines",
     [

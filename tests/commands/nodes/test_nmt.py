@@ -15,6 +15,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 #: an object that a device with node guarding has
@@ -173,6 +174,7 @@ def test_all_are_listened_for_before_they_are_reset(line: str, selected: int | N
         assert [one["node"] for one in document["nodes"]] == [1, 9], "their boot-ups were heard"
 
 
+@heavy
 def test_where_nobody_is_heard_a_reset_of_all_is_asked_for(eds: str) -> None:
     quiet = device("generic")
     quiet.set_value(0x1017, 0, b"\0\0")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("20ms", 0.02), ("0.02", 0.02), ("2e-2", 0.02), (".02s", 0.02)])
@@ -24,6 +25,7 @@ def test_what_is_no_time_is_a_usage_error(line: str, text: str) -> None:
     assert "not a time" in ran.stderr or "not within" in ran.stderr
 
 
+@heavy
 def test_nothing_is_a_time_only_where_it_means_not_to_listen() -> None:
     with Bench() as bench:
         assert bench.run("load --for 0ms").code == bench.run("load --for 0").code == 0

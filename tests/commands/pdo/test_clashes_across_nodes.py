@@ -8,6 +8,7 @@ import pytest
 
 from tests.commands.bench import Bench, beside
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 TWO = ("generic@1", "generic@3")
 
@@ -87,6 +88,7 @@ def test_auto_takes_a_can_id_that_no_known_node_sends() -> None:
         assert row["cob_id"] == 0x680
 
 
+@heavy
 def test_the_twins_know_the_nodes_that_were_met_before() -> None:
     with Bench(TWO) as bench:
         assert bench.run("map 1:tpdo1 6041 --cob-id 0x181").code == 0

@@ -13,6 +13,7 @@ from dvtcli.files.eds.reader import parse_eds
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 
 @pytest.fixture(autouse=True)
@@ -53,6 +54,7 @@ def test_it_is_noted_once_for_reading() -> None:
         assert "gen4.eds is about" not in one.run("read 1000 --dry-run").stderr
 
 
+@heavy
 def test_doctor_warns_of_it() -> None:
     with Wire(device("tmcm")) as wire, bench(wire, family_eds("gen4")) as one:
         (document,) = one.run("doctor --json").documents

@@ -9,6 +9,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, beside
+from tests.sample import heavy
 from tests.small_eds import U16, U32, communication, plain, var
 from tests.virtual_time import VirtualTimeBus
 
@@ -94,6 +95,7 @@ def test_so_it_is_of_a_file_that_names_one_of_two_nodes(tmp_path: Path, verb: st
         assert bench.run(f"{verb} {file} --force").code == 0
 
 
+@heavy
 def test_what_the_node_itself_sends_is_no_second_producer(tmp_path: Path) -> None:
     bus = stranger_sends(0x1A5, tmp_path)
     with Bench((), {"node": 9, "yes": True}, bus) as bench:

@@ -15,6 +15,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire
+from tests.sample import heavy
 from tests.small_eds import INPUTS, U32, Eds, communication, mapping, plain, var
 
 FIRST = INPUTS << 16 | 0x0108
@@ -90,6 +91,7 @@ def test_a_warning_of_the_way_back_claims_no_more_than_undo_does() -> None:
         assert row(one.run("pdo --all --json"), "tpdo1") == before
 
 
+@heavy
 def test_the_same_entries_again_repair_the_count() -> None:
     with bench(count_above()) as one:
         assert one.run("map tpdo1 6000:1 6000:2 6000:3 6000:4").code == 0

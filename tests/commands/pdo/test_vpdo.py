@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 #: Sevcon PDO Fundamentals rev 2, 2.2, the stand-alone traction controller: what the objects hold in the end
 TRACTION = {
@@ -35,6 +36,7 @@ def run(bench: Bench, *lines: str) -> None:
         assert ran.code == 0, (line, ran.stderr)
 
 
+@heavy
 @pytest.mark.parametrize("family", ["gen4", "espac"])
 def test_the_note_s_example_from_another_set_up_and_back(family: str) -> None:
     with Bench((family,)) as bench:
@@ -177,6 +179,7 @@ drive:
 """
 
 
+@heavy
 @pytest.mark.parametrize("family", ["gen4", "espac"])
 def test_pins_of_a_network_file_are_planned_applied_and_taken_back(family: str, tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"

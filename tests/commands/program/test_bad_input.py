@@ -10,6 +10,7 @@ import pytest
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 
 @pytest.fixture(scope="module")
@@ -198,6 +199,7 @@ def test_neither_bus_nor_node_says_what_to_do() -> None:
         assert "--sim" in ran.stderr
 
 
+@heavy
 @pytest.mark.parametrize("described", [True, False])
 def test_a_pdo_parameter_of_another_length_is_refused_also_without_a_file(described: bool) -> None:
     with Wire(device("generic")) as wire:

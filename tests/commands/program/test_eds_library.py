@@ -29,6 +29,7 @@ from tests.commands.bench import Bench
 from tests.commands.bus import device
 from tests.opened_files import opened_files
 from tests.real_files import real_files
+from tests.sample import heavy
 from tests.small_eds import plain
 from tests.virtual_time import VirtualTimeBus
 
@@ -77,6 +78,7 @@ def outcomes(document: dict[str, object]) -> dict[str, str]:
     return {Path(row["file"]).name: row["outcome"] for row in document["files"]}  # type: ignore[attr-defined]
 
 
+@heavy
 def test_a_folder_is_added_with_all_in_it_and_what_is_wrong_is_named(offline: Bench) -> None:
     write("old/a.eds", text())
     write("old/deep/b.EDS", text(product=2))
@@ -354,6 +356,7 @@ def test_several_that_add_at_once_disturb_nobody(often_switching: None, _again: 
     assert {path.suffix for path in folder().rglob("*") if path.is_file()} == {".eds", ".json"}
 
 
+@heavy
 def test_the_list_opens_no_file_that_it_knows(offline: Bench) -> None:
     for number in range(1, 61):
         write(f"all/{number}.eds", text(product=number))
@@ -455,6 +458,7 @@ def test_names_from_files_cannot_bend_the_screen(offline: Bench) -> None:
     assert "\x1b" not in offline.run("eds add .").stdout
 
 
+@heavy
 def test_doctor_says_where_they_are(offline: Bench) -> None:
     write("a.eds", text())
     offline.run("eds add a.eds")
@@ -555,7 +559,7 @@ def test_a_preference_holds_until_a_file_goes_first_without_it(offline: Bench) -
     assert _taken() == "n.eds"
 
 
-@settings(max_examples=5)
+@settings(max_examples=max(2, settings().max_examples // 20))
 @given(st.lists(st.tuples(st.sampled_from(["add", "add", "prefer"]), st.sampled_from(LABELS)), max_size=8))
 def test_what_is_said_to_be_taken_is_taken(steps: list[tuple[str, str]]) -> None:
     for one in stored_files():

@@ -21,6 +21,7 @@ from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.telling import Silent
 from tests.posix import NO_TERMINAL
+from tests.sample import heavy
 
 pty = pytest.importorskip("pty", reason=NO_TERMINAL)
 
@@ -54,6 +55,7 @@ def test_each_object_that_is_read_and_each_step_is_told_as_it_happens() -> None:
     assert texts[-1].endswith("; reading back")
 
 
+@heavy
 def test_each_write_of_learn_is_told_as_it_happens() -> None:
     follower = Follower()
     with Session(Options(sim=("tmcm",), yes=True), follower) as session:

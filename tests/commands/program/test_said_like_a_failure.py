@@ -7,6 +7,7 @@ import pytest
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.scripts.script import run_script
 from tests.commands.bench import Bench, Ran
+from tests.sample import heavy
 
 MAP = "map tpdo1 6064 606C"
 
@@ -182,6 +183,7 @@ def test_where_nothing_was_changed_no_proof_of_the_save_itself_is_claimed() -> N
         assert "not that the save wrote it" not in bench.run("store --prove").stdout
 
 
+@heavy
 def test_a_device_that_refuses_the_canary_is_not_said_to_have_no_pdo_that_is_off() -> None:
     """It is asked before the store; where it takes the change then, and not after the store, that is said."""
     with sim(*(f"refuse@{number}=0x06090030" for number in range(1, 40))) as bench:

@@ -15,6 +15,7 @@ from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
 from tests.process import documents, environment, run
+from tests.sample import heavy
 
 
 def test_verify_does_not_call_its_rehearsal_a_dry_run(tmp_path: Path) -> None:
@@ -76,6 +77,7 @@ def test_an_option_of_the_start_is_no_fault_of_a_scripts_line(fault: str) -> Non
         assert bench.script("read 1000 --json").document["at"] is None
 
 
+@heavy
 def test_what_a_tcl_script_changed_before_it_was_stopped_is_named(tmp_path: Path) -> None:
     script = tmp_path / "m.tcl"
     script.write_text("dvtcli map tpdo1 6041 606C\ndvtcli read 1000\ndvtcli set tpdo2 --timer 70\nwhile 1 {}\n")

@@ -12,6 +12,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, beside
 from tests.process import PATIENCE_S, ROOT, environment
+from tests.sample import heavy
 from tests.simulator.bench import booted
 
 UNCHANGED = "  state   unchanged: nothing was written\n"
@@ -81,6 +82,7 @@ def test_what_a_dry_run_writes_to_a_twin_is_written_to_nobody() -> None:
         assert bench.session.state_now() == ("unchanged", None)
 
 
+@heavy
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_results_that_are_lost_before_the_first_write_leave_the_node_unchanged(tmp_path: Path) -> None:
     (tmp_path / "n.yaml").write_text("nodes:\n  a: {node_id: 1, tpdo: {1: {event_timer: 50}}}\n", "utf-8")
@@ -90,6 +92,7 @@ def test_results_that_are_lost_before_the_first_write_leave_the_node_unchanged(t
     assert UNCHANGED in done.stderr
 
 
+@heavy
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 @pytest.mark.parametrize(
     ("words", "made"),

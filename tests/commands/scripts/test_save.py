@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 TRIALS = [
     "map tpdo1 606C --sync 1",
@@ -55,6 +56,7 @@ def test_history_has_each_step(tmp_path: Path, suffix: str) -> None:
     assert [line.split()[0] for line in lines] == [line.split()[0] for line in TRIALS]
 
 
+@heavy
 @pytest.mark.parametrize("suffix", ["dvt", "tcl"])
 def test_all_is_everything_that_the_pdos_hold(tmp_path: Path, suffix: str) -> None:
     saved = tmp_path / f"x.{suffix}"
@@ -138,7 +140,7 @@ STEPS = [
 
 
 @settings(
-    max_examples=max(10, settings().max_examples // 3),
+    max_examples=max(3, settings().max_examples // 3),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

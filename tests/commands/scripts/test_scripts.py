@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from tests.commands.bench import Bench
+from tests.sample import heavy
 
 
 def test_a_malformed_line_stops_the_script_before_its_first_line() -> None:
@@ -38,6 +39,7 @@ def test_an_option_that_chooses_the_bus_is_refused_in_a_line() -> None:
             assert "test.dvt:1" in ran.stderr
 
 
+@heavy
 def test_the_first_failing_line_stops_it_and_gives_the_code() -> None:
     with Bench() as bench:
         ran = bench.script("map tpdo1 606C", "read 5FFF", "map tpdo2 606C --json")
@@ -171,6 +173,7 @@ def _pdos_of_both(bench: Bench) -> list[object]:
     return found
 
 
+@heavy
 def test_what_was_saved_of_several_nodes_goes_back_to_each_of_them(tmp_path: Path) -> None:
     saved = tmp_path / "saved.dvt"
     with Bench(("generic@1", "gen4@2")) as bench:

@@ -23,6 +23,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench, Ran, beside
 from tests.commands.bus import Wire, device
+from tests.sample import heavy
 
 MAP = "map tpdo1 6064 606C"
 #: how the generic drive's first TPDO is delivered, and how `MAP` leaves it
@@ -196,6 +197,7 @@ def test_the_canary_is_journalled_and_put_back(tmp_path: Path) -> None:
         assert bench.run("undo").code == 2, "it is no change of the user's"
 
 
+@heavy
 def test_a_canary_that_cannot_be_put_back_is_said_and_recover_finishes_it(tmp_path: Path) -> None:
     node = device("generic")
     # downloads: 1 and 2 try the canary, 3 the save, 4 the canary, 5 what puts it back; it is repeated for PATIENCE_S
@@ -254,6 +256,7 @@ def test_nothing_is_asked_of_the_node_between_the_canary_and_its_restart_that_co
     assert identity == [], "the journal that was begun before the write is the one that stays"
 
 
+@heavy
 def test_a_node_that_does_not_come_back_leaves_the_journal(tmp_path: Path) -> None:
     """A master ignores NMT: no boot-up comes, and what was changed is put back."""
     node = device("generic")
@@ -267,6 +270,7 @@ def test_a_node_that_does_not_come_back_leaves_the_journal(tmp_path: Path) -> No
         assert journals(tmp_path) == []
 
 
+@heavy
 def test_a_proof_that_fails_does_not_say_that_nothing_was_written(tmp_path: Path) -> None:
     with Wire(device("generic")) as wire, on_bus(wire, tmp_path) as bench:
         ran = bench.run("store --prove power --within 1")
@@ -321,6 +325,7 @@ class Hand:
                 return
 
 
+@heavy
 def test_a_power_cycle_proves_what_a_reset_cannot(tmp_path: Path) -> None:
     node = device("generic")
     with Wire(node, faults=("keeps-ram",)) as wire, on_bus(wire, tmp_path) as bench:
@@ -546,6 +551,7 @@ def test_another_reader_changes_nothing() -> None:
         assert proved(bench.run("store --if-changed --json"))["skipped"] is True
 
 
+@heavy
 def test_a_store_that_may_be_skipped_keeps_another_dvtcli_away_all_the_same() -> None:
     node = device("generic")
     with Wire(node) as wire, Bench((), {**wire.options, "yes": True}) as bench:
@@ -568,6 +574,7 @@ def test_what_was_not_stored_now_is_not_called_proved(faults: tuple[str, ...], t
         assert bench.run("store --prove").code == (1 if faults else 0)
 
 
+@heavy
 @pytest.mark.parametrize("altered", ["1801:5:0x0063", "1401:2:0x05"])
 def test_what_the_device_alters_with_the_canary_is_found_before_the_store_and_put_back(altered: str) -> None:
     """With the change that tries the reset, and with its way back."""

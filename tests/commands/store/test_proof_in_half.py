@@ -14,6 +14,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.bus.devices import unknown_dictionary
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
+from tests.sample import heavy
 from tests.small_eds import U32, communication, plain, var
 
 NOT_NOW, COUNT, TIMER = 0x08000022, (0x1A00, 0), (0x1800, 5)
@@ -37,6 +38,7 @@ class BusyDevice(StrictDevice):
         super().boot_up()
 
 
+@heavy
 def test_a_store_is_not_proved_by_a_mapping_that_was_not_read_before() -> None:
     device = BusyDevice()
     with Wire(device, faults=("stores-nothing",)) as wire:
@@ -97,6 +99,7 @@ def test_nor_is_a_restore_that_does_not_tell_a_timer() -> None:
     assert "TPDO1: 0x1800:05 cannot be read, its default is 0x" in ran.stdout
 
 
+@heavy
 def test_a_timer_that_could_not_be_read_is_neither_saved_nor_changed_nor_expected() -> None:
     device = BusyDevice(untold=TIMER)
     with Wire(device) as wire, Bench((), wire.options) as bench:

@@ -8,6 +8,7 @@ import pytest
 
 from tests.commands.bench import Bench
 from tests.process import ROOT
+from tests.sample import heavy
 
 #: which simulated nodes an example is about
 NODES = {
@@ -22,6 +23,7 @@ OTHERS = ("faulty.yaml", "lift.yaml")
 EXAMPLES = sorted(path.name for path in (ROOT / "examples").glob("*.y*ml") if path.name not in OTHERS)
 
 
+@heavy
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_is_checked_applied_and_plans_empty(name: str, tmp_path: Path) -> None:
     file = ROOT / "examples" / name
