@@ -86,5 +86,4 @@ def test_a_lock_says_once_which_journal_is_in_hand(tmp_path: Path) -> None:
     chain, file = many(tmp_path, FEW)
     counted = calls(partial(chain.apply, file))
     written = {code.co_qualname: number / FEW for code, number in counted.items() if code.co_filename == lock.__file__}
-    assert written["NodeLock.note"] > 2 * written["_write_over"], "five parts a node"
     assert written["_write_over"] <= 3, "when it is taken, when a change begins, and when it ends"

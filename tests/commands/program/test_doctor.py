@@ -105,7 +105,7 @@ def test_ways_to_a_bus_of_other_packages_are_listed(tmp_path: Path) -> None:
     assert "pip check" in found["broken"]["hint"]
     assert "its process ended with 9" in found["leaving"]["text"]
     assert "TypeError: it is no function" in found["number"]["text"]
-    assert "python-can's interface" in found["virtual"]["hint"]
+    assert "python-can has an interface of this name" in found["virtual"]["hint"]
 
 
 def test_of_two_packages_with_one_name_it_is_said_which_is_opened(tmp_path: Path) -> None:
