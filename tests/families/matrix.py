@@ -102,7 +102,8 @@ def cell(family: str, name: str) -> Cell:
             return Cell(family, name, TAKEN, frames=(kept, row["enabled"], row["transmission_type"]))
         found = [finding["rule"] for finding in document.get("findings", ()) if finding["severity"] == "error"]
         why = found[0] if found else document["text"]
-        beforehand = document["error"] in _BEFOREHAND and document["state"] == "unchanged"
+        is_absent = " has no " in document["text"]  # the read of a PDO that the device lacks is refused, no write
+        beforehand = (document["error"] in _BEFOREHAND or is_absent) and document["state"] == "unchanged"
         return Cell(family, name, REFUSED if beforehand else ABORTED, why)
 
 
