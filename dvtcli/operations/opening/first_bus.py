@@ -22,7 +22,7 @@ Tell = Callable[[BusEvent], None]
 def gone(name: str, failed: BusUnavailable) -> BusEvent:
     """What to tell of the bus *name* that *failed*."""
     reason = failed.why or failed.text
-    return BusEvent(name, time(), f"{reason}; {failed.hint}" if isinstance(failed.hint, str) else reason)
+    return BusEvent(name, time(), f"{reason}; {failed.hint}" if failed.hint else reason)
 
 
 def first_bus(opened: Callable[[], B], options: Options, tell: Tell) -> B:
