@@ -53,14 +53,7 @@ def _agreed(session: Conversation, project: File, node_id: int) -> None:
             + Hint(Action.GIVE_INTERFACE, why="as in {}"),
         )
     question = f"{project.path} chose the bus {bus}: send the passcode of node {node_id} there?"
-    with session.cancellation.released():
-        answer = session.tell.ask(question)
-    if answer is None:
-        raise SafetyRefusal(
-            f"nobody can answer: {question}", node=node_id, hint=Hint(Action.GIVE_INTERFACE, why="{} chooses the bus")
-        )
-    if not answer:
-        raise SafetyRefusal("not logged in: the answer was no", node=node_id)
+    session.require_yes(question, node_id, Hint(Action.GIVE_INTERFACE, why="{} chooses the bus"), "not logged in")
 
 
 def _asked(session: Conversation, question: str, node_id: int) -> str:

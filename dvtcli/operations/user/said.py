@@ -17,6 +17,7 @@ from dvtcli.operations.user.options import Options
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from dvtcli.domain.hint import Hint
     from dvtcli.operations.user.secret_objects import Secrets
     from dvtcli.operations.user.settings import Settings
     from dvtcli.operations.user.telling import Teller
@@ -71,18 +72,22 @@ class Said:
 
     def consent_anew(self, question: str, node_id: int | None = None) -> None:
         """The same, of what no question before it named: it is asked also in the middle of what was agreed to."""
-        if self.options.yes or self.dry_run:
-            return
+        if not (self.options.yes or self.dry_run):
+            from dvtcli.domain.hint import Action, Hint
+
+            self.require_yes(question, node_id, Hint(Action.AGREE, why="give {} to answer yes"))
+
+    def require_yes(self, question: str, node_id: int | None, hint: Hint, refused: str = "not done") -> None:
+        """Ask *question*, which no option answers; SafetyRefusal if the answer is no, or with *hint* if nobody answers.
+
+        *refused* says what did not happen.
+        """
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.tell.ask(question)
         if answer is None:
-            from dvtcli.domain.hint import Action, Hint
-
-            raise SafetyRefusal(
-                f"nobody can answer: {question}", node=node_id, hint=Hint(Action.AGREE, why="give {} to answer yes")
-            )
+            raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint=hint)
         if not answer:
-            raise SafetyRefusal("not done: the answer was no", node=node_id)
+            raise SafetyRefusal(f"{refused}: the answer was no", node=node_id)
 
     @contextmanager
     def agreed(self) -> Iterator[None]:
