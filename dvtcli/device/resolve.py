@@ -43,6 +43,14 @@ def resolve(
     beside = elsewhere or cache(lambda: producers(node.neighbours()))
     held = proposal(node, pdo, now, now, elsewhere=beside)
     if isinstance(want, PdoRequest):
+        if want.extended and not isinstance(want.cob_id, int):
+            from dvtcli.domain.hint import Action, Hint
+
+            raise UsageError(
+                f"{pdo.label}: a CAN-ID of 29 bits is not chosen by itself",
+                node=node.node_id,
+                hint=Hint(Action.GIVE, {"cob_id": "CAN_ID"}, "{} says which"),
+            )
         _refuse_missing(held, want, [place for place in want.untyped_lengths if lengths[place] is None])
     try:
         return resolved(want, held, lengths)

@@ -153,8 +153,6 @@ def _pick(asked: int | None, held: int | None) -> int | None:
 
 def _cob_id(request: PdoRequest, proposal: Proposal) -> CobId:
     """The COB-ID that *request* means where the PDO becomes what *proposal* wants otherwise."""
-    if request.extended and request.cob_id in (None, "auto"):
-        raise ValueError("29 bits are those of a CAN-ID that is given, and none is: give it, too")
     held = proposal.now.communication.cob_id
     enabled = proposal.now.enabled if request.enabled is None else request.enabled
     flags = replace(held, valid=enabled, rtr_allowed=_rtr(request, proposal))

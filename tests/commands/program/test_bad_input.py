@@ -45,9 +45,9 @@ WRONG = [
     # COB-IDs
     ("map tpdo1 6041 --cob-id 201", 2, "0x201?"),
     ("map tpdo1 6041 --cob-id 0x80201", 2, "is an extended one"),
-    ("map tpdo1 6041 --extended", 2, "give it, too"),
-    ("set tpdo1 --extended", 2, "give it, too"),
-    ("set tpdo1 --cob-id auto --extended", 2, "give it, too"),
+    ("map tpdo1 6041 --extended", 2, "--cob-id CAN_ID says which"),
+    ("set tpdo1 --extended", 2, "--cob-id CAN_ID says which"),
+    ("set tpdo1 --cob-id auto --extended", 2, "--cob-id CAN_ID says which"),
     ("map tpdo1 6041 --cob-id 0x80201 --extended", 1, "11-bit CAN-IDs only"),
     ("map tpdo1 6041 --cob-id 0xC0000201", 2, "bits 29..31 (extended, RTR, valid) have options"),
     ("map tpdo1 6041 --cob-id -0x201", 2, "is not a COB-ID"),
