@@ -56,7 +56,7 @@ def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) 
     told = " ".join(bench.run("read", "1000")[2].split())
     assert "which asked TPDO5, RPDO5, TPDO4, RPDO1 of node 5, was interrupted: `dvtcli " in told
     assert "recover` puts the old configuration back" in told
-    assert "TPDO5, RPDO5, TPDO4, RPDO1 of node 5 will be put back as before it was learnt" in " ".join(
+    assert "TPDO5, RPDO5, TPDO4, RPDO1 of node 5 will be put back as before the interrupted learning" in " ".join(
         bench.run("recover")[2].split()
     )
     code, stdout, stderr = bench.run("recover", "--yes")

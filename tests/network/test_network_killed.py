@@ -128,7 +128,7 @@ def test_stores_that_a_kill_cut_short_are_finished(nodes: Killable) -> None:
     asked = nodes.dvtcli("recover")
     assert asked.returncode == 6
     assert "stored: node 1; unknown: node 3" in asked.stderr
-    assert "recover --finish` goes on" in asked.stderr
+    assert "recover --finish --yes` goes on" in asked.stderr
     assert "recover --yes` goes back" in asked.stderr
     assert nodes.dvtcli("recover", "--finish", "--dry-run").returncode == 0
     assert len(journals(nodes)) == 3, "a dry run leaves them"

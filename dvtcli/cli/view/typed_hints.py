@@ -33,7 +33,7 @@ COMMANDS: dict[Action, str] = {
     Action.UNDO: "undo {all?--all} {backup?--backup} {when} {force?--force}",
     Action.RECOVER: "recover {accept?--accept} {discard?--discard} {yes?--yes}",
     Action.RECOVER_ALL: "recover",
-    Action.FINISH_STORES: "recover --finish",
+    Action.FINISH_STORES: "recover --finish {yes?--yes}",
     Action.STORE: "store {what} {force?--force}",
     Action.RESTORE: "restore {what}",
     Action.PROVE_STORE: "store {what} --prove",

@@ -64,9 +64,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
             raise _first_of(refused)
         return go_on(session, journals)
     text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
-    what = (
-        "it was learnt, which was interrupted" if all(one.part.asked for one in journals) else "the interrupted change"
-    )
+    what = "the interrupted learning" if all(one.part.asked for one in journals) else "the interrupted change"
     session.consent(f"{text} will be put back as before {what}; recover?", _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
         session.tell.note(said)
@@ -123,7 +121,8 @@ def _asked_to_finish(session: Session, text: str, what: str) -> bool:
     if answer is None:
         raise SafetyRefusal(
             f"nobody can answer: {text}",
-            hint=Hint(Action.FINISH_STORES, why="goes on") + Hint(Action.RECOVER, {"yes": True}, ", {} goes back"),
+            hint=Hint(Action.FINISH_STORES, {"yes": True}, "goes on")
+            + Hint(Action.RECOVER, {"yes": True}, ", {} goes back"),
         )
     return answer
 
