@@ -36,13 +36,13 @@ def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
     return found
 
 
-def services_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
-    """CAN-IDs of SYNC, EMCY, TIME and further SDO channels of *nodes*, as of `channels_taken`."""
+def services_taken(nodes: Iterable[KnownPdos], *, without: int | None = None) -> dict[tuple[int, bool], str]:
+    """CAN-IDs of SYNC, EMCY, TIME and further SDO channels of *nodes*, as of `channels_taken`, but for *without*."""
     found: dict[tuple[int, bool], str] = {}
     for node in nodes:
         if node.dictionary is not None or node.last_seen:
             with suppress(NoAnswer, SdoProtocolError):
-                found |= service_ids_beside(node.memory, node.node_id, node.dictionary)
+                found |= service_ids_beside(node.memory, node.node_id, node.dictionary, without=without)
     return found
 
 

@@ -77,7 +77,7 @@ class Node(Applier):
         from dvtcli.device.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
         from dvtcli.device.heard_producers import heard_ids, heard_producer_findings
-        from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
+        from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings, taken_can_id_findings
         from dvtcli.device.storing import prepare_store
         from dvtcli.domain.plan import PdoChange, Plan, Step
         from dvtcli.domain.request import said_at
@@ -90,6 +90,7 @@ class Node(Applier):
         what = f"0x{index:04X}:{sub_index:02X} not written"
         with heard_ids(self.bus) as heard:
             findings = raw_write_findings(self, index, sub_index, data)
+            findings = (*findings, *taken_can_id_findings(self, index, sub_index, data))
             refuse(findings, what, self.node_id, force=force)
             change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
             if isinstance(change, PdoChange):

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
+from dvtcli.device.neighbours import producers, services_taken
 from dvtcli.device.proposal import proposal
-from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.read_pdos import read_optional, service_ids_beside
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
-from dvtcli.domain.rules.can_id import EMCY, SYNC, service_findings
+from dvtcli.domain.rules.can_id import COB_ID_OF, EMCY, SYNC, is_in_use, service_findings, service_taken_findings
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
     length_findings,
@@ -21,6 +23,7 @@ from dvtcli.domain.rules.raw_write import (
     with_raw,
     write_findings,
 )
+from dvtcli.domain.services import SDO_CHANNEL_INDICES, SYNC_BY_DEFAULT
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
@@ -32,7 +35,7 @@ def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes)
     """Everything the rules say of writing *data* to *index*:*sub_index* of *node*."""
     findings = write_findings(node.dictionary, index, sub_index, data)
     pdo = Pdo.at(index)
-    if index in (SYNC, EMCY) and not sub_index and len(data) == 4 and not findings:
+    if index in COB_ID_OF and not sub_index and len(data) == 4 and not findings:
         return tuple(service_findings(node.node_id, index, int.from_bytes(data, "little")))
     if pdo is None or findings:
         return findings
@@ -43,6 +46,30 @@ def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes)
     return parameter_findings(
         lambda want: proposal(node, pdo, now, want), now, write, lambda: _entries(node, pdo, write.value)
     )
+
+
+def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
+    """An error if *data* gives a service of *node* a CAN-ID that another service or an enabled PDO has.
+
+    Services are SYNC, the time stamp, EMCY and further SDO channels. Asks *node* and the other known nodes what they
+    hold now, so it is for a write alone: a plan judges the state that it leaves.
+    """
+    is_channel = index in SDO_CHANNEL_INDICES and sub_index in (1, 2)
+    raw = int.from_bytes(data, "little")
+    if len(data) != 4 or not (is_channel or (index in COB_ID_OF and not sub_index)) or not is_in_use(index, raw):
+        return
+    # nodes share SYNC and the time stamp, and what is a server on one node is a client on another: EMCY is one node's
+    shared = None if index == EMCY else index
+    taken = services_taken(node.neighbours(), without=shared)
+    taken |= service_ids_beside(node.memory, node.node_id, node.dictionary, without=index)
+    if index != SYNC and "SYNC" not in taken.values():
+        taken[SYNC_BY_DEFAULT] = "SYNC"
+    for one in producers(node.neighbours()):
+        taken[one.cob_id.can_id, one.cob_id.extended] = f"that of {one.pdo.label} of node {one.node_id}"
+    for pdo, cob_id in node.known_cob_ids().items():
+        if cob_id.valid:
+            taken[cob_id.can_id, cob_id.extended] = f"that of {pdo.label} of node {node.node_id}"
+    yield from service_taken_findings(index, sub_index, raw, taken)
 
 
 def raw_change(node: KnownPdos, step: Step) -> Change:

@@ -17,7 +17,7 @@ from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.ports import SdoReader
-from dvtcli.domain.services import SDO_CLIENTS, SDO_SERVERS, taken_by_services, taken_on_another
+from dvtcli.domain.services import SDO_CHANNEL_INDICES, SDO_CLIENTS, SDO_SERVERS, taken_by_services, taken_on_another
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
@@ -123,15 +123,19 @@ def service_ids(sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | Non
 
 
 def service_ids_beside(
-    sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None
+    sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None, *, without: int | None = None
 ) -> dict[tuple[int, bool], str]:
-    """The same of a node beside the node that is looked at: what it does not tell takes nothing."""
+    """The same of a node beside the node that is looked at: what it does not tell takes nothing.
+
+    Nor does what 0x1005, 0x1012, 0x1014 or the SDO channels hold if their index is *without*.
+    """
     held: dict[int, int | None] = dict.fromkeys((0x1005, 0x1012, 0x1014))
     for index in held:
-        if dictionary is None or index in dictionary:
+        if index != without and (dictionary is None or index in dictionary):
             with suppress(SdoAborted, SdoProtocolError):
                 held[index] = read_optional(sdo, index, 0, 4)
-    return taken_on_another(node_id, held[0x1005], held[0x1014], sdo_channels(sdo, dictionary), held[0x1012])
+    channels = {} if without in SDO_CHANNEL_INDICES else sdo_channels(sdo, dictionary)
+    return taken_on_another(node_id, held[0x1005], held[0x1014], channels, held[0x1012])
 
 
 def read_cob_id(sdo: SdoReader, pdo: Pdo) -> CobId:

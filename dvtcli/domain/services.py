@@ -8,7 +8,11 @@ from collections.abc import Mapping
 SDO_SERVERS, SDO_CLIENTS = range(0x1201, 0x1280), range(0x1280, 0x1300)
 #: Where the COB-IDs of further SDO servers and clients are.
 SDO_CHANNEL_INDICES = range(SDO_SERVERS.start, SDO_CLIENTS.stop)
-_FRAME, _PRODUCES, _OFF = 1 << 29, 1 << 30, 1 << 31
+#: The CAN-ID of SYNC, and that it has 11 bits, if no object says another (CiA 301, 7.5.2.5).
+SYNC_BY_DEFAULT = (0x080, False)
+_FRAME = 1 << 29
+#: Bit 30 of 0x1005 and 0x1012: the node sends it; bit 31 of 0x1014 and of SDO channels: they are off.
+PRODUCES, OFF = 1 << 30, 1 << 31
 
 
 def taken_by_services(
@@ -26,9 +30,9 @@ def taken_by_services(
     found = taken_by_channels(node_id, channels) | _taken_by_time(time)
     if emcy is None:
         found[0x080 + node_id, False] = "this node's EMCY by default"
-    elif not emcy & _OFF:
+    elif not emcy & OFF:
         found[_identifier(emcy)] = "this node's EMCY"
-    found[0x080 if sync is None else _identifier(sync)[0], sync is not None and _identifier(sync)[1]] = "SYNC"
+    found[SYNC_BY_DEFAULT if sync is None else _identifier(sync)] = "SYNC"
     return found
 
 
@@ -41,7 +45,7 @@ def taken_on_another(
 ) -> dict[tuple[int, bool], str]:
     """The same of a node beside the node that is looked at; what it does not tell takes nothing."""
     found = taken_by_channels(node_id, channels) | _taken_by_time(time)
-    if emcy is not None and not emcy & _OFF:
+    if emcy is not None and not emcy & OFF:
         found[_identifier(emcy)] = f"EMCY of node {node_id}"
     if sync is not None:
         found[_identifier(sync)] = "SYNC"
@@ -49,14 +53,14 @@ def taken_on_another(
 
 
 def _taken_by_time(time: int | None) -> dict[tuple[int, bool], str]:
-    return {} if time is None or not time & _PRODUCES else {_identifier(time): "TIME"}
+    return {} if time is None or not time & PRODUCES else {_identifier(time): "TIME"}
 
 
 def taken_by_channels(node_id: int, channels: Mapping[tuple[int, int], int]) -> dict[tuple[int, bool], str]:
     """The same of further SDO servers and clients, whose COB-IDs *channels* holds; one that is off takes none."""
     found: dict[tuple[int, bool], str] = {}
     for (index, sub_index), raw in channels.items():
-        if not raw & _OFF and not channels.get((index, 3 - sub_index), 0) & _OFF:
+        if not raw & OFF and not channels.get((index, 3 - sub_index), 0) & OFF:
             what = "server" if index in SDO_SERVERS else "client"
             found[_identifier(raw)] = f"an SDO {what} of node {node_id} ({index:04X}:{sub_index:02X})"
     return found

@@ -124,7 +124,7 @@ HOLDERS = {
 @every_page
 def test_names_of_the_python_api_in_prose_are_there(page: str) -> None:
     prose = re.sub(r"^```.*?^```$", "", text(page), flags=re.M | re.S)
-    named = re.findall(r"`(?:with |await )?((?:\w+\.)*\w+)\.(\w+)(?![\w.]*[/:])[^`]*`", prose)
+    named = re.findall(r"`(?:with |await )?((?:\w+\.)*\w+)\.(\w+)(?![\w.-]*[/:])[^`]*`", prose)
     assert [f"{holder}.{name}" for holder, name in named if holder in HOLDERS and not _has(HOLDERS[holder], name)] == []
 
 

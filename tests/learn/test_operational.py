@@ -69,7 +69,7 @@ def test_without_isolated_operational_says_nothing() -> None:
         document = bench.run("learn --yes --json").document
     assert not [row for row in document["profile"] if row["key"] == "pre_operational_gate"]
     asked = [row for row in document["probes"] if "OPERATIONAL" in row["name"]]
-    assert {row["why"] for row in asked} == {"only while nothing else is on the bus, and the node is OPERATIONAL"}
+    assert {row["why"] for row in asked} == {"only on a silent bus with the node OPERATIONAL"}
 
 
 @heavy

@@ -20,7 +20,7 @@ _RULES = {"missing-object": "an entry of an object that is not there", "type 241
 _CHECKS = {"missing-object": "missing-object", "type 241": "type"}
 _TAKEN = f" is taken{IN_OPERATIONAL}"
 _RESERVED_TYPE = 241
-_WHY_NOT = "only while nothing else is on the bus, and the node is OPERATIONAL"
+_WHY_NOT = "only on a silent bus with the node OPERATIONAL"
 #: Keys of a family that say what is checked: of a device that does not check they say nothing.
 _UNCHECKED = (
     "answers.", "pdo_types.", "rtr_bit.", "tpdo_access", "rpdo_access", "tpdo_dummies", "dummies", "granularity",

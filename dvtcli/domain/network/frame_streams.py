@@ -11,7 +11,6 @@ from dvtcli.domain.frame import byte_length
 from dvtcli.domain.network.network_state import (
     EMCY_INHIBIT,
     GUARD_TIME,
-    PRODUCES,
     SYNC_OVERFLOW,
     SYNC_PERIOD,
     SYNC_WINDOW,
@@ -39,6 +38,7 @@ from dvtcli.domain.network.stream import (
 from dvtcli.domain.network.stream_assumptions import assumptions, without_producer
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.services import PRODUCES
 
 _MS, _100_US = 1000, 100
 _LONGEST_BYTES = 8

@@ -13,7 +13,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.services import SDO_CHANNEL_INDICES
+from dvtcli.domain.services import OFF, PRODUCES, SDO_CHANNEL_INDICES
 
 Place = tuple[int, int]
 Identity = Mapping[str, int | None]
@@ -26,9 +26,7 @@ NMT_STARTUP, SLAVE_ASSIGNMENT, REQUEST_NMT, REQUEST_GUARDING, BOOT_TIME = 0x1F80
 CONCISE_DCF = 0x1F22
 #: The sub-indices of 0x1018 from 1 on, as `Identity` names them.
 IDENTITY_NAMES = ("vendor", "product", "revision", "serial")
-#: Bit 30 of 0x1005 and 0x1012: the node produces it (CiA 301, 7.5.2.5 and 7.5.2.16).
-PRODUCES = 1 << 30
-_FRAME, _OFF = 1 << 29, 1 << 31
+_FRAME = 1 << 29
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +97,7 @@ class NodeState:
     def emcy(self) -> Identifier | None:
         """The CAN-ID of its EMCY, and whether that has 29 bits; None where it has none, or it is off."""
         held = self.number(EMCY_COB_ID)
-        return None if held is None or held & _OFF else _identifier(held)
+        return None if held is None or held & OFF else _identifier(held)
 
     @property
     def sdo_channels(self) -> dict[Place, int]:

@@ -12,7 +12,7 @@ from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
 from dvtcli.domain.rules.finding import Finding, Producer, Proposal, error, note, warning
 from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
-from dvtcli.domain.services import taken_by_services
+from dvtcli.domain.services import OFF, PRODUCES, SYNC_BY_DEFAULT, taken_by_services
 
 _ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")
 _OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")
@@ -26,7 +26,8 @@ RULES = (
     Rule("rtr-bit", ERROR, "bit 30 is against what the family wants", "the family", (Abort.VALUE_RANGE,)),
     Rule("can-id-in-use", (Severity.ERROR, Severity.WARNING),
          "the CAN-ID is SYNC, EMCY, the time stamp that is sent, or an SDO of a known node (error); another node's "
-         "EMCY by default, or TIME (warning)",
+         "EMCY by default, or TIME (warning); a write gives such a service the CAN-ID of another one or of a PDO that "
+         "is enabled (error)",
          "CiA 301, 7.3.5; 0x1005, 0x1012, 0x1014 and 0x1201…0x12FF of known nodes"),
     Rule("can-id-clash", ERROR,
          "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session, also if it stays as it is",
@@ -42,8 +43,9 @@ RULES = (
          "CiA 301, 7.3.5"),
 )  # fmt: skip
 
-#: the COB-ID of SYNC, and that of EMCY
-SYNC, EMCY = 0x1005, 0x1014
+SYNC, TIME, EMCY = 0x1005, 0x1012, 0x1014
+#: The services whose COB-ID is one object, by its index.
+COB_ID_OF = {SYNC: "SYNC", TIME: "TIME", EMCY: "EMCY"}
 _RESERVED = "reserved"
 #: First and last 11-bit CAN-ID of a range that CiA 301 restricts, with what it is for.
 RESTRICTED = (
@@ -73,19 +75,40 @@ def restricted_use(can_id: int) -> str | None:
 
 
 def service_findings(node_id: int, index: int, raw: int) -> Iterator[Finding]:
-    """Judge *raw* as the COB-ID of SYNC (*index* 0x1005) or EMCY (0x1014) of the node with *node_id*.
+    """Judge *raw* as the COB-ID of SYNC (*index* 0x1005), the time stamp (0x1012) or EMCY (0x1014) of *node_id*.
 
-    Bit 31 switches EMCY off, and means nothing for SYNC.
-    Source: CiA 301, 7.3.5 (restricted CAN-IDs, pre-defined connection set), 7.5.2.5 and 7.5.2.14.
+    Source: CiA 301, 7.3.5 (restricted CAN-IDs, pre-defined connection set), 7.5.2.5, 7.5.2.14 and 7.5.2.16.
     """
     want, place = CobId.from_raw(raw), f"0x{index:04X}:00"
     is_emcy, owner = index == EMCY, want.can_id - 0x080
-    if want.extended or (is_emcy and not want.valid):
+    if want.extended or not is_in_use(index, raw):
         return
     if use := restricted_use(want.can_id):
-        yield error("can-id-restricted", place, f"{'EMCY' if is_emcy else 'SYNC'} {want} is {use}", Abort.VALUE_RANGE)
+        yield error("can-id-restricted", place, f"{COB_ID_OF[index]} {want} is {use}", Abort.VALUE_RANGE)
     elif is_emcy and 1 <= owner <= 127 and owner != node_id:
         yield note("can-id-default", place, f"{want} is the default COB-ID of EMCY of node {owner}")
+
+
+def is_in_use(index: int, raw: int) -> bool:
+    """Whether a service with the COB-ID *raw* at *index* takes its CAN-ID.
+
+    Bit 31 switches EMCY and an SDO channel off, and means nothing for SYNC; the time stamp is sent with bit 30.
+    """
+    return index == SYNC or bool(raw & PRODUCES if index == TIME else not raw & OFF)
+
+
+def service_taken_findings(
+    index: int, sub_index: int, raw: int, taken: Mapping[tuple[int, bool], str]
+) -> Iterator[Finding]:
+    """An error if what a service is to get as its COB-ID, *raw*, is among the CAN-IDs that are *taken*, by what.
+
+    Source: CiA 301, 7.3.5; 7.5.2.5 (SYNC), 7.5.2.14 (EMCY), 7.5.2.16 (time stamp), 7.5.2.33 (SDO server).
+    """
+    want = CobId.from_raw(raw)
+    owner = taken.get((want.can_id, want.extended)) if is_in_use(index, raw) else None
+    if owner is not None:
+        service = COB_ID_OF.get(index, "an SDO channel")
+        yield error("can-id-in-use", f"0x{index:04X}:{sub_index:02X}", f"CAN-ID {want} for {service} is {owner}")
 
 
 def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
@@ -159,7 +182,7 @@ def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
 def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     """CAN-IDs that are not restricted but in use: SYNC, EMCY, TIME, further SDO channels."""
     want = proposal.want.communication.cob_id
-    taken = {**_services(proposal), (0x080, False): "SYNC"}.get((want.can_id, want.extended))
+    taken = {**_services(proposal), SYNC_BY_DEFAULT: "SYNC"}.get((want.can_id, want.extended))
     if taken is not None:
         yield error("can-id-in-use", place, f"CAN-ID {want} is {taken}", hint=_ANOTHER)
     elif want.extended:

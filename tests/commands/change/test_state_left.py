@@ -138,6 +138,48 @@ def test_a_can_id_that_is_free_is_let_through(how: str, moves: bool, tmp_path: P
         done(bench, way(bench, how, tmp_path, FREE, moves=moves))
 
 
+#: services of node 9 that a write may give a CAN-ID: the object, its flags, and who else may have that CAN-ID
+SERVICES = {
+    "1005": (0, {"SYNC", "SYNC of another node"}),
+    "1012": (1 << 30, set()),
+    "1014": (0, set()),
+    "1201:1": (0, {"SDO channel"}),
+}
+#: what has a CAN-ID besides the service that is written
+OTHERS = {
+    "SYNC": 0x080,
+    "SYNC of another node": 0x082,
+    "EMCY of another node": 0x6A5,
+    "SDO channel": 0x6CA,
+    "TPDO of the node": 0x189,
+    "RPDO of the node": 0x209,
+    "TPDO of another node": 0x185,
+}
+
+
+@pytest.mark.drawn(8)
+@pytest.mark.parametrize("what", [*OTHERS, "PDO that is off", "itself"])
+@pytest.mark.parametrize("service", SERVICES)
+def test_no_write_gives_a_service_a_can_id_that_is_taken(service: str, what: str, tmp_path: Path) -> None:
+    flags, shares = SERVICES[service]
+    with with_both(tmp_path) as bench:
+        done(bench, "write 1005 0x82", "enable 9:rpdo1", "disable 9:tpdo2", f"read 9:{service}")
+        held = held_at(bench, service)
+        raw = held if what == "itself" else flags | {**OTHERS, "PDO that is off": 0x289}[what]
+        ran = bench.run(f"write 9:{service} 0x{raw:X} --json")
+        if what in {*shares, "PDO that is off", "itself"}:
+            assert ran.code == 0, ran
+            return
+        assert (ran.code, ran.document["error"]) == (1, "rules"), ran
+        assert [one["rule"] for one in ran.document["findings"]] == ["can-id-in-use"]
+        assert held_at(bench, service) == held
+
+
+def held_at(bench: Bench, service: str) -> int:
+    index, _, sub_index = service.partition(":")
+    return int.from_bytes(bench.session.node(9).upload(int(index, 16), int(sub_index or "0")), "little")
+
+
 @pytest.mark.parametrize("line", ["map tpdo2 6000:2 6000:3", "map tpdo2 6000:2 6000:3 --off", "set tpdo2 --timer 50",
                                   "enable tpdo2"])  # fmt: skip
 @pytest.mark.parametrize("base", [0x280, 0x200, 0x480])

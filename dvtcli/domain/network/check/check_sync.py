@@ -5,12 +5,12 @@ from __future__ import annotations
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, at, held
 from dvtcli.domain.network.network_state import (
-    PRODUCES,
     SYNC_COB_ID,
     SYNC_OVERFLOW,
     SYNC_PERIOD,
     SYNC_WINDOW,
 )
+from dvtcli.domain.services import PRODUCES
 from dvtcli.domain.several import several
 
 _TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"
