@@ -326,6 +326,31 @@ def test_who_opens_no_bus_makes_room(bench: Bench) -> None:
     assert "it opened no bus, and 64 are connected" in bench.said[0]
 
 
+def test_who_has_hung_up_makes_room_before_anybody_who_has_not() -> None:
+    """All come before the hub looks: it takes more connections at once than it has places."""
+    said: list[str] = []
+    hub = Hub([("127.0.0.1", 0)], said.append, 3600.0)
+    try:
+        with socket.create_connection(("127.0.0.1", hub.port or 0)) as slow:
+            slow.settimeout(PATIENCE_S)
+            for _ in range(2 * MOST_CLIENTS):
+                socket.create_connection(("127.0.0.1", hub.port or 0)).close()
+            with socket.create_connection(("127.0.0.1", hub.port or 0)) as asking:
+                asking.sendall(b"< open can0 >< rawmode >< send 123 1 F1 >")
+                for _ in range(MOST_CLIENTS):
+                    socket.create_connection(("127.0.0.1", hub.port or 0)).close()
+                frames: list[Frame] = []
+                for _ in range(8):
+                    frames += [frame for _, frame in hub.wait(0.0, lambda _client: True)]
+                slow.sendall(b"< open can0 >")
+                hub.wait(PATIENCE_S, lambda _client: True)
+                assert lines(slow, 2) == [b"< hi >", b"< ok >"]
+                assert [frame.can_id for frame in frames] == [0x123]
+    finally:
+        hub.close()
+    assert said == []
+
+
 def test_there_is_room_for_many_and_more_are_refused(bench: Bench) -> None:
     clients = [raw_client(bench.port) for _ in range(MOST_CLIENTS)]
     with socket.create_connection(("127.0.0.1", bench.port)) as refused:

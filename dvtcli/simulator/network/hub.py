@@ -155,7 +155,7 @@ class Hub:
                 self._awake.recv(4096)
             elif key.fileobj in self._listeners:
                 assert isinstance(key.fileobj, socket.socket)  # noqa: S101 - a listener
-                self._accept(key.fileobj)
+                self._accept(key.fileobj, frames)
             elif isinstance(key.data, Client):
                 self._serve(key.data, events, frames)
         return frames
@@ -200,8 +200,11 @@ class Hub:
             self._selector.modify(client.connection, events, client)
         client.events = events
 
-    def _accept(self, listener: socket.socket) -> None:
-        """Take all that wait, as far as they may come and there is room: nobody waits behind who is refused."""
+    def _accept(self, listener: socket.socket, frames: list[tuple[Client, Frame]]) -> None:
+        """Take all that wait, as far as they may come and there is room: nobody waits behind who is refused.
+
+        Adds the *frames* that clients have sent already if there was room to be made.
+        """
         came: list[tuple[socket.socket, Peer]] = []
         while len(came) < _AT_ONCE:
             try:
@@ -218,6 +221,8 @@ class Hub:
             came = self._allowed(came, self._may_come)
         peers = [peer for _, peer in came]
         for connection, peer in came:
+            if len(self._clients) >= self._most:
+                self._read_idle(frames)
             if len(self._clients) >= self._most:
                 self._make_room(peer, peers)
             if len(self._clients) >= self._most:
@@ -252,6 +257,11 @@ class Hub:
         self._selector.register(connection, client.events, client)
         client.greet()
         self._drop_if_gone(client)
+
+    def _read_idle(self, frames: list[tuple[Client, Frame]]) -> None:
+        """Read what clients have said that opened no bus yet: one may have hung up, or have opened it meanwhile."""
+        for client in [client for client in self._clients.values() if not client.opened]:
+            self._serve(client, selectors.EVENT_READ, frames)
 
     def _make_room(self, newcomer: Peer, newcomers: list[Peer]) -> None:
         """Drop who came first of those that only hold a place: they opened no bus yet.
