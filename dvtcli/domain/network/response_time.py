@@ -11,16 +11,14 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import accumulate, groupby
+from math import lcm
 
 from dvtcli.domain.bus_load import arbitration, most_frame_bits
 
 #: A busy period with more instances of a frame than this is given up: its frame counts as one without a bound.
 MOST_INSTANCES = 10_000
 _US_A_SECOND = 1_000_000
-
-#: Times are counted in units of 1/bit rate µs: a time in µs times the bit rate, or bits times 1,000,000. These are
-#: whole numbers, unless somebody gives a period or a jitter that is none.
-_Units = int | Fraction
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +46,6 @@ class TimedFrame:
         return arbitration(self.can_id, extended=self.extended, remote=self.remote)
 
 
-@dataclass(frozen=True, slots=True)
-class _Load:
-    """What some frames ask of the wire: their *cost* each *period*, up to *jitter* late, all in units."""
-
-    cost: _Units
-    period: _Units
-    jitter: _Units
-
-    def within(self, time: _Units) -> _Units:
-        """What they need of the wire in a time, its end excluded."""
-        return -(-(time + self.jitter) // self.period) * self.cost
-
-
 def response_times(frames: Sequence[TimedFrame], bit_rate: int, blocking_bits: int = 0) -> list[Fraction | None]:
     """The worst-case response time of each of *frames* in µs, in their order; None where there is no bound.
 
@@ -68,16 +53,32 @@ def response_times(frames: Sequence[TimedFrame], bit_rate: int, blocking_bits: i
     on the wire just when one becomes ready. There is no bound where a frame itself, or one that goes before it, comes
     as often as it likes, or where these ask for more than the wire has. The time ends with the 3 bits after the frame.
     """
-    order = sorted(range(len(frames)), key=lambda number: frames[number].arbitration)
     found: list[Fraction | None] = [None] * len(frames)
-    for place, number in enumerate(order):
-        own = frames[number]
-        behind = next((at for at in range(place, len(order)) if frames[order[at]].arbitration > own.arbitration), None)
-        others = [frames[one] for one in order[: len(order) if behind is None else behind] if one != number]
-        lower = [] if behind is None else [frames[one].bits for one in order[behind:]]
-        units = _response(own, others, max([blocking_bits, *lower]), bit_rate)
-        found[number] = None if units is None else Fraction(units, bit_rate)
+    order = sorted(range(len(frames)), key=lambda number: frames[number].arbitration)
+    longest_behind = _longest_behind([frames[number].bits for number in order], blocking_bits)
+    wire = _Wire.of(frames, bit_rate)
+    asked = _Asked()
+    place = 0
+    for _, group in groupby(order, key=lambda number: frames[number].arbitration):
+        same = list(group)  # one priority: each waits for the others, and none of them blocks another
+        place += len(same)
+        loads = [wire.load(frames[number]) for number in same]
+        if None in loads:
+            break
+        for load in filter(None, loads):
+            asked.add(load)
+        if asked.share > 1:
+            break
+        blocking = longest_behind[place] * wire.bit
+        for number, load in zip(same, filter(None, loads), strict=True):
+            units = asked.response(load, blocking, wire.bit)
+            found[number] = None if units is None else Fraction(units, wire.unit)
     return found
+
+
+def _longest_behind(bits: list[int], at_least: int) -> list[int]:
+    """The largest of *bits* from each place on, and *at_least* behind the last."""
+    return [*accumulate(reversed(bits), max, initial=at_least)][::-1]
 
 
 def utilisation(frames: Iterable[TimedFrame], bit_rate: int) -> Fraction:
@@ -90,49 +91,79 @@ def _rate(frame: TimedFrame) -> Fraction:
     return Fraction(0) if frame.period_us is None else Fraction(_US_A_SECOND) / frame.period_us
 
 
-def _response(own: TimedFrame, others: list[TimedFrame], blocking_bits: int, bit_rate: int) -> _Units | None:
-    """The response time of *own* below *others*, which go first or have its priority."""
-    limited = [_rate(one) for one in (own, *others) if one.period_us is not None]
-    if len(limited) <= len(others):
-        return None
-    share = utilisation((own, *others), bit_rate)
-    is_late = blocking_bits or own.jitter_us or any(one.jitter_us for one in others)
-    if share > 1 or (share == 1 and is_late):
-        return None
-    higher, itself = _loads(others, bit_rate), _loads([own], bit_rate)[0]
-    blocking = blocking_bits * _US_A_SECOND
-    busy = _settled(itself.cost, blocking, [*higher, itself], 0)
-    instances = -(-(busy + itself.jitter) // itself.period)
-    if instances > MOST_INSTANCES:
-        return None
-    worst: _Units = 0
-    begins: _Units = 0
-    for instance in range(instances):
-        before = blocking + instance * itself.cost
-        begins = _settled(max(begins, before), before, higher, _US_A_SECOND)
-        worst = max(worst, itself.jitter + begins - instance * itself.period + itself.cost)
-    return worst
+@dataclass(frozen=True, slots=True)
+class _Load:
+    """What a frame asks of the wire: its *cost* each *period*, up to *jitter* late, all in units."""
+
+    cost: int
+    period: int
+    jitter: int
 
 
-def _settled(start: _Units, always: _Units, loads: list[_Load], after: _Units) -> _Units:
-    """The first time from *start* on that is enough for *always* and all that *loads* bring until *after* behind it."""
+@dataclass(frozen=True, slots=True)
+class _Wire:
+    """Times as whole numbers: *unit* of them are a µs, *bit* is one bit; *periods* and jitters are exact so."""
+
+    unit: int
+    bit: int
+
+    @classmethod
+    def of(cls, frames: Iterable[TimedFrame], bit_rate: int) -> _Wire:
+        """The coarsest units in which the times of *frames* and bits of *bit_rate* are whole."""
+        given = (time for one in frames for time in (one.period_us, one.jitter_us) if time is not None)
+        finer = lcm(*{(Fraction(time) * bit_rate).denominator for time in given})
+        return cls(bit_rate * finer, _US_A_SECOND * finer)
+
+    def load(self, frame: TimedFrame) -> _Load | None:
+        """What *frame* asks of it; None without a period."""
+        if frame.period_us is None:
+            return None
+        return _Load(frame.bits * self.bit, int(frame.period_us * self.unit), int(frame.jitter_us * self.unit))
+
+
+class _Asked:
+    """What the frames that were added ask of the wire: their *share* of it, and their costs by period and jitter."""
+
+    def __init__(self) -> None:
+        self.share = Fraction(0)
+        self._is_late = False
+        self._costs: Counter[tuple[int, int]] = Counter()
+
+    def add(self, load: _Load) -> None:
+        """Add a frame that goes before all that will be added."""
+        self.share += Fraction(load.cost, load.period)
+        self._is_late = self._is_late or load.jitter > 0
+        self._costs[load.period, load.jitter] += load.cost
+
+    def response(self, own: _Load, blocking: int, bit: int) -> int | None:
+        """The response time of *own*, one of those added, behind the others; None where it has no bound."""
+        if self.share == 1 and (blocking or self._is_late):
+            return None
+        loads = [(cost, period, jitter) for (period, jitter), cost in self._costs.items()]
+        busy = _settled(own.cost, blocking, loads, 0)
+        instances = -(-(busy + own.jitter) // own.period)
+        if instances > MOST_INSTANCES:
+            return None
+        alike = (own.period, own.jitter)
+        higher = [(cost - own.cost * ((period, jitter) == alike), period, jitter) for cost, period, jitter in loads]
+        worst = begins = 0
+        for instance in range(instances):
+            before = blocking + instance * own.cost
+            begins = _settled(max(begins, before), before, higher, bit)
+            worst = max(worst, own.jitter + begins - instance * own.period + own.cost)
+        return worst
+
+
+def _settled(start: int, always: int, loads: list[tuple[int, int, int]], after: int) -> int:
+    """The first time from *start* on that is enough for *always* and all that *loads* bring until *after* behind it.
+
+    A load is cost, period and jitter: it brings its cost once each period begun.
+    """
     time = start
     while True:
-        needed = always + sum(one.within(time + after) for one in loads)
+        needed = always
+        for cost, period, jitter in loads:
+            needed -= (time + after + jitter) // -period * cost
         if needed <= time:
             return time
         time = needed
-
-
-def _loads(frames: list[TimedFrame], bit_rate: int) -> list[_Load]:
-    """*frames*, all with a period, by period and jitter: those that have both in common count as one."""
-    together: Counter[tuple[_Units, _Units]] = Counter()
-    for one in frames:
-        if one.period_us is not None:
-            together[_units(one.period_us, bit_rate), _units(one.jitter_us, bit_rate)] += one.bits * _US_A_SECOND
-    return [_Load(cost, period, jitter) for (period, jitter), cost in together.items()]
-
-
-def _units(time_us: Fraction | int, bit_rate: int) -> _Units:
-    units = Fraction(time_us) * bit_rate
-    return units.numerator if units.denominator == 1 else units
