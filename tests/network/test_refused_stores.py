@@ -12,10 +12,11 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.who_stored import WhoStored
-from dvtcli.errors import InputFileError, LeftChanged, SafetyRefusal
+from dvtcli.errors import InputFileError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import configure_pdo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
 from dvtcli.simulator.device.refusal import Refusal
 from tests.network.bench import Chain
@@ -230,3 +231,102 @@ def test_nothing_is_finished_while_a_journal_cannot_be_used(chain: Chain, home: 
         recover(session, finish=True)
     assert str(path) in str(told.value.place) if selected is None else "node 7" in str(told.value)
     assert (asked, len(chain.journals())) == ([], 3)
+
+
+@pytest.mark.parametrize("ids", [(5,), (7, 9), IDS])
+@pytest.mark.parametrize("stamp", [True, False])
+@pytest.mark.drawn(3)
+def test_what_was_accepted_is_over_for_it(chain: Chain, home: Path, ids: tuple[int, ...], *, stamp: bool) -> None:
+    """The first of *ids*, which refused, is accepted: it is asked for no more."""
+    refuse_stores(chain, ids)
+    refused(chain, file(home, stamp=stamp))
+    asked = refuse_stores(chain, ids[1:2])
+    with chain.session(node=ids[0]) as session:
+        recover(session, accept=True)
+    if ids[1:]:
+        with chain.session(node=None) as session, pytest.raises(LeftChanged) as left:
+            recover(session, finish=True)
+        assert left.value.stores is not None
+        assert ids[0] not in (*left.value.stores.stored, *left.value.stores.not_stored, *left.value.stores.unknown)
+    refuse_stores(chain, ids[:1])
+    with chain.session(node=None) as session:
+        answer = recover(session, finish=True)
+    assert isinstance(answer, Facts)
+    assert ids[0] not in dict(answer.rows)["stored"]
+    assert (ids[0] in asked, chain.journals()) == (False, [])
+    assert {one for one, held in stored_types(chain).items() if held == b"\x01"} == {*IDS} - {ids[0]}
+
+
+def test_all_that_was_interrupted_is_accepted_with_one_yes(chain: Chain, home: Path) -> None:
+    refuse_stores(chain, (5, 9))
+    refused(chain, file(home, stamp=False))
+    held = types(chain)
+    with chain.session(node=None, yes=False) as session, pytest.raises(SafetyRefusal, match="nobody can answer") as no:
+        recover(session, accept=True)
+    assert all(f"node {node_id}" in no.value.text for node_id in IDS)
+    assert len(chain.journals()) == 3
+    with chain.session(node=None) as session:
+        answer = recover(session, accept=True)
+    assert isinstance(answer, Facts)
+    rows = dict(answer.rows)
+    assert (rows["accepted"], [one["node"] for one in rows["nodes"]]) == (True, [*IDS])
+    assert (types(chain), chain.journals()) == (held, [])
+    assert list((chain.folder / "journals").glob("*.whole")) == []
+    refuse_stores(chain, ())
+    with chain.session(node=None) as session:
+        assert applied(session, str(file(home, stamp=False))).plan.writes == 0
+
+
+def test_a_node_that_cannot_be_accepted_keeps_no_other_from_it(chain: Chain, home: Path) -> None:
+    refuse_stores(chain, (5,))
+    refused(chain, file(home, stamp=False))
+    damaged = chain.journals()[1]
+    damaged.write_text("damaged")
+    with chain.session(node=None) as session, pytest.raises(InputFileError) as told:
+        recover(session, accept=True)
+    assert (str(told.value.place), chain.journals()) == (str(damaged), [damaged])
+    assert ("done", "node 5, 9: what it holds now is the new state") in told.value.details
+
+
+def test_of_several_the_hint_names_what_can_be_set_aside(chain: Chain, home: Path) -> None:
+    refuse_stores(chain, (5,))
+    refused(chain, file(home, stamp=False))
+    with chain.session(node=None) as session, pytest.raises(UsageError) as usable:
+        recover(session, discard=True)
+    assert "recover`" in typed(usable.value.hint)
+    chain.journals()[1].write_text("damaged")
+    with chain.session(node=None) as session, pytest.raises(UsageError) as told:
+        recover(session, discard=True)
+    assert "-n 7 recover --discard`" in typed(told.value.hint)
+    with chain.session(node=7) as session:
+        recover(session, discard=True)
+    assert len(chain.journals()) == 2
+
+
+def test_the_question_says_what_is_to_be_written_and_what_is_only_compared(chain: Chain, home: Path) -> None:
+    """Node 5 has lost what was set; the others hold it."""
+    refuse_stores(chain, (5,))
+    refused(chain, file(home, stamp=False))
+    chain.devices[5].download(*TYPE, b"\xff")
+    with chain.session(node=None, yes=False) as session:
+        session.tell = asked = Asked()
+        with pytest.raises(SafetyRefusal):
+            recover(session)
+    question = asked.questions[-1]
+    back, _, same = question.partition("; ")
+    assert back == "TPDO1 of node 7, TPDO1 of node 9 will be put back as before the interrupted change"
+    assert same.startswith("as before the interrupted change, and only compared: TPDO1")
+    assert same.endswith(" of node 5; recover?")
+    assert len(chain.journals()) == 3
+
+
+class Asked(Warned):
+    """Keeps the questions, and answers no."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.questions: list[str] = []
+
+    def ask(self, question: str) -> bool:
+        self.questions.append(question)
+        return False

@@ -247,6 +247,7 @@ def _stores(document: Any) -> Iterator[Storing]:
             tuple(map(read_change, holds)),
             one.get("begun") is True,
             one.get("refused") is True,
+            one.get("accepted") is True,
         )
 
 
@@ -257,6 +258,7 @@ def _store_document(one: Storing) -> dict[str, Any]:
         "done": one.is_done,
         "begun": one.is_begun,
         "refused": one.is_refused,
+        "accepted": one.is_accepted,
         "identity": one.identity,
         "holds": [change_document(change) for change in one.holds],
     }

@@ -6,7 +6,7 @@ Knows files in one state folder. Does not read or write devices itself; a node h
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -211,7 +211,12 @@ class Keeper:
         """Close the journal at *path*: it blocks nothing any more, and is kept under the name that is returned."""
         with self._files("set aside"):
             self.lock.take()
+            closed = None
+            with suppress(InputFileError, SafetyRefusal):  # what cannot be used names no whole
+                closed = read_journal(path)
             aside = set_aside(path, word)
+            if closed is not None:
+                Journals(path.parent, closed.bus).tidy(closed.part.whole)
             if self.open_journal() is None:
                 self.lock.note(None)
         return aside

@@ -19,8 +19,9 @@ class Storing:
     """A store that ends a whole, once all of it is verified.
 
     *group* is as `store` takes it; *is_done* once the node acknowledged it, *is_begun* once it may have been asked, and
-    *is_refused* once it refused, and stored nothing. *identity* (0x1018) is the device's, None
-    where an earlier version did not note it; *holds* what it is to hold, where it was not changed and has no journal.
+    *is_refused* once it refused, and stored nothing. *is_accepted* once the node's journal was closed with what it
+    holds: it is not asked any more. *identity* (0x1018) is the device's, None
+    if an earlier version did not note it; *holds* what it is to hold, if it was not changed and has no journal.
     """
 
     node_id: int
@@ -30,6 +31,12 @@ class Storing:
     holds: tuple[Change, ...] = ()
     is_begun: bool = False
     is_refused: bool = False
+    is_accepted: bool = False
+
+    @property
+    def waits(self) -> bool:
+        """Whether the node is still to store."""
+        return not (self.is_done or self.is_accepted)
 
 
 @dataclass(frozen=True, slots=True)

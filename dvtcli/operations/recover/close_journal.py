@@ -11,7 +11,7 @@ from dvtcli.device.change.own_journal import journal_files
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
-from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.recover.stores_begun import furthest, stored_before
 from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
 from dvtcli.operations.results import Facts
@@ -43,25 +43,68 @@ def refuse_other_bus(session: Session, journal: Journal) -> None:
         )
 
 
-def _one_path(session: Session, file: str | None, word: str) -> Path | None:
-    """The journal that is to be closed, one at a time; None where no change was interrupted."""
-    paths = waiting_paths(session, file)
-    if len(paths) > 1:
-        raise UsageError(
-            f"several changes were interrupted on this bus: --{word} closes one at a time",
-            hint=Hint(Action.RECOVER, {"node": "ID", word: True}),
-        )
-    return paths[0] if paths else None
-
-
 def accepted(session: Session, file: str | None) -> Facts:
-    """Close the journal with what the device holds now, which is shown beside what it held; writes nothing to it."""
+    """Close the journals with what the devices hold now, shown beside what they held; writes nothing to them.
+
+    Of several nodes that is asked first, and a journal that cannot be closed keeps no other from it: the first error
+    says what was done all the same.
+    """
+    refused: list[DvtcliError] = []
+    paths = waiting_paths(session, file, refused)
+    if len(paths) == 1 and not refused:
+        rows, text = _accepted(session, paths[0])
+        return Facts("recover", rows, text)
+    if not paths and not refused:
+        return nothing_to_recover(session)
+    if paths:
+        session.consent(_question(paths))
+    nodes: list[dict[str, Any]] = []
+    texts: list[Hint | str] = []
+    for path in paths:
+        try:
+            rows, text = _accepted(session, path)
+        except DvtcliError as failed:
+            refused.append(failed)
+        else:
+            nodes.append(dict(rows))
+            texts += text
+    if refused:
+        raise _first_of(refused, [str(one["node"]) for one in nodes if one["accepted"]])
+    rows = (
+        ("node", None),
+        ("recovered", False),
+        ("accepted", not session.dry_run),
+        ("kept", None),
+        ("held", []),
+        ("nodes", nodes),
+    )
+    return Facts("recover", rows, tuple(texts))
+
+
+def _question(paths: Sequence[Path]) -> str:
+    named = []
+    for path in paths:
+        try:
+            journal = read_journal(path)
+        except (InputFileError, SafetyRefusal):
+            continue  # it stays, and that is the error
+        named.append(f"{several(journal.labels)} of node {journal.plan.node_id}")
+    return f"{several(named)} will stay as held now, and no recover puts that back any more; accept?"
+
+
+def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliError:
+    """The first of what was *refused*, which names the others, and the nodes that are *done*."""
+    refused[0].details += [("also", other.text) for other in refused[1:]]
+    if done:
+        refused[0].details.append(("done", f"node {', '.join(done)}: what it holds now is the new state"))
+    return refused[0]
+
+
+def _accepted(session: Session, path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[Hint | str, ...]]:
+    """Close the journal at *path* with what its device holds now; the fields of the answer, and its lines."""
     from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
     from dvtcli.device.change.pending import CHANGE
 
-    path = _one_path(session, file, "accept")
-    if path is None:
-        return nothing_to_recover(session)
     journal = read_journal(path)
     refuse_other_bus(session, journal)
     node = session.node(journal.plan.node_id)
@@ -85,15 +128,17 @@ def accepted(session: Session, file: str | None) -> Facts:
         ("held", [one.document() for one in states]),
     )
     if kept is None:
-        return Facts("recover", rows, (*text, "dry run: the journal stays"))
+        return rows, (*text, "dry run: the journal stays")
     said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
     if unknown := [one.label for one in states if not one.is_known]:
         said += f"; what it holds of {several(unknown)} is not known"
-    return Facts("recover", rows, (*text, said, *_after_accepting(node, journal, others)))
+    return rows, (*text, said, *_after_accepting(node, journal, others))
 
 
 def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -> None:
     """Before *journal* is closed: those *together* with it say all that it says of stores, and `undo` of its change.
+
+    They also say that its own store is over: nobody asks *node* for it any more.
 
     SafetyRefusal if a journal cannot be written.
     """
@@ -101,9 +146,10 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
     if journal.part.whole is None or not part.stores:
         return
     journals = Journals(journal.path.parent, journal.bus)
+    stores = tuple(replace(one, is_accepted=True) if one.node_id == node.node_id else one for one in part.stores)
     for other in together:
-        if other.path != journal.path and other.part.stores != part.stores:
-            told = replace(other.part, final=part.final, stores=part.stores, equal=part.equal)
+        if other.path != journal.path and other.part.stores != stores:
+            told = replace(other.part, final=part.final, stores=stores, equal=part.equal)
             with journal_files(journals, other.plan.node_id, "kept"):
                 journals.write(other.plan, other.identity, other.nmt_state, told)
     if stored_before(journal, together) is not False and node.keeper is not None:
@@ -142,9 +188,12 @@ def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hi
 
 def discarded(session: Session, file: str | None) -> Facts:
     """Set the journal aside unless it can be used; a usable one only with `--force`."""
-    path = _one_path(session, file, "discard")
-    if path is None:
+    paths = waiting_paths(session, file)
+    if not paths:
         return nothing_to_recover(session)
+    if len(paths) > 1:
+        raise _one_at_a_time(paths)
+    path = paths[0]
     node_id = _useless_for(session, path)
     kept = None if session.dry_run else _set_aside(session, path, node_id, DISCARDED)
     rows = (
@@ -157,6 +206,28 @@ def discarded(session: Session, file: str | None) -> Facts:
         Action.SHOW_PDOS, why=f"the journal is kept as {kept}; look at the node with {{}}, and set it as it should be"
     )
     return Facts("recover", rows, (said if kept is not None else "dry run: the journal stays",))
+
+
+def _one_at_a_time(paths: Sequence[Path]) -> UsageError:
+    """Why none of several journals is set aside; which of *paths* cannot be used, if any, is in the hint."""
+    damaged = next((path for path in paths if not _is_readable(path)), None)
+    if damaged is None:
+        hint = Hint(Action.RECOVER_ALL, why="each of them can be used: {} puts all of them back")
+    else:
+        hint = Hint(Action.RECOVER, {"node": _number_of(damaged), "discard": True}, f"sets {damaged} aside")
+    return UsageError(
+        "several changes were interrupted on this bus: --discard closes one at a time",
+        why=f"they are in {several(map(str, paths))}",
+        hint=hint,
+    )
+
+
+def _is_readable(path: Path) -> bool:
+    try:
+        read_journal(path)
+    except (InputFileError, SafetyRefusal):
+        return False
+    return True
 
 
 def _useless_for(session: Session, path: Path) -> int:
@@ -180,9 +251,14 @@ def _useless_for(session: Session, path: Path) -> int:
     return node_id if selected is None else selected
 
 
+def _number_of(path: Path) -> str:
+    """The node-ID that the name of a journal at *path* ends with."""
+    return path.stem.rpartition("-")[2]
+
+
 def _blocked_by(session: Session, path: Path) -> int:
     """The node of a journal that cannot be read: the one that is selected, else what the file's name says."""
-    number = path.stem.rpartition("-")[2]
+    number = _number_of(path)
     if not (path.suffix == ".json" and number.isdecimal()):
         raise UsageError(
             f"{path} is no journal: it is not set aside",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from dvtcli.device.change.journal import Journal
-    from dvtcli.device.change.whole import Part
+    from dvtcli.device.change.whole import Part, Storing
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session import Session
@@ -57,7 +57,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
             hint=Hint(Action.RECOVER_ALL, why="puts them back as they were"),
         )
     part = furthest(journals)
-    nodes = {one.node_id: session.node(one.node_id) for one in (*part.stores, *part.equal)}
+    nodes = {one.node_id: session.node(one.node_id) for one in _verified(part)}
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
     _refuse_untold(journals, part)
     for journal in journals:
@@ -84,13 +84,18 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     return Facts("recover", rows, (_said(session, part, ids),))
 
 
+def _verified(part: Part) -> tuple[Storing, ...]:
+    """The nodes that *part* names and that are still to hold what was verified: what was accepted is over."""
+    return tuple(one for one in (*part.stores, *part.equal) if not one.is_accepted)
+
+
 def _refuse_untold(journals: Sequence[Journal], part: Part) -> None:
     """SafetyRefusal if nothing says what a node of the stores is to hold: neither a journal of its own nor the others.
 
     Its journal was closed, or cannot be used.
     """
     own = {journal.plan.node_id for journal in journals}
-    untold = [one.node_id for one in part.stores if one.node_id not in own and not one.holds]
+    untold = [one.node_id for one in part.stores if one.node_id not in own and not (one.holds or one.is_accepted)]
     if untold:
         ids = several(map(str, untold))
         raise SafetyRefusal(
@@ -112,11 +117,11 @@ def _claims(session: Session, journals: Sequence[Journal], part: Part, nodes: Ma
 
     A node that only stores has none of its own, or one that only tests a proof.
     """
-    changes = {one.node_id: one.holds for one in (*part.stores, *part.equal)}
+    changes = {one.node_id: one.holds for one in _verified(part)}
     changes |= {
         journal.plan.node_id: (*changes.get(journal.plan.node_id, ()), *_wanted(journal)) for journal in journals
     }
-    identities = {one.node_id: one.identity for one in (*part.stores, *part.equal) if one.identity is not None}
+    identities = {one.node_id: one.identity for one in _verified(part) if one.identity is not None}
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
     boot_ups = {one: nodes[one].bus.boot_ups(one) for one in silent}

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.plan import alters
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import changed
@@ -63,9 +64,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
             refused[0].details.append(("stores", "nothing is stored while a journal cannot be used"))
             raise _first_of(refused)
         return go_on(session, journals)
-    text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
-    what = "the interrupted learning" if all(one.part.asked for one in journals) else "the interrupted change"
-    session.consent(f"{text} will be put back as before {what}; recover?", _only(journals))
+    session.consent(lambda: _question(session, journals), _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
         session.tell.note(said)
     done, failed = _put_back(session, journals, refused)
@@ -133,8 +132,27 @@ def _only(journals: list[Journal]) -> int | None:
     return ids.pop() if len(ids) == 1 else None
 
 
-def _labels(journal: Journal) -> str:
-    return several(journal.labels)
+def _question(session: Session, journals: Sequence[Journal]) -> str:
+    """What is asked before anything is put back: what is to be written, as the nodes hold it now, and what is not."""
+    from dvtcli.device.change.finish_interrupted import Recovery
+
+    back, same, unread = list[str](), list[str](), list[str]()
+    for journal in journals:
+        node_id = journal.plan.node_id
+        try:
+            plan = Recovery.begin(session.node(node_id), journal).plan
+        except DvtcliError as failed:
+            unread.append(f"{several(journal.labels)} of node {node_id} cannot be read now ({failed.text})")
+            continue
+        written = list(dict.fromkeys(change.label for change in plan.changes if alters(change)))
+        changed = [change.label for change in journal.plan.changes if alters(change)]
+        others = [label for label in dict.fromkeys(journal.part.asked or changed) if label not in written]
+        back += [f"{several(written)} of node {node_id}"] if written else []
+        same += [f"{several(others)} of node {node_id}"] if others else []
+    what = "the interrupted learning" if all(one.part.asked for one in journals) else "the interrupted change"
+    said = [f"{several(back)} will be put back as before {what}"] if back else []
+    said += [f"as before {what}, and only compared: {several(same)}"] if same else []
+    return f"{'; '.join([*said, *unread])}; recover?"
 
 
 def _whole_text(journal: Journal, journals: list[Journal]) -> str:

@@ -5,6 +5,7 @@ Reads no files and no nodes.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,24 +16,34 @@ if TYPE_CHECKING:
 
 
 def furthest(journals: Sequence[Journal]) -> Part:
-    """Of the journals that say how far the stores had come the one that says most: they are written one by one."""
-    return max((journal.part for journal in journals), key=lambda part: (len(part.stores), *_progress(part)))
+    """Of the journals that say how far the stores had come the one that says most: they are written one by one.
+
+    The store of a node whose own journal is among them was not accepted: who began to say so did not come to its end.
+    """
+    part = max((journal.part for journal in journals), key=lambda part: (len(part.stores), *_progress(part)))
+    open_ids = {journal.plan.node_id for journal in journals}
+    stores = tuple(replace(one, is_accepted=one.is_accepted and one.node_id not in open_ids) for one in part.stores)
+    return replace(part, stores=stores)
 
 
-def _progress(part: Part) -> tuple[int, int]:
-    """How many nodes answered their store, and how many were asked."""
-    return sum(one.is_done or one.is_refused for one in part.stores), sum(one.is_begun for one in part.stores)
+def _progress(part: Part) -> tuple[int, int, int]:
+    """How many nodes were accepted, how many answered their store, and how many were asked."""
+    return (
+        sum(one.is_accepted for one in part.stores),
+        sum(one.is_done or one.is_refused for one in part.stores),
+        sum(one.is_begun for one in part.stores),
+    )
 
 
 def waiting(part: Part) -> list[int]:
-    """Node-IDs of the stores of *part* that are not known to be done."""
-    return [one.node_id for one in part.stores if not one.is_done]
+    """Node-IDs of the stores of *part* that are not known to be done, and not over: what was accepted stays so."""
+    return [one.node_id for one in part.stores if one.waits]
 
 
 def stores_of(part: Part) -> dict[str, list[int]]:
     """The nodes of *part* that stored, those that may have, and those that refused or were not asked yet."""
     done = [one.node_id for one in part.stores if one.is_done]
-    asked = [one.node_id for one in part.stores if one.is_begun and not (one.is_done or one.is_refused)]
+    asked = [one.node_id for one in part.stores if one.is_begun and one.waits and not one.is_refused]
     if not any(one.is_begun for one in part.stores):  # an earlier version, which noted nothing else: they go in turn
         asked = waiting(part)[:1]
     return {"stored": done, "unknown": asked, "not stored": [one for one in waiting(part) if one not in asked]}

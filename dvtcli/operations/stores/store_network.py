@@ -71,7 +71,7 @@ def store_network(
 def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore, left: LeftChanged) -> None:
     """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it."""
     for one in stores.states.values():
-        if one.is_done:
+        if not one.waits:
             continue
         try:
             end_stamp(session, claims.nodes[one.node_id], "what is not stored has no stamp")
@@ -105,7 +105,7 @@ def store_each(
             if fault.state != "unknown":
                 stores.states[one.node_id] = replace(stores.states[one.node_id], is_refused=True)
 
-    jobs = [partial(store, one) for one in states if not one.is_done]
+    jobs = [partial(store, one) for one in states if one.waits]
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
     if faults and not stores.failed:
         raise faults[0]
@@ -169,7 +169,7 @@ def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal], left
 
 def _say_too_late(session: Session, stores: Stores) -> None:
     """Where a request to stop came while a node stored: who has stored, and that the others do so, too."""
-    rest = [str(one.node_id) for one in stores.states.values() if not one.is_done]
+    rest = [str(one.node_id) for one in stores.states.values() if one.waits]
     if session.cancellation.requested and rest and not stores.was_late:
         stores.was_late = True
         done = [str(one.node_id) for one in stores.states.values() if one.is_done]

@@ -43,8 +43,8 @@ class Stores:
     was_late: bool = False
 
     def are_all_done(self) -> bool:
-        """Whether every node has acknowledged its store."""
-        return all(one.is_done for one in self.states.values())
+        """Whether every node that is to store has acknowledged that."""
+        return not any(one.waits for one in self.states.values())
 
 
 def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
@@ -158,7 +158,7 @@ def _say_who(course: Stores, left: LeftChanged) -> None:
     """Who has stored, who has not, and of whom nobody knows: for a screen, and for a program."""
     done = tuple(one.node_id for one in course.states.values() if one.is_done)
     unsure = tuple(node_id for node_id, one in course.failed.items() if _is_unsure(one))
-    missing = tuple(node_id for node_id in course.states if node_id not in {*done, *unsure})
+    missing = tuple(one.node_id for one in course.states.values() if one.waits and one.node_id not in unsure)
     lost = {fault.node for fault in course.lost if isinstance(fault, DeviceRefused)}
     not_held = tuple(node_id for node_id in done if node_id in lost)
     left.stores = WhoStored(tuple(node_id for node_id in done if node_id not in lost), missing, unsure, not_held)

@@ -15,6 +15,7 @@ from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from dvtcli.domain.hint import Hint
@@ -62,20 +63,21 @@ class Said:
         """What is being done, for another dvtcli that waits for a node: nothing that has a name."""
         return ""
 
-    def consent(self, question: str, node_id: int | None = None) -> None:
-        """Ask *question*, about one node if *node_id* is given, where somebody can answer.
+    def consent(self, question: str | Callable[[], str], node_id: int | None = None) -> None:
+        """Ask *question*, about one node if *node_id* is given, if somebody can answer; a callable makes it up then.
 
         Returns on yes, raises SafetyRefusal otherwise.
         """
         if not self._agreed:
             self.consent_anew(question, node_id)
 
-    def consent_anew(self, question: str, node_id: int | None = None) -> None:
+    def consent_anew(self, question: str | Callable[[], str], node_id: int | None = None) -> None:
         """The same, of what no question before it named: it is asked also in the middle of what was agreed to."""
         if not (self.options.yes or self.dry_run):
             from dvtcli.domain.hint import Action, Hint
 
-            self.require_yes(question, node_id, Hint(Action.AGREE, why="give {} to answer yes"))
+            text = question if isinstance(question, str) else question()
+            self.require_yes(text, node_id, Hint(Action.AGREE, why="give {} to answer yes"))
 
     def require_yes(self, question: str, node_id: int | None, hint: Hint, refused: str = "not done") -> None:
         """Ask *question*, which no option answers; SafetyRefusal if the answer is no, or with *hint* if nobody answers.
