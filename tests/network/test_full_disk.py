@@ -52,11 +52,11 @@ def _link(session: Session, _chain: Chain) -> None:
     link_pdos(session, PRODUCER, CONSUMERS)
 
 
-def _script(*lines: str) -> Callable[[Session, Chain], object]:
+def _script(*lines: str, stores: bool = False) -> Callable[[Session, Chain], object]:
     """Run *lines*, in which FILE is that of the network, as an atomic script; DvtcliError with its exit code."""
 
     def act(session: Session, chain: Chain) -> None:
-        file = _file(chain)
+        file = _file(chain, stores=stores, stamp=stores)
         session.close()
         chain.bus._closed = False
         path = chain.folder.parent.parent.parent / "lines.dvt"
@@ -86,6 +86,12 @@ JOBS = {
         _script("set 1:tpdo1 --timer 40", "set 5:tpdo1 --timer 40", "set 1:tpdo2 --timer 9", "set 9:tpdo1 --timer 4")
     ),
     "script-apply": Job(_script("set 1:tpdo2 --timer 9", "set 5:tpdo2 --timer 9", "apply FILE")),
+    "script-link": Job(
+        _script("set 1:tpdo2 --timer 9", "link 1:tpdo1 5:rpdo1", "set 9:tpdo1 --timer 4", "unlink 1:tpdo1 5:rpdo1")
+    ),
+    "script-undo": Job(_script("set 1:tpdo2 --timer 9", "set 5:tpdo2 --timer 9", "undo", "set 9:tpdo2 --timer 9")),
+    "script-store": Job(_script("set 1:tpdo1 --timer 40", "set 5:tpdo1 --timer 40", "node 5", "store")),
+    "script-apply-store": Job(_script("set 1:tpdo2 --timer 9", "apply FILE", stores=True)),
     "undo": Job(
         lambda session, _chain: undo(session, everything=True), lambda session, chain: applied(session, _file(chain))
     ),
