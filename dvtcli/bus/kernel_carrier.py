@@ -16,7 +16,7 @@ import can
 
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.kernel_links import KernelLink, kbit_s, kernel_link, kernel_links
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.errors import BusUnavailable
 
 #: bytes of frames that may wait to be read (the kernel allows twice as much, and a frame takes 768 bytes): some 21,800
@@ -69,7 +69,7 @@ def which(links: list[KernelLink]) -> Hint:
         give = Hint(Action.GIVE_CHANNEL, why=" give {}")
         return give + Hint(Action.CHECK_SETUP, why="this machine has no CAN link now ({})")
     first, *others = (
-        Hint(Action.GIVE_CHANNEL, {"channel": link.name}, f"{', ' if number else ' '}{{}} ({link.about})")
+        Hint(Action.GIVE_CHANNEL, {"channel": link.name}, f"{', ' if number else ' '}{{}} ({verbatim(link.about)})")
         for number, link in enumerate(links)
     )
     return sum(others, first)
@@ -132,7 +132,8 @@ class KernelCarrier(Carrier):
         link = kernel_link(self._channel)
         if link is None and getattr(error, "error_code", None) in (errno.ENODEV, errno.ENXIO, errno.ENETDOWN):
             return Hint(
-                Action.CHECK_SETUP, why=f"{self._channel} is gone: plug the adapter in again; {{}} lists what is there"
+                Action.CHECK_SETUP,
+                why=f"{verbatim(self._channel)} is gone: plug the adapter in again; {{}} lists what is there",
             )
         return (link and link.problem) or super().next_step(error)
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 def split(line: str) -> list[str]:
     """A line's words: quotes group, `#` at the start of a word begins a comment, an inner apostrophe is a letter.
 
+    An apostrophe right behind a quote that closes opens another one, as in a shell.
     UsageError for an unclosed quote, and for more words than any command takes.
     """
     from dvtcli.errors import UsageError
@@ -37,12 +38,13 @@ def _split(line: str) -> list[str]:
     """The words of *line* in one pass (shlex takes 19 s for a word of 1 MB); ValueError for an unclosed quote."""
     words: list[str] = []
     word: list[str] = []
-    inside, quote, before = False, "", " "
+    inside, quote, before, closed = False, "", " ", False
     for char in line:
         starts, before = before.isspace(), char
+        behind_quote, closed = closed, False
         if quote:
             if char == quote:
-                quote = ""
+                quote, closed = "", True
             else:
                 word.append(char)
         elif char in _BLANKS:
@@ -53,7 +55,7 @@ def _split(line: str) -> list[str]:
             break
         else:
             inside = True
-            if char == '"' or (char == "'" and starts):
+            if char == '"' or (char == "'" and (starts or behind_quote)):
                 quote = char
             else:
                 word.append(char)

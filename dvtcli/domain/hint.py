@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
@@ -123,8 +124,9 @@ class Action(Enum):
 class Hint:
     """A next step: *action* with its *arguments* (`node` is a node-ID), and *why*, what it brings.
 
-    The action stands where *why* has `{}`, without marks if that ends it behind a colon; else in front of it. Without
-    an action *why* is advice. `+` puts several steps in a row.
+    The action stands where *why* has `{}`, without marks if that ends it behind a colon; else in front of it. Text
+    from outside, as a path, stands in *why* as `verbatim` gives it. Without an action *why* is advice, printed as it
+    is. `+` puts several steps in a row.
     """
 
     action: Action | None
@@ -150,7 +152,9 @@ class Hint:
         """This step, once *first* is done."""
         if first is None:
             return self
-        return first + replace(self, why=f"then {self.why if '{}' in self.why else f'{{}} {self.why}'.rstrip()}")
+        if self.action is None:
+            return first + replace(self, why=f"then {self.why}".rstrip())
+        return first + replace(self, why=f"then {self.why if has_place(self.why) else f'{{}} {self.why}'.rstrip()}")
 
     def begins_with(self, other: Hint) -> bool:
         """Whether its first step is that of *other*."""
@@ -168,7 +172,17 @@ def as_hint(hint: Hint | str) -> Hint:
     return Hint(None, why=hint) if isinstance(hint, str) else hint
 
 
-def sentence(hint: Hint, write: Any) -> str:
+def verbatim(text: object) -> str:
+    """*text* from outside, to stand in the `why` of a hint with an action: its braces are printed as they are."""
+    return str(text).replace("{", "{{").replace("}", "}}")
+
+
+def has_place(why: str) -> bool:
+    """Whether *why* says where its action stands."""
+    return "{}" in _BRACES.findall(why)
+
+
+def sentence(hint: Hint, write: Callable[[Hint], str]) -> str:
     """All steps of *hint* in one line; *write* gives the words for the action of one."""
     text = ""
     for step in hint:
@@ -177,12 +191,18 @@ def sentence(hint: Hint, write: Any) -> str:
     return text
 
 
+#: a brace that is printed, and the place of the action
+_BRACES = re.compile(r"\{\{|\}\}|\{\}")
+
+
 def _placed(why: str, action: str) -> str:
+    """*why* with its *action*, and with the braces that `verbatim` doubled as they were."""
     if why.endswith(": {}"):
-        return why.replace("{}", action.strip("`"))
-    if "{}" in why:
-        return why.replace("{}", action, 1)
-    return f"{action} {why}".rstrip()
+        action = action.strip("`")
+    if not has_place(why):
+        why = f"{{}} {why}"
+    said = {"{{": "{", "}}": "}", "{}": action}
+    return _BRACES.sub(lambda found: said[found[0]], why).rstrip()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) ->
     left.__cause__ = failed
     path = node.keeper.open_journal() if node.keeper is not None else None
     if path is not None:
-        finish = Hint(Action.RECOVER, why=f"finishes it, from {path}")
+        finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(path)}")
         left.place = str(path)
         left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
     return left

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -120,6 +120,10 @@ _OPTION_OF = {
     "as_type": "--as", "for_s": "--for", "node": "--for", "services": "--with", "node_id": "-n", "node_ids": "--nodes",
     "nodes": "--sim", "faults": "--fault", "signals": "--signal", "verbose": "-v",
 }  # fmt: skip
+#: arguments that are the path of a file
+_FILES = frozenset({"file", "save", "target"})
+#: what is taken for an option, and is no number
+_OPTION = re.compile(r"-(?![\d.])")
 #: commands that are about no node, or about all
 _OF_THE_BUS = frozenset(
     {
@@ -178,12 +182,13 @@ class TypedHints:
 
     def _marked(self, step: Hint) -> str:
         assert step.action is not None  # noqa: S101 - `sentence` asks for actions only
+        write = shell_line if self.call().alone else prompt_line
         if step.action is Action.GIVE:
-            return shell_line(_given(step))
+            return write(_given(step))
         if step.action in OPTIONS:
             option, *value = filled(OPTIONS[step.action], step.arguments)
-            return " ".join([option.split("/")[0] if value else option, *value])
-        return f"`{shell_line(self._line(step))}`"
+            return write([option.split("/")[0] if value else option, *value])
+        return f"`{write(self._line(step))}`"
 
     def _line(self, step: Hint) -> list[str]:
         """The command of a *step*, as it is typed behind this call."""
@@ -193,7 +198,8 @@ class TypedHints:
         node = step.arguments.get("node", None if action in _OF_THE_BUS else self.node)
         if action is Action.DISABLE and "node" in step.arguments:  # it may be one that this call is not about
             return self._in_call(call, action, ["disable", f"{node}:{step.arguments['pdo']}"])
-        words = filled(said, {"node": node, **step.arguments} if "{node}" in said else step.arguments)
+        given = {name: _no_option(name, value) for name, value in step.arguments.items()}
+        words = _behind_options(filled(said, {"node": node, **given} if "{node}" in said else given), given)
         others = _of_node(call, node) if action not in _OF_THE_BUS and "{node}" not in said else ()
         return self._in_call(call, action, [*others, *words])
 
@@ -211,6 +217,22 @@ def _given(step: Hint) -> list[str]:
     return words
 
 
+def _no_option(name: str, value: Any) -> Any:
+    """*value*, which no command takes for an option if it is the path of a file."""
+    return f"./{value}" if name in _FILES and str(value).startswith("-") else value
+
+
+def _behind_options(words: list[str], arguments: Mapping[str, Any]) -> list[str]:
+    """*words*, with `--` in front of an object or a value among the *arguments* that begins as an option does."""
+    at = next((at for at, word in enumerate(words) if _OPTION.match(word) and word in map(str, _flat(arguments))), None)
+    return words if at is None or words[at - 1].startswith("--") else [*words[:at], "--", *words[at:]]
+
+
+def _flat(arguments: Mapping[str, Any]) -> Iterator[Any]:
+    for value in arguments.values():
+        yield from value if isinstance(value, tuple) else (value,)
+
+
 def _of_node(call: TypedCall, node: Any) -> Sequence[str]:
     """What selects *node*, or the node of the *call* itself."""
     if node is None or node == call.selected or (isinstance(node, int) and call.node == ("-n", str(node))):
@@ -223,15 +245,20 @@ def typed(hint: Hint | str | None) -> str:
     return TypedHints().text(hint) if hint else ""
 
 
+def prompt_line(words: Sequence[str]) -> str:
+    """*words* as a line of the prompt, or of a script."""
+    from shlex import quote
+
+    return " ".join(word if _PLAIN.fullmatch(word) else quote(word) for word in words)
+
+
 def shell_line(words: Sequence[str]) -> str:
     """*words* as a line that a shell takes apart into them again."""
     if sys.platform == "win32":
         from subprocess import list2cmdline
 
         return list2cmdline(words)
-    from shlex import quote
-
-    return " ".join(word if _PLAIN.fullmatch(word) else quote(word) for word in words)
+    return prompt_line(words)
 
 
 #: what a shell takes as it is, and placeholders

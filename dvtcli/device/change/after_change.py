@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.failed_change import brought_back_first, left_changed, pre_operational_first
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.several import several
@@ -37,7 +37,7 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
     node.mark_unknown()
     if node.keeper is not None:
         left.place = str(node.keeper.own_journal.path)
-        finish = Hint(Action.RECOVER, why=f"finishes it, from {left.place}")
+        finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(left.place)}")
         left.hint = finish.after(brought_back_first(left.hint))
 
 

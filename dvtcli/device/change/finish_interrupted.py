@@ -19,7 +19,7 @@ from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
@@ -191,7 +191,8 @@ class Recovery:
             node=node.node_id,
             place=str(self.journal.path),
             hint=Hint(
-                Action.RECOVER, why=f"look at its supply and its wiring; {{}} tries again, from {self.journal.path}"
+                Action.RECOVER,
+                why=f"look at its supply and its wiring; {{}} tries again, from {verbatim(self.journal.path)}",
             ),
             state="left_changed",
         )
@@ -309,7 +310,7 @@ def _reason(fault: BaseException) -> str:
 
 
 def _next_step(node: KnownPdos, fault: BaseException, journal: Journal) -> Hint:
-    again = Hint(Action.RECOVER, why=f"tries again, from {journal.path}")
+    again = Hint(Action.RECOVER, why=f"tries again, from {verbatim(journal.path)}")
     if isinstance(fault, SdoAborted | DeviceRefused):  # the same again would be refused, or corrected, again
         return (
             Hint(Action.RESET_NODE, {"node": node.node_id}, "brings back what it has stored")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.compare import differences
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.domain.several import several, value_text
@@ -57,6 +57,6 @@ def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:
         f"somebody else changed {label} of node {node.node_id} between this session's changes",
         node=node.node_id,
         why=why,
-        hint=Hint(Action.UNDO, why=f"{who_else(node.keeper)}: {{}} takes back what came after that")
+        hint=Hint(Action.UNDO, why=f"{verbatim(who_else(node.keeper))}: {{}} takes back what came after that")
         + Hint(Action.UNDO, {"all": True, "force": True}, ", {} everything"),
     )

@@ -18,7 +18,7 @@ from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import remove, set_aside
 from dvtcli.device.change.whole import Part, Whole
 from dvtcli.device.past import Past
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -238,6 +238,6 @@ def _way_out(path: Path) -> Hint:
     try:
         read_journal(path)
     except InputFileError:
-        discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {path} aside")
+        discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {verbatim(path)} aside")
         return discard + Hint(Action.SHOW_PDOS, why=", then look at the node with {}")
-    return Hint(Action.RECOVER, why=f"puts the old configuration back, from {path}")
+    return Hint(Action.RECOVER, why=f"puts the old configuration back, from {verbatim(path)}")

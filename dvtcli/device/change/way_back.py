@@ -10,7 +10,7 @@ from dvtcli.device.change.gap import refuse_gap, unbroken
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.stamped import is_stamp, stamp_back
 from dvtcli.device.wish import Wish, unlike
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
@@ -154,7 +154,7 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
         f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
         node=node.node_id,
         why=several(f"{label} {text}" for label, text in found[1:]) or None,
-        hint=Hint(Action.SHOW_PDOS, why=f"{who_else(node.keeper)}: look at it with {{}}")
+        hint=Hint(Action.SHOW_PDOS, why=f"{verbatim(who_else(node.keeper))}: look at it with {{}}")
         + Hint(Action.UNDO, {"force": True}, "puts back what was before that change all the same")
         + Hint(Action.UNDO, {"backup": True}, ", {} an automatic backup"),
     )

@@ -133,8 +133,8 @@ _WHAT_IS_WRONG = re.compile(r"^(--[a-z]+(?:-[a-z]+)*|-[bcinp]) (?=[^: ]+: )")
 _COMMANDS = {
     "accept": "dvtcli recover --accept", "discard": "dvtcli recover --discard", "backup": "dvtcli undo --backup"
 }  # fmt: skip
-#: a word that stands for another one, which only the user knows
-_PLACEHOLDER = re.compile(r"[A-Z][A-Z.]*")
+#: words that stand for another one, which only the user knows
+_PLACEHOLDERS = frozenset({"FILE", "ID", "NAME", "NODE", "NUMBER", "OBJECT", "S", "TIME", "TYPE", "VALUE", "WHEN"})
 _FIELD = re.compile(r"\{(\w+)(?:(\?|=|\|)([^{}]*))?\}")
 
 
@@ -171,27 +171,27 @@ def _argument(given: tuple[str, Any]) -> str:
 
 
 def _value(given: Any) -> str:
-    if isinstance(given, int) or _PLACEHOLDER.fullmatch(str(given)):
-        return str(given)
-    return repr(str(given))
+    return str(given) if isinstance(given, int) or str(given) in _PLACEHOLDERS else repr(str(given))
 
 
 def _filled(template: str, arguments: Mapping[str, Any]) -> str:
     """*template* with the *arguments* as Python writes them; what is not given is left out, with its comma."""
+    values: list[str] = []
 
-    def value(found: re.Match[str]) -> str:
+    def place(found: re.Match[str]) -> str:
         name, mark, other = found[1], found[2], found[3]
         given = arguments.get(name)
         if mark == "?":
             return other if given else ""
         if given is None:
             return other if mark == "|" else ""
-        said = _value(given)
-        return f"{name}={said}" if mark == "=" else said
+        values.append(_value(given))
+        return f"{name}=\0" if mark == "=" else "\0"
 
-    text = re.sub(r" {2,}", " ", _FIELD.sub(value, template))
+    text = re.sub(r" {2,}", " ", _FIELD.sub(place, template))
     text = re.sub(r"\( | \)", lambda edge: edge[0].strip(), text)
-    return re.sub(r"(?<=[\w']) (?=\w+=)", ", ", text)
+    text = re.sub(r"(?<=[\w'\0]) (?=\w+=)", ", ", text)
+    return re.sub("\0", lambda _place: values.pop(0), text)
 
 
 def in_calls(text: Hint | str) -> str:

@@ -14,7 +14,7 @@ from dvtcli.device.change.course import combine_plans
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
 from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
 from dvtcli.errors import (
@@ -260,7 +260,7 @@ class Course:
         left = not_taken_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
         path = node.keeper.open_journal() if node.keeper is not None else None
         if path is not None:
-            finish = Hint(Action.RECOVER, why=f"finishes it, from {path}")
+            finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(path)}")
             left.place = str(path)
             left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
         return left

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.several import plural
 from dvtcli.errors import UsageError
@@ -40,7 +40,7 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     ask_before_overwriting(session, path)
     make_file(session, path, write_network(NetworkWish((found.wish,)), f"What node {node.node_id} held", found.remarks))
     count = len(found.wish.pdos)
-    counted = f"{file}: node {node.node_id}, {plural(count, 'PDO')}"
+    counted = f"{verbatim(file)}: node {node.node_id}, {plural(count, 'PDO')}"
     said: list[Hint | str] = [Hint(Action.CHECK, {"file": file}, f"{counted}. Check it: {{}}")]
     if note := found.left_out_note:
         said.append(f"note: {note}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.found_links import found_links
 from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.wanted_state import NetworkWish
@@ -55,7 +55,7 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
     counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
     errors = _errors(file)
     judged = f"{plural(errors, 'error')}, to be mended first" if errors else "Check it"
-    checked = Hint(Action.CHECK, {"file": file}, f"{file}: {counts}. {judged}: {{}}")
+    checked = Hint(Action.CHECK, {"file": file}, f"{verbatim(file)}: {counts}. {judged}: {{}}")
     said: list[Hint | str] = [checked, *(f"note: {note}" for note in notes)]
     rows = (
         ("file", file),

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters, plan_pdo
 from dvtcli.domain.several import plural, several
@@ -42,7 +42,7 @@ def save_lines(session: Session, file: str) -> Facts:
     make_file(session, path, plan_as_lines(session, plan, stores))
     shown = several(f"node {one.node_id}" for one in plan.nodes)
     counted = plural(plan.writes, "SDO download")
-    said = Hint(Action.RUN, {"file": file}, f"{file}: {counted} for {shown}. Run it: {{}}")
+    said = Hint(Action.RUN, {"file": file}, f"{verbatim(file)}: {counted} for {shown}. Run it: {{}}")
     return Facts("save", (("file", file), ("commands", plan.writes)), (said,))
 
 

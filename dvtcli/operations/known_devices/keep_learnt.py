@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_whole import values_of
 from dvtcli.domain.datatypes import DOMAIN
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.learning.operational import merged
 from dvtcli.domain.learning.storage import RESTORE, STORE
 from dvtcli.errors import SafetyRefusal, UsageError
@@ -116,7 +116,7 @@ def save_learnt(
             session.tell.note(
                 Hint(
                     Action.GIVE_BIT_RATE,
-                    why=f"nobody said the bus's bit rate: no BaudRate_ key of {name}.eds is 1; {{}} says it",
+                    why=f"nobody said the bus's bit rate: no BaudRate_ key of {verbatim(name)}.eds is 1; {{}} says it",
                 )
             )
     _read_back(origin, learnt, eds)

@@ -15,7 +15,7 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.program_download import ProgramDownload
 from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.read_pdos import read_identity
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, Stage
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
@@ -150,7 +150,7 @@ def _name_profile(failed: DvtcliError, profile: str, number: int) -> None:
         failed.hint = Hint(
             Action.GIVE,
             {"expect": "NUMBER"},
-            f"profile {profile} says what is expected; is it the right file? {{}} says another one",
+            f"profile {verbatim(profile)} says what is expected; is it the right file? {{}} says another one",
         )
 
 

@@ -11,7 +11,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.several import several
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
@@ -96,7 +96,11 @@ class Network:
             node.memory.learn(self.files.memory(node_id))
             self._remark(node_id)
             if node.unlike_file:
-                self.warn(Hint(Action.FORCE, why=f"{node.unlike_file}: what it says may not be so; changes need {{}}"))
+                self.warn(
+                    Hint(
+                        Action.FORCE, why=f"{verbatim(node.unlike_file)}: what it says may not be so; changes need {{}}"
+                    )
+                )
             if self.comes_back:
                 self._identify(node)
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed

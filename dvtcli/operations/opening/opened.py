@@ -141,10 +141,14 @@ class Opened(Said):
             self._network = self._network_on(bus, simulated)
             self._obey(bus)
             if self.options.bus_share and bus.bitrate is None and not bus.simulated:
-                from dvtcli.domain.hint import Action, Hint
+                from dvtcli.domain.hint import Action, Hint, verbatim
 
                 self.tell.note(
-                    Hint(Action.GIVE, {"bus_share": None}, f"is of no effect: the bit rate of {bus.name} is not known")
+                    Hint(
+                        Action.GIVE,
+                        {"bus_share": None},
+                        f"is of no effect: the bit rate of {verbatim(bus.name)} is not known",
+                    )
                     + Hint(Action.GIVE_BIT_RATE, why="says it")
                 )
             self._watch()

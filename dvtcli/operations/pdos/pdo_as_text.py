@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import write_private
 from dvtcli.device.change.safekeeping import who_else
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import Word, read_pdo_yaml, write_pdo_yaml, wrong_at
@@ -49,7 +49,9 @@ def configure_from_text(
                 f"{pdo.label} of node {node.node_id} is not what it was when the editor was opened",
                 node=node.node_id,
                 hint=Hint(
-                    Action.EDIT_PDO, {"pdo": pdo}, f"{who_else(node.keeper)}: {{}} again shows what it holds now"
+                    Action.EDIT_PDO,
+                    {"pdo": pdo},
+                    f"{verbatim(who_else(node.keeper))}: {{}} again shows what it holds now",
                 ),
             )
     want = PdoRequest(

@@ -13,7 +13,7 @@ from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.senders import Senders
 from dvtcli.device.virtual_pdos import tie_findings
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.hint import Action, Hint, sentence
+from dvtcli.domain.hint import Action, Hint, has_place, sentence
 from dvtcli.domain.network.consumers import Id, Sent, left_findings, length_findings, moved_tpdos, sent_by_id
 from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
@@ -118,7 +118,7 @@ def _step_in_keys(step: Hint) -> Hint:
         return step
     node, pdo = step.arguments.get("node"), step.arguments.get("pdo")
     words = key.format(f"{node}:{pdo}" if node else pdo)
-    why = step.why if "{}" in step.why else f"{{}} {step.why}".rstrip()
+    why = step.why if has_place(step.why) else f"{{}} {step.why}".rstrip()
     why = why.replace("{} first", "{}")  # what a file says is carried out together
     return Hint(None, why=sentence(replace(step, why=why), lambda _step: words))
 

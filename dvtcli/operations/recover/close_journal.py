@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.journal import ACCEPTED, DISCARDED, Journals, read_journal
 from dvtcli.device.change.own_journal import journal_files
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
@@ -180,7 +180,7 @@ def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hi
             Hint(
                 Action.RECOVER,
                 {"node": others[0]},
-                f"what {journal.part.name} changed on node {ids} waits, too: {{}} takes it back",
+                f"what {verbatim(journal.part.name)} changed on node {ids} waits, too: {{}} takes it back",
             )
         )
     return lines
@@ -203,7 +203,8 @@ def discarded(session: Session, file: str | None) -> Facts:
         ("kept", None if kept is None else str(kept)),
     )
     said = Hint(
-        Action.SHOW_PDOS, why=f"the journal is kept as {kept}; look at the node with {{}}, and set it as it should be"
+        Action.SHOW_PDOS,
+        why=f"the journal is kept as {verbatim(kept)}; look at the node with {{}}, and set it as it should be",
     )
     return Facts("recover", rows, (said if kept is not None else "dry run: the journal stays",))
 

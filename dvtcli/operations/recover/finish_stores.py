@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.canary import holds_test, put_test_back
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.stamped import held_stamp, is_stamp, stamp_changes
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.several import several
@@ -49,7 +49,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     if one is not None and not may_finish(journals):
         raise UsageError(
             "several changes were interrupted: --finish goes on with one network at a time",
-            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"goes on with {one.part.name}"),
+            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"goes on with {verbatim(one.part.name)}"),
         )
     if not may_finish(journals):
         raise UsageError(

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import alters
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
@@ -100,7 +100,7 @@ def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
     for ours in finishing:
         if session.options.yes or session.dry_run or not alone:
             node = {} if alone else {"node": ours[0].plan.node_id}
-            back = Hint(Action.RECOVER_ALL, why=f"{_begun_stores(ours)}: {{}} goes back")
+            back = Hint(Action.RECOVER_ALL, why=f"{verbatim(_begun_stores(ours))}: {{}} goes back")
             session.tell.note(back + Hint(Action.FINISH_STORES, node, ", {} would go on"))
         else:
             what = "store on the others?" if waiting(furthest(ours)) else "is it to stay so?"

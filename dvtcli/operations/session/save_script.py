@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.end_state import end_state, left_out_stores, touched
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines
 from dvtcli.domain.several import several
@@ -71,7 +71,9 @@ def save_script(
     make_file(session, path, text if spelled is None else spelled(text), read_back)
     count = sum(not line.startswith("#") for _, lines in sections for entry in lines for line in entry.splitlines())
     said = Hint(
-        Action.RUN, {"file": file}, f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: {{}}"
+        Action.RUN,
+        {"file": file},
+        f"{verbatim(file)}: {count} command{'' if count == 1 else 's'} for {verbatim(identity)}. Run it: {{}}",
     )
     return Facts("save", (("file", file), ("commands", count)), (said,))
 

@@ -16,7 +16,7 @@ from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.trust import unusable
-from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -120,12 +120,12 @@ def _how_to_finish(journal: Journal) -> Hint:
         )
     back = Hint(Action.RECOVER_ALL, why=", {} takes every line of it back, on all nodes")
     if journal.part.stores and not any(one.waits for one in journal.part.stores):
-        said = f"{journal.part.name} was interrupted once nodes had stored what it changed, {changed}"
+        said = f"{verbatim(journal.part.name)} was interrupted once nodes had stored what it changed, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at every node once more") + back
     if journal.part.stores:
-        said = f"{journal.part.name} was interrupted while nodes stored what it changed, {changed}"
+        said = f"{verbatim(journal.part.name)} was interrupted while nodes stored what it changed, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} stores on the rest of them") + back
-    said = f"{journal.part.name} was interrupted, which changed {changed}"
+    said = f"{verbatim(journal.part.name)} was interrupted, which changed {changed}"
     return Hint(Action.RECOVER_ALL, why=f"{said}: {{}} takes every line of it back, on all nodes")
 
 

@@ -187,10 +187,12 @@ class Settings:
 
     def untrusted(self, what: str) -> Hint:
         """*what* is to be said of the project's file, and how it is trusted."""
-        from dvtcli.domain.hint import Action, Hint
+        from dvtcli.domain.hint import Action, Hint, verbatim
 
         assert self.project is not None  # noqa: S101 - who asks has looked at it
-        return Hint(Action.TRUST, why=f"{self.project.path}: {what}; {{}}, once you have looked at it")
+        return Hint(
+            Action.TRUST, why=f"{verbatim(self.project.path)}: {verbatim(what)}; {{}}, once you have looked at it"
+        )
 
     def _first_use(self) -> Hint | None:
         """What to say when an untrusted file of a project is used for the first time, with all that it sets."""

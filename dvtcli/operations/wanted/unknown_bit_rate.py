@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
@@ -25,7 +25,7 @@ def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
         Hint(
             Action.GIVE_BIT_RATE,
             {"rate": 250000},
-            f"{unknown}: its {nodes} nodes are asked one by one, and nothing of the bus is kept free for a running "
-            "machine; say what it is, as {} or as bitrate = 250000 in dvtcli.toml",
+            f"{verbatim(unknown)}: its {nodes} nodes are asked one by one, and nothing of the bus is kept free for a "
+            "running machine; say what it is, as {} or as bitrate = 250000 in dvtcli.toml",
         )
     )

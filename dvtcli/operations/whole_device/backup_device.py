@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.scan_objects import AREAS, scan_objects
 from dvtcli.domain.configuration import Configuration
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.several import plural, several
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import UsageError
@@ -122,7 +122,9 @@ def _kept(one: ReadObject) -> KeptObject:
 
 
 def _answer(file: str, node: Node, count: int, out: Mapping[str, str]) -> Facts:
-    kept = f"{file}: node {node.node_id}, {plural(count, 'object')} as read just now. What differs from it: {{}}"
+    kept = (
+        f"{verbatim(file)}: node {node.node_id}, {plural(count, 'object')} as read just now. What differs from it: {{}}"
+    )
     said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, kept)]
     if out:
         said.append(f"note: left out: {several(f'{place} ({why})' for place, why in out.items())}")

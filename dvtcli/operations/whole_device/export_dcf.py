@@ -11,7 +11,7 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.read_whole import ReadObject, values_of
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.configuration import Configuration
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
@@ -124,8 +124,8 @@ def _answer(file: str, whole: WholeDevice, text: DcfText, eds: Path) -> Facts:
     node, out = whole.node, left_out(whole, text)
     others = _other_than_default(whole, text)
     written = (
-        f"{file}: node {node.node_id}, {plural(len(text.said), 'object')}, {len(others)} of them not as {eds.name} "
-        "says by default. Look again: {}"
+        f"{verbatim(file)}: node {node.node_id}, {plural(len(text.said), 'object')}, {len(others)} of them not as "
+        f"{verbatim(eds.name)} says by default. Look again: {{}}"
     )
     said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, written)]
     if out:

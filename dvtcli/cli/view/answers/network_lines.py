@@ -10,7 +10,7 @@ from dvtcli.cli.view.answers.node_plan_lines import node_plan_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.configuration import NotWritten
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import STAMP, PdoChange
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.several import plural, several
@@ -52,7 +52,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
         yield from _load(result.need)
     if not result.interrupted and not result.plan.to_do:
         return
-    saved = f" Saved: {result.saved}." if result.saved else ""
+    saved = f" Saved: {verbatim(result.saved)}." if result.saved else ""
     runs = result.saved.lower().endswith(".309")
     if result.interrupted:
         nodes = ", ".join(map(str, result.interrupted))
