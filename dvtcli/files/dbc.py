@@ -2,65 +2,96 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Callable, Mapping
-from copy import copy
+import struct
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.physical import Physical
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.extras import extra
+from dvtcli.files.bounded_process import BoundedProcess, child_command
+from dvtcli.files.dbc_child import MOST_CPU_S, MOST_MEMORY
+from dvtcli.files.extras import require
 from dvtcli.files.input_file import read_input
 from dvtcli.watch.decoder import Address, Layout, Signal, SignalPlace
 from dvtcli.watch.service import Service
 
-if TYPE_CHECKING:
-    from cantools.database.can import Message
-    from cantools.database.can import Signal as DbcSignal
-
-#: what cantools raises if a frame is not what its message says, the kinds of error that `except` takes
-_Failures = tuple[type[Exception], ...]
 #: a line that every DBC file has: its version, its nodes, or a message
 _SECTION = re.compile(r"^[ \t]*(?:VERSION\b|NS_[ \t]*:|BS_[ \t]*:|BU_[ \t]*:|BO_\s)", re.MULTILINE)
-#: no DBC of a machine is larger; cantools takes 4 s and more for each MB, and 0.1 ms for each message and signal
-_MOST_BYTES, _MOST_ENTRIES = 2 << 20, 50_000
+#: no DBC of a machine is larger: those of whole cars have 5 MB
+_MOST_BYTES, _MOST_ENTRIES = 8 << 20, 100_000
 #: the length of a message in bytes, and where a signal begins and how long it is in bits
 _SIZES = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+[ \t]+\w+[ \t]*:[ \t]*(\d+)|SG_[^:\n]*:[ \t]*(\d+)\|(\d+)@)", re.MULTILINE)
-#: what a message has at most (ISO 15765-2): cantools takes 200 bytes of memory for each byte of one
+#: what a message has at most (ISO 15765-2)
 _MOST_MESSAGE_BYTES = 4095
+#: how long cantools may take (s) beside other work of the machine, and what may come of that (bytes)
+_SECONDS, _MOST_ANSWER = 3.0 * MOST_CPU_S, 48 << 20
 _DESCRIBING = (".eds", ".dcf", ".xdd", ".xdc")
 _TAKES = Hint(Action.GIVE_DBC, why="{} takes a DBC file or a network file (.yaml)")
 _INSTEAD = Hint(Action.GIVE_DBC, {"file": "net.yaml"}, "a network file ({})") + Hint(
     Action.GIVE_EDS, why=" or {} decodes without it"
 )
+#: real numbers of IEEE 754, by their length in bits
+_REALS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 
 def read_dbc(file: str) -> dict[Address, Layout]:
     """The messages of *file*; UsageError where it is missing (or cantools is), InputFileError where it is no DBC."""
     path = Path(file)
     try:
-        text = read_input(path, _MOST_BYTES, "DBC").decode("cp1252", errors="replace")
+        data = read_input(path, _MOST_BYTES, "DBC")
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", hint=_TAKES) from failed
+    text = data.decode("cp1252", errors="replace")
     if not _SECTION.search(text):
         raise InputFileError(
             f"{path.name} is no DBC file", why="it has no section of one", hint=_hint(path), place=file
         )
     _refuse_sizes(text, path)
-    cantools = extra("cantools", "dbc", f"reading {path.name}, a DBC file,", instead=_INSTEAD)
-    try:
-        database = cantools.database.load_string(text, "dbc")
-    except (cantools.Error, ValueError, KeyError, IndexError, AttributeError) as wrong:
-        raise InputFileError(f"{path.name} is no DBC file", why=_first_line(wrong), place=file) from wrong
-    failures = (cantools.Error, ValueError, OverflowError)
-    return {
-        (message.frame_id, message.is_extended_frame): _layout(message, path.name, failures)
-        for message in database.messages
-    }
+    require("cantools", "dbc", f"reading {path.name}, a DBC file,", instead=_INSTEAD)
+    return {(said["id"], said["extended"]): _layout(said, path.name) for said in _messages(data, path)}
+
+
+def _messages(data: bytes, path: Path) -> list[dict[str, Any]]:
+    """The messages that cantools reads in *data*, in a process of its own: nothing else bounds its time and memory."""
+    with BoundedProcess(child_command("dvtcli.files.dbc_child"), "cantools") as process:
+        answer = b""
+        with process.within(_SECONDS):
+            try:
+                process.stdin.write(data)
+                process.stdin.close()
+            except OSError:  # it has ended: why is told below
+                pass
+            else:
+                answer = process.stdout.read(_MOST_ANSWER + 1)
+        if not answer:
+            lacks_memory, how = process.last_words()
+            if process.lacked_time:
+                raise _too_much(path, f"{MOST_CPU_S} s")
+            if lacks_memory:
+                raise _too_much(path, f"{MOST_MEMORY >> 20} MB")
+            raise InputFileError(f"{path.name} cannot be read", why=f"cantools: {how}", place=str(path))
+    if len(answer) > _MOST_ANSWER:
+        raise _too_much(path, f"{_MOST_ANSWER >> 20} MB")
+    read = json.loads(answer)
+    if "wrong" in read:
+        raise InputFileError(f"{path.name} is no DBC file", why=read["wrong"], place=str(path))
+    messages: list[dict[str, Any]] = read["messages"]
+    return messages
+
+
+def _too_much(path: Path, what: str) -> InputFileError:
+    return InputFileError(
+        f"{path.name} cannot be read", why=f"cantools takes more than {what} for it", place=str(path),
+        hint="leave out the messages that are not needed",
+    )  # fmt: skip
 
 
 def _refuse_sizes(text: str, path: Path) -> None:
@@ -84,86 +115,109 @@ def _hint(path: Path) -> Hint:
     return takes if described else _TAKES
 
 
-def _first_line(wrong: Exception) -> str:
-    return str(wrong).partition("\n")[0] or type(wrong).__name__
+def _layout(said: Mapping[str, Any], file: str) -> Layout:
+    """The layout of the message that *said* describes; its unit only, as its values are scaled when they are read."""
+    signals = tuple(
+        Signal(one["name"], one["name"], "", Physical(one["unit"]),
+               place=SignalPlace(one["start"], one["bits"], one["big_endian"]))
+        for one in said["signals"]
+    )  # fmt: skip
+    read = _reader(said["signals"], said["length"])
+    return Layout(Service("message", said["name"]), signals, read, byte_length=said["length"], source=file)
 
 
-def _layout(message: Message, file: str, failures: _Failures) -> Layout:
-    signals = tuple(Signal(one.name, one.name, "", _meaning(one), place=_place(one)) for one in message.signals)
-    read = _reader(message, failures)
-    return Layout(Service("message", message.name), signals, read, byte_length=message.length, source=file)
+@dataclass(slots=True)
+class _Field:
+    """A signal as it lies in a frame: *bits* bits from the bit *begin* on, of the order in which its bytes count.
 
+    *chooser* is the place of its multiplexor among the fields, and it is in a frame only if that has a value from one
+    of *firsts* to its neighbour in *lasts*; *depth* is how many multiplexors are above it, -1 if it can never be.
+    """
 
-def _place(signal: DbcSignal) -> SignalPlace:
-    return SignalPlace(signal.start, signal.length, signal.byte_order == "big_endian")
+    begin: int
+    bits: int
+    is_big_endian: bool
+    is_signed: bool
+    is_real: bool
+    scale: float
+    offset: float
+    chooser: int | None
+    firsts: Sequence[int]
+    lasts: Sequence[int]
+    depth: int = 0
 
+    def raw(self, little: int, big: int, length_bits: int) -> Value | None:
+        """Its value, not scaled, in a frame of *length_bits* that both numbers are; None if it is not in there."""
+        end = self.begin + self.bits
+        if end > length_bits:
+            return None
+        number = (big >> length_bits - end if self.is_big_endian else little >> self.begin) & (1 << self.bits) - 1
+        if self.is_real:
+            kind = _REALS.get(self.bits)
+            return None if kind is None else float(kind.unpack(number.to_bytes(self.bits // 8, "big"))[0])
+        return number - (1 << self.bits) if self.is_signed and number >> self.bits - 1 else number
 
-def _meaning(signal: DbcSignal) -> Physical:
-    """The unit: what cantools decodes is scaled already, and is shown as it is."""
-    return Physical(signal.unit or "")
-
-
-def _reader(message: Message, failures: _Failures) -> Callable[[bytes], list[Value | None]]:
-    """A function that decodes a frame's data into a value for each signal, None for a signal that it does not hold."""
-    names = [signal.name for signal in message.signals]
-    alone: list[Message] = []
-
-    def read(data: bytes) -> list[Value | None]:
+    def scaled(self, raw: Value | None) -> Value | None:
+        """What *raw* is scaled; None for a number that is larger than a double holds: nobody can draw or compare it."""
+        if not isinstance(raw, int | float):
+            return None
         try:
-            decoded: Any = message.decode(data, decode_choices=False, allow_truncated=True)
-        except failures:  # a multiplexor's value that the file does not describe, or a signal that is no number
-            if not alone:
-                alone.extend(_alone(message, signal) for signal in message.signals)
-            return _one_by_one(message.signals, alone, data, failures)
-        return [_number(decoded.get(name)) for name in names]
-
-    return read
-
-
-def _alone(message: Message, signal: DbcSignal) -> Message:
-    """A message of the same length that holds *signal* only, whatever its multiplexor says."""
-    single = copy(signal)
-    single.is_multiplexer, single.multiplexer_ids, single.multiplexer_signal = False, None, None
-    return message.__class__(message.frame_id, message.name, message.length, [single], strict=False)
-
-
-def _one_by_one(signals: list[DbcSignal], alone: list[Message], data: bytes, failures: _Failures) -> list[Value | None]:
-    """The value of each of *signals* that *data* holds and that its multiplexors choose; *alone* decodes each."""
-    values: list[Value | None] = []
-    for single in alone:
-        try:
-            decoded: Any = single.decode(data, decode_choices=False, allow_truncated=True)
-        except failures:  # no value, as of a signal behind the frame's end
-            decoded = {}
-        values.append(next(iter(decoded.values()), None))
-    multiplexors = {
-        signal.name: (signal, value) for signal, value in zip(signals, values, strict=True) if signal.is_multiplexer
-    }
-    return [
-        _number(value) if _is_chosen(signal, multiplexors) else None
-        for signal, value in zip(signals, values, strict=True)
-    ]
-
-
-def _is_chosen(signal: DbcSignal, multiplexors: Mapping[str, tuple[DbcSignal, Value | None]]) -> bool:
-    """Whether each multiplexor above *signal* has a value with which *signal* is in the frame."""
-    while signal.multiplexer_signal is not None:
-        multiplexor, value = multiplexors[signal.multiplexer_signal]
-        if (
-            not isinstance(value, int | float)
-            or not isfinite(value)
-            or int(value) not in (signal.multiplexer_ids or ())
-        ):
-            return False
-        signal = multiplexor
-    return True
-
-
-def _number(value: Value | None) -> Value | None:
-    """*value*; None for an integer that a factor made larger than a double holds, as nobody can draw or compare it."""
-    if isinstance(value, int):
-        try:
+            value = raw if self.scale == 1 and self.offset == 0 else raw * self.scale + self.offset
             float(value)
         except OverflowError:
             return None
-    return value
+        return value
+
+    def is_chosen_by(self, value: Value | None) -> bool:
+        """Whether it is in a frame if its multiplexor is *value*."""
+        if not isinstance(value, int | float) or not isfinite(value):
+            return False
+        at = bisect_right(self.firsts, int(value)) - 1
+        return at >= 0 and int(value) <= self.lasts[at]
+
+
+def _fields(signals: Sequence[Mapping[str, Any]]) -> list[_Field]:
+    places = {one["name"]: place for place, one in enumerate(signals)}
+    fields = [_field(one, places) for one in signals]
+    for field in fields:
+        above = [field]
+        while (chooser := above[-1].chooser) is not None and len(above) <= len(fields) and not above[-1].depth:
+            above.append(fields[chooser])
+        is_circle = len(above) > len(fields)
+        depth = -1 if is_circle or above[-1].depth < 0 else above[-1].depth
+        for one in reversed(above[:-1]):
+            depth = depth if depth < 0 else depth + 1
+            one.depth = depth
+    return fields
+
+
+def _field(said: Mapping[str, Any], places: Mapping[str, int]) -> _Field:
+    start, scale, offset, chosen_by = said["start"], said["scale"], said["offset"], said["chosen_by"]
+    if not said["real"] and all(isinstance(one, int) or one.is_integer() for one in (scale, offset)):
+        scale, offset = int(scale), int(offset)
+    multiplexor = said["multiplexor"]
+    chooser = None if multiplexor is None else places.get(multiplexor)
+    return _Field(
+        begin=8 * (start // 8) + 7 - start % 8 if said["big_endian"] else start, bits=said["bits"],
+        is_big_endian=said["big_endian"], is_signed=said["signed"], is_real=said["real"], scale=scale, offset=offset,
+        chooser=chooser, firsts=[first for first, _ in chosen_by], lasts=[last for _, last in chosen_by],
+        depth=-1 if multiplexor is not None and chooser is None else 0,
+    )  # fmt: skip
+
+
+def _reader(signals: Sequence[Mapping[str, Any]], length: int) -> Callable[[bytes], list[Value | None]]:
+    """A function that reads a frame's data as a value for each of *signals*, None for one that is not in there."""
+    fields = _fields(signals)
+    chosen = sorted((place for place, one in enumerate(fields) if one.depth), key=lambda place: fields[place].depth)
+
+    def read(data: bytes) -> list[Value | None]:
+        data = data[:length]
+        little, big, bits = int.from_bytes(data, "little"), int.from_bytes(data, "big"), 8 * len(data)
+        values = [field.scaled(field.raw(little, big, bits)) for field in fields]
+        for place in chosen:  # multiplexors come before what they choose
+            field = fields[place]
+            if field.chooser is None or field.depth < 0 or not field.is_chosen_by(values[field.chooser]):
+                values[place] = None
+        return values
+
+    return read

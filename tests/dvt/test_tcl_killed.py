@@ -193,6 +193,8 @@ def test_it_imports_nothing_of_dvtcli_but_itself() -> None:
         "dvtcli.cli.dvt.tcl_interp",
         "dvtcli.cli",
         "dvtcli.cli.dvt.tcl_wire",
+        "dvtcli.files",
+        "dvtcli.files.bounded_child",
         "dvtcli.version",
     }
     assert {name for name in modules if name.split(".")[0] == "dvtcli"} == ours

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from random import Random
 
 import cantools.database
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import InputFileError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.seen import FrameStore
@@ -181,3 +183,95 @@ def test_a_frame_is_explained_by_an_exported_dbc_as_by_the_mapping(split: str, t
                 *by_mapping,
                 *((bit, 1, int.from_bytes(bytes.fromhex(frame[4:]), "little") >> bit & 1) for bit in range(64)),
             }
+
+
+def _any_message(random: Random, number: int) -> str:
+    """A message whose signals lie side by side: of any length, order, kind and scale, some chosen by the first one."""
+    length = random.choice((1, 3, 8, 8, 8, 64))
+    signals, floats, at = "", "", 0
+    is_multiplexed = random.random() < 0.5
+    while at < 8 * length:
+        bits = min(8 if at == 0 else random.choice((1, 3, 8, 12, 16, 32, 64)), 8 * length - at)
+        name, is_little = f"S{at}", random.random() < 0.5
+        start = at if is_little else 8 * (at // 8) + 7 - at % 8
+        if not is_little and at and (at % 8 or bits % 8):  # side by side in one order only
+            is_little, start = True, at
+        scale, offset = random.choice((("1", "0"), ("0.1", "-40"), ("2", "1"), ("2.0", "0.5"), ("-0.25", "0")))
+        mux = ("M" if at == 0 else f"m{random.randrange(3)}") if is_multiplexed else ""
+        if at and random.random() < 0.4:
+            mux = ""
+        if at == 0:
+            scale, offset, start, is_little = "1", "0", 0, True
+        signed = random.choice("+-") if at else "+"
+        signals += f' SG_ {name} {mux} : {start}|{bits}@{int(is_little)}{signed} ({scale},{offset}) [0|0] "V" A\n'
+        if at and bits in (16, 32, 64) and random.random() < 0.3:
+            floats += f"SIG_VALTYPE_ {number} {name} : {1 if bits < 64 else 2};\n"
+        at += bits
+    return f"BO_ {number} M{number}: {length} A\n{signals}\n\0{floats}"
+
+
+def test_values_are_those_that_cantools_decodes(tmp_path: Path) -> None:
+    random = Random(31)
+    made = [_any_message(random, number).split("\0") for number in range(1, 61)]
+    text = HEAD + "".join(message for message, _ in made) + "".join(floats for _, floats in made)
+    decoder = decoder_of(tmp_path, text)
+    compared = 0
+    for message in cantools.database.load_string(text, "dbc").messages:
+        for _ in range(20):
+            data = bytes([random.randrange(3)]) + random.randbytes(random.randrange(message.length + 2))
+            try:
+                theirs = message.decode(data, decode_choices=False, allow_truncated=True)
+            except (cantools.Error, ValueError):
+                continue
+            ours = decoder.values(Frame(message.frame_id, data))
+            assert ours == pytest.approx(theirs, nan_ok=True), (message, data)
+            assert [type(value) for value in ours.values()] == [type(theirs[name]) for name in ours]
+            compared += len(ours)
+    assert compared > 3000
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (  # 120 bytes, and a list of 4,000,000,000 numbers
+            f'{HEAD}BO_ 1 a: 8 A\n SG_ m M : 0|8@1+ (1,0) [0|0] "" A\n SG_ s m0 : 8|8@1+ (1,0) [0|0] "" A\n\n'
+            "SG_MUL_VAL_ 1 s m 0-4000000000;\n",
+            "takes more than 480 MB",
+        ),
+        (f'{HEAD}BO_ 1 a: 8 A\n SG_ s : 0|{"9" * 5000}@1+ (1,0) [0|0] "" A\n', "no message has more than 4095 bytes"),
+        (f"{HEAD}BO_ {'9' * 5000} a: 8 A\n", "is no DBC file"),
+    ],
+    ids=("multiplexed by all numbers", "length", "CAN-ID"),
+)
+def test_a_short_file_that_says_large_things_is_an_error_of_the_file(tmp_path: Path, text: str, why: str) -> None:
+    with pytest.raises(InputFileError) as refused:
+        decoder_of(tmp_path, text)
+    assert why in f"{refused.value} {refused.value.why}"
+
+
+@pytest.mark.parametrize("multiplexors", ["1 a b 0-9;\nSG_MUL_VAL_ 1 b a 0-9;", "1 a a 0-9;"])
+def test_multiplexors_in_a_circle_choose_nothing(tmp_path: Path, multiplexors: str) -> None:
+    text = (
+        f'{HEAD}BO_ 1 x: 8 A\n SG_ a m0M : 0|8@1+ (1,0) [0|0] "" A\n SG_ b m0M : 8|8@1+ (1,0) [0|0] "" A\n'
+        f' SG_ c : 16|8@1+ (1,0) [0|0] "" A\n\nSG_MUL_VAL_ {multiplexors}\n'
+    )
+    try:
+        decoder = decoder_of(tmp_path, text)
+    except InputFileError:
+        return  # cantools says so itself
+    assert decoder.values(Frame(1, bytes(8))).get("c") == 0
+
+
+def test_comments_and_names_of_values_move_no_line_and_hide_no_message(tmp_path: Path) -> None:
+    """They are left out before the file is read; what only looks like them, in a string or a comment, is not."""
+    text = (
+        f'{HEAD}BO_ 1 a: 8 A\n SG_ s : 0|8@1+ (1,0) [0|0] "CM_ ;" A\n\nCM_ "one\nBO_ 2 b: 8 A\n\\"";\n// CM_ "\n'
+        'VAL_ 1 s 1 "a;b" 0 "c" ;\nBO_ 3 c: 8 A\n SG_ t : 0|8@1+ (2,0) [0|0] "\nVAL_ x" A\n\n'
+    )
+    decoder = decoder_of(tmp_path, text)
+    assert decoder.values(Frame(1, b"\x05")) == {"s": 5}
+    assert decoder.values(Frame(3, b"\x05")) == {"t": 10}
+    assert not decoder.values(Frame(2, b"\x05"))
+    with pytest.raises(InputFileError) as wrong:
+        decoder_of(tmp_path, text + "BO_ 4 ?\n")
+    assert f"line {text.count(chr(10)) + 1}" in str(wrong.value.why)

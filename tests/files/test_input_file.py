@@ -142,17 +142,17 @@ def test_blank_lines_of_a_dbc_cost_no_more_than_others(tmp_path: Path) -> None:
         read_dbc(str(file))
 
 
-_AS_MANY_AS_MAY_BE = "VERSION ?\n" + 25_000 * "BO_ 1 A: 8 B\nSG_ a: 0|8@1\n"
+_AS_MANY_AS_MAY_BE = "VERSION ?\n" + 50_000 * "BO_ 1 A: 8 B\nSG_ a: 0|8@1\n"
 
 
 @pytest.mark.parametrize(
     ("text", "error"),
     [
         (_AS_MANY_AS_MAY_BE, "is no DBC file"),  # cantools looks at it: its first line is wrong
-        (_AS_MANY_AS_MAY_BE + "SG_ a: 0|8@1\n", "more than 50,000 messages and signals"),
-        (_AS_MANY_AS_MAY_BE + "BO_ 1 A: 8 B\n", "more than 50,000 messages and signals"),
-        ("VERSION ?\n".ljust(2 << 20), "is no DBC file"),
-        ("VERSION ?\n".ljust((2 << 20) + 1), "larger than 2 MiB"),
+        (_AS_MANY_AS_MAY_BE + "SG_ a: 0|8@1\n", "more than 100,000 messages and signals"),
+        (_AS_MANY_AS_MAY_BE + "BO_ 1 A: 8 B\n", "more than 100,000 messages and signals"),
+        ("VERSION ?\n".ljust(8 << 20), "is no DBC file"),
+        ("VERSION ?\n".ljust((8 << 20) + 1), "larger than 8 MiB"),
         ("VERSION ?\nBO_ 1 A: 4095 B\nSG_ a: 32760|32760@1\n", "is no DBC file"),
         ("VERSION ?\nBO_ 1 A: 4096 B\n", "dbc:2: no message has more than 4095 bytes"),
         ("VERSION ?\nBO_ 1 A: 8 B\nSG_ a: 32761|1@1\n", "dbc:3: no message has more than 4095 bytes"),

@@ -75,17 +75,29 @@ def _dbc(name: str, text: Callable[[], str], *codes: int) -> Case:
     return Case(f"DBC: {name}", words, {"x.dbc": text}, codes or (4,))
 
 
+def _crowded(count: int) -> str:
+    """A message that *count* bits are signals of."""
+    bits = "".join(f' SG_ s{bit} : {bit}|1@1+ (1,0) [0|0] "" X\n' for bit in range(count))
+    return f"BO_ 1 a: 4000 X\n{bits}\n"
+
+
 def _family(name: str, text: Callable[[], str]) -> Case:
     files = {"q/simulated.toml": text, "q/x.eds": lambda: _EDS + "[1000]\nParameterName=n\nDataType=7\nAccessType=ro\n"}
     return Case(f"simulated.toml: {name}", ("--sim", "./q", "read", "1000"), files, (0, 4))
 
 
-def _inflating(count: int) -> bytes:
-    """A BLF file with a container of *count* zeros, packed."""
-    packed = zlib.compress(bytes(count), 9)
-    head = struct.pack("<4sLBBBBBBBBQQLL8H8H72x", b"LOGG", 144, 2, 0, 0, 0, 2, 6, 8, 1, 144, count, 1, 1, *(0,) * 16)
-    place = struct.pack("<4sHHLL", b"LOBJ", 16, 1, 32 + len(packed), 10) + struct.pack("<H6xL4x", 2, count)
-    return head + place + packed
+def _inflating(content: bytes, times: int = 1) -> bytes:
+    """A BLF file with *content* in a container, packed, *times* times."""
+    packed, whole = zlib.compress(content, 9), 144
+    head = struct.pack("<4sLBBBBBBBBQQLL8H8H72x", b"LOGG", whole, 2, 0, 0, 0, 2, 6, 8, 1, whole, 1, 1, 1, *(0,) * 16)
+    size = 32 + len(packed)
+    place = struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, 10) + struct.pack("<H6xL4x", 2, len(content))
+    return head + (place + packed + bytes(size % 4)) * times
+
+
+def _endless(content: bytes) -> bytes:
+    """An object that says that it is 4 GB long, of which *content* is the beginning, or a part."""
+    return struct.pack("<4sHHLL", b"LOBJ", 32, 1, 0xFFFF_FFF0, 1) + content
 
 
 def _shared(keys: int, nodes: int) -> str:
@@ -176,10 +188,17 @@ CASES = [
     _decoded("100 MB on one line", lambda: "x" * (100 * _MB)),
     _decoded("100 MB on one line", lambda: "date x\n" + "x" * (100 * _MB), ".asc"),
     _decoded("100 MB on one line", lambda: ";$FILEVERSION=2.1\n" + "x" * (100 * _MB), ".trc"),
-    _decoded("128 MB of zeros", lambda: _inflating(1 << 27), ".blf"),
+    _decoded("128 MB of zeros", lambda: _inflating(bytes(1 << 27)), ".blf"),
+    _decoded("1.6 GB in one object", lambda: _inflating(_endless(bytes(15 << 20)), 100), ".blf"),
+    _decoded("an object in 200,000 containers", lambda: _inflating(_endless(b""), 200_000), ".blf"),
+    _decoded("an object of 4 GB", lambda: _inflating(b"")[:144] + _endless(bytes(_MB)), ".blf"),
     _dbc("40,000 blank lines", lambda: "\n" * 40_000),
     _dbc("40,000 blank lines behind its version", lambda: 'VERSION ""\n' + "\n" * 40_000 + "BU_: x\n", 0, 4),
     _dbc("a frame of 30,000,000 bytes", lambda: "BO_ 1 a: 30000000 X\n SG_ s : 0|8@1+ (1,0) [0|0] \"\" X\n", 0, 4),
+    _dbc("3,000 signals in 4,000 bytes", lambda: _crowded(3_000), 0, 4),
+    _dbc("a multiplexor of 4,000,000,000 values", lambda: f"{_crowded(2)}SG_MUL_VAL_ 1 s1 s0 0-4000000000;\n"),
+    _dbc("8 MB of nodes", lambda: 'VERSION ""\nBU_: ' + "a " * (4 * _MB - 16)),
+    _dbc("8 MB of comments", lambda: 'VERSION ""\n' + 'CM_ "";\n' * (_MB - 2), 0, 4),
     _dbc("1 MB of brackets", lambda: "BO_ 1 a: 8 X\n" + "(" * _MB),
     _family("3,000 blanks behind a bracket", lambda: 'about = """\n[' + " " * 3_000 + '\n"""\n'),
     _family("100,000 dots", lambda: "[" + "a." * 50_000 + "\n"),
@@ -192,6 +211,7 @@ A_PART, LONG = 10, 50_000
 SLOW = {
     *("eds check: 100,000 sections", "script: 10 MB on one line", "script: 10 MB of continuations"),
     *("eds check: 450,000 bad lines", "eds check: 100,000 times the same section", "script: 10,000 lines"),
+    *("DBC: 3,000 signals in 4,000 bytes", "DBC: 8 MB of nodes", "DBC: 8 MB of comments", "DBC: 1 MB of brackets"),
     *("read nothing: 900 compact arrays of 254", "objects: 60,000 objects", "read nothing: 60,000 objects"),
     *("dvtcli.toml: tables in tables", "eds check: 60,000 objects that say CompactSubObj=0"),
 }

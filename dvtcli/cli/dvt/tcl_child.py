@@ -6,12 +6,12 @@ Imports nothing of dvtcli but its neighbours. Knows no bus, no session and no wo
 from __future__ import annotations
 
 import os
-import sys
 
 from dvtcli.cli.dvt.tcl_child_run import Script
 from dvtcli.cli.dvt.tcl_interp import BareInterpreter
-from dvtcli.cli.dvt.tcl_parent import Parent, die_of
+from dvtcli.cli.dvt.tcl_parent import Parent
 from dvtcli.cli.dvt.tcl_wire import Ready, Setup, Typed
+from dvtcli.files.bounded_child import die_of, limit
 
 
 def main() -> None:
@@ -31,7 +31,7 @@ def _serve(parent: Parent) -> None:
     except ImportError as missing:
         parent.tell(Ready(str(missing), 0))
         return
-    _limit_memory(setup.memory_bytes)
+    limit(setup.memory_bytes)
     script = Script(parent, setup, tcl)
     if not setup.path:
         parent.tell(Ready("", 0))
@@ -44,18 +44,3 @@ def _serve(parent: Parent) -> None:
     if not unclosed:
         parent.told()
         parent.tell(script.run())
-
-
-def _limit_memory(most_bytes: int) -> None:
-    """Let this process take no more than *most_bytes*, where the system has such a limit; and leave no core file."""
-    if sys.platform == "win32":
-        return
-    import resource
-
-    for what, most in ((resource.RLIMIT_AS, most_bytes), (resource.RLIMIT_CORE, 0)):
-        _, hard = resource.getrlimit(what)
-        lower = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        try:
-            resource.setrlimit(what, (lower, lower))
-        except (ValueError, OSError) as refused:  # macOS, below what is taken already
-            os.write(2, f"no limit: {refused}\n".encode())

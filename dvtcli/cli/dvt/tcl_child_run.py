@@ -10,8 +10,9 @@ import time
 from collections.abc import Sequence
 
 from dvtcli.cli.dvt.tcl_interp import BRIDGE, SAFE, BareInterpreter
-from dvtcli.cli.dvt.tcl_parent import Parent, die_of
+from dvtcli.cli.dvt.tcl_parent import Parent
 from dvtcli.cli.dvt.tcl_wire import MOST_CHARACTERS, Call, End, Setup
+from dvtcli.files.bounded_child import die_of
 
 #: How often (s) it is looked after whether the script must stop.
 _TICK_S = 0.1

@@ -11,7 +11,6 @@ from queue import SimpleQueue
 from typing import IO
 
 from dvtcli.cli.dvt.tcl_wire import (
-    NO_MEMORY,
     Answer,
     Call,
     End,
@@ -64,9 +63,3 @@ def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | Typed | Answer]) -
             heard.put(receive(answers, Setup, Go, Typed, Answer))
     except (Gone, WireError, MemoryError):
         os._exit(1)
-
-
-def die_of(bug: BaseException) -> None:
-    """End this process, and say why to whoever reads what it complains of."""
-    os.write(2, f"{type(bug).__name__}: {bug}"[:1000].encode("utf-8", "replace"))
-    os._exit(NO_MEMORY if isinstance(bug, MemoryError) else 1)

@@ -13,8 +13,6 @@ from typing import IO, Any, NamedTuple
 #: No line is longer; a call's texts are bounded below it, as JSON writes a character in up to six bytes.
 MOST_BYTES = 16 << 20
 MOST_CHARACTERS = 1_000_000
-#: What the script's process ends with where Python had no memory left; Tcl itself aborts.
-NO_MEMORY = 75
 
 
 class WireError(Exception):

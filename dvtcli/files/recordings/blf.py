@@ -22,6 +22,8 @@ _CONTAINER, _PLAIN, _PACKED = 10, 0, 2
 _HEAD = struct.Struct("<H6xL4x")
 #: writers begin a new container at 128 KiB; some bytes can hold a thousand times as many
 _MOST_BYTES = 16 << 20
+#: how often what is in containers may be copied: an object of 1 MB that lies in eight of them is four times
+_MOST_COPIES = 16
 
 
 class Unpacked:
@@ -32,7 +34,9 @@ class Unpacked:
         self._is_container = False
 
     def read(self, count: int) -> bytes:
-        """Read the next *count* bytes; a container's as if it had not been packed. NoFrameError if it is too large."""
+        """Read the next *count* bytes; a container's as if it had not been packed. NoFrameError if they are too many."""
+        if count > _MOST_BYTES:
+            raise NoFrameError(f"an object of {count} bytes; writers make them of 128 KiB")
         data = self._raw.read(count)
         if self._is_container:
             self._is_container = False
@@ -55,6 +59,19 @@ class Unpacked:
         self._raw.close()
 
 
+class _Reader(can.BLFReader):
+    """python-can's reader, which keeps an object that goes on in the next container, and copies it for each of them."""
+
+    _copied = _taken = 0
+
+    def _parse_container(self, data: bytes) -> Iterator[can.Message]:
+        self._copied += len(self._tail)
+        self._taken += len(data)
+        if len(self._tail) > _MOST_BYTES or self._copied > _MOST_COPIES * self._taken + _MOST_BYTES:
+            raise NoFrameError("an object that goes on over too many containers")
+        return super()._parse_container(data)
+
+
 class BlfFormat(RecordingFormat):
     """Vector's .blf, which keeps a block back until it is full or closed."""
 
@@ -70,7 +87,7 @@ class BlfFormat(RecordingFormat):
 
     def reader(self, source: Any) -> Iterator[can.Message]:
         """The frames; NoFrameError behind the last one where the file is shorter than it says itself."""
-        blocks, size = can.BLFReader(Unpacked(source)), fstat(source.fileno()).st_size  # type: ignore[arg-type]
+        blocks, size = _Reader(Unpacked(source)), fstat(source.fileno()).st_size  # type: ignore[arg-type]
         yield from blocks
         if size < blocks.file_size:
             raise NoFrameError(f"it was cut short: of {blocks.file_size} bytes it has {size}")

@@ -19,7 +19,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     ),
     "click": ("cli/",),
     "pytest": ("testing.py",),
-    "cantools": ("files/dbc.py",),
+    "cantools": ("files/dbc_child.py",),
     "jinja2": ("files/picture/",),
     "markupsafe": ("files/picture/",),
     "platformdirs": ("files/user_folders.py",),
@@ -33,7 +33,7 @@ DOORS: dict[str, tuple[str, ...]] = {
     "subprocess": (
         "bus/discover.py",
         "bus/transports.py",
-        "cli/dvt/tcl_process.py",
+        "files/bounded_process.py",
         "cli/prompt/redirect.py",
         "cli/view/typed_hints.py",  # how Windows takes words apart
     ),
@@ -41,7 +41,7 @@ DOORS: dict[str, tuple[str, ...]] = {
     "traceback": ("cli/crash.py",),
     "warnings": ("cli/passcode.py",),
     "signal": (
-        "cli/dvt/tcl_process.py",
+        "files/bounded_process.py",
         "cli/monitor/full_screen.py",
         "cli/prompt/redirect.py",
         "cli/prompt/terminal.py",

@@ -24,8 +24,8 @@ MAY_PRINT = {
     "cli/prompt/redirect.py": "what the user sends on to a file or a program",
     "cli/commands/tour.py": "waits for Enter",
     "cli/commands/_pdo_edit.py": "the user's editor",
-    "cli/dvt/tcl_child.py": "a pipe to its parent",
-    "cli/dvt/tcl_parent.py": "a pipe to its child",
+    "files/bounded_child.py": "a pipe to its parent",
+    "files/dbc_child.py": "a pipe to its parent",
     "cli/stop_signals.py": "a pipe to itself",
 }
 _SAYING = frozenset(
