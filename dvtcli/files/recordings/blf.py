@@ -34,7 +34,7 @@ class Unpacked:
         self._is_container = False
 
     def read(self, count: int) -> bytes:
-        """Read the next *count* bytes; a container's as if it had not been packed. NoFrameError if they are too many."""
+        """Read the next *count* bytes; a container's as if it had not been packed. NoFrameError if too many."""
         if count > _MOST_BYTES:
             raise NoFrameError(f"an object of {count} bytes; writers make them of 128 KiB")
         data = self._raw.read(count)
