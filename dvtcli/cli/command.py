@@ -16,7 +16,7 @@ from dvtcli.cli.global_options import NEGATIVE_MARK, global_options, one_pair_ea
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.cli.each_node import Between
+    from dvtcli.cli.each_node import Ending
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Result
     from dvtcli.operations.session.session import Session
@@ -34,7 +34,7 @@ class DvtCommand(click.Command):
     reverts, and *stores* what the line may store beside its changes. With *needs_settings* it does not run where a
     settings file is wrong. *formats* are those of its answers that not every command has (`sarif`). Where *each* says
     so of a line's parameters, it is done for each of the nodes that `-n 1,3,5` or `-n all` names: *ahead* looks at all
-    of these first and raises if one cannot be done, *between* makes an error of some done, those left and the fault.
+    of these first and raises if one cannot be done, *ending* makes an error of what became of all if one failed.
     """
 
     def __init__(
@@ -47,13 +47,13 @@ class DvtCommand(click.Command):
         formats: Sequence[str] = (),
         each: Callable[[Mapping[str, Any]], bool] = lambda _params: False,
         ahead: Callable[[Session, Sequence[int], Mapping[str, Any]], None] | None = None,
-        between: Between | None = None,
+        ending: Ending | None = None,
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, **kwargs)
         self.effect, self.needs_settings, self._final = effect, needs_settings, final
         self.stores, self.formats, self._each = stores, formats, each
-        self._ahead, self._between = ahead, between
+        self._ahead, self._ending = ahead, ending
         self.params.extend(global_options(hidden=True))
 
     def final(self, params: Mapping[str, Any]) -> Final | None:
@@ -99,7 +99,12 @@ class DvtCommand(click.Command):
                 go_on, look = self.effect in _LOOKING, self._ahead
                 ahead = None if look is None else (lambda node_ids: look(session, node_ids, ctx.params))
                 return on_each_node(
-                    session, lambda: _deliver(session, run(ctx)), go_on=go_on, ahead=ahead, between=self._between
+                    session,
+                    lambda: run(ctx),
+                    lambda answer: _deliver(session, answer),
+                    go_on=go_on,
+                    ahead=ahead,
+                    ending=self._ending,
                 )
             return _deliver(session, run(ctx))
 

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.boundary import SIGNALLED, guarded
 from dvtcli.cli.view.lines import Cell
-from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer
+from dvtcli.errors import (
+    DeviceRefused,
+    DvtcliError,
+    LeftChanged,
+    NoAnswer,
+    Restarted,
+    SdoAborted,
+    SdoProtocolError,
+)
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.object_params import ObjectWord
     from dvtcli.operations.session.session import Session
 
-#: what is told of the nodes that are done, of those that are not, the first of which failed, and of its fault
-Between = Callable[[Sequence[int], Sequence[int], DvtcliError], DvtcliError]
+#: what is told in the end of all nodes that were meant, of which each that had its turn answered, or failed with
+Ending = Callable[[Sequence[int], Mapping[int, Any]], DvtcliError | None]
+#: what one node comes to without anybody else
+_OF_A_NODE = (DeviceRefused, NoAnswer, Restarted, SdoAborted, SdoProtocolError)
 
 
 def several_ids(session: Session) -> tuple[int, ...]:
@@ -56,38 +66,52 @@ def objects_meant(session: Session, words: Sequence[ObjectWord]) -> list[tuple[s
 def on_each_node(
     session: Conversation,
     run: Callable[[], Any],
+    deliver: Callable[[Any], Any],
     *,
     go_on: bool,
     ahead: Callable[[Sequence[int]], None] | None = None,
-    between: Between | None = None,
+    ending: Ending | None = None,
 ) -> int:
-    """Do *run* with each node that -n names selected; the exit code of the first that failed, or 7.
+    """Do *run* with each node that -n names selected, and *deliver* its answer; the exit code of the first that failed.
 
-    With *go_on* a node that fails keeps no other from its turn. *ahead* looks at all of them before the first; what
-    fails once some are done is said as *between* says it.
+    It is 7 if any has that. With *go_on* a node that fails keeps no other from its turn, with *ending* one that
+    refuses, or does not answer. *ahead* looks at all of them before the first; *ending* makes an error of what became
+    of all of them if one failed.
     """
     codes: list[int] = []
+    outcomes: dict[int, Any] = {}
     node_ids = several_ids(session)
     if ahead is not None and (code := guarded(session, partial(ahead, node_ids))):
         return code
 
-    def run_between(number: int) -> Any:
+    def turn(node_id: int) -> Any:
         try:
-            return run()
-        except DvtcliError as fault:
-            if between is None or not number:
-                raise
-            raise between(node_ids[:number], node_ids[number:], fault) from fault
+            outcomes[node_id] = run()
+        except BaseException as fault:
+            outcomes[node_id] = fault
+            raise
+        return deliver(outcomes[node_id])
 
     try:
-        for number, node_id in enumerate(node_ids):
+        for node_id in node_ids:
             session.selected = node_id
             if not session.output.json:
                 session.output.said([[Cell(f"node {node_id}", "bold")]], error=False)
-            code = guarded(session, partial(run_between, number))
+            code = guarded(session, partial(turn, node_id))
             codes += [code] if code else []
-            if code in SIGNALLED or (code and not go_on):
+            if code in SIGNALLED or (code and not (go_on or (ending is not None and _is_of_node(outcomes[node_id])))):
                 break
     finally:
         session.selected = None
+    if codes and ending is not None and (told := ending(node_ids, outcomes)) is not None:
+        codes.append(guarded(session, partial(_fail, told)))
     return LeftChanged.exit_code if LeftChanged.exit_code in codes else codes[0] if codes else 0
+
+
+def _is_of_node(outcome: Any) -> bool:
+    """Whether *outcome* is an answer, or a fault of its node alone."""
+    return not isinstance(outcome, BaseException) or isinstance(outcome, _OF_A_NODE)
+
+
+def _fail(error: DvtcliError) -> None:
+    raise error

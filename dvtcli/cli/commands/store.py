@@ -16,7 +16,7 @@ from dvtcli.operations.stores.store_restore import POWER_CYCLE_S, look_before_st
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from dvtcli.errors import DvtcliError, LeftChanged
+    from dvtcli.errors import LeftChanged
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
 
@@ -27,10 +27,10 @@ def _look_ahead(session: Session, node_ids: Sequence[int], params: Mapping[str, 
     look_before_stores(session, node_ids, group, prove=way)
 
 
-def _stopped(done: Sequence[int], left: Sequence[int], fault: DvtcliError) -> LeftChanged:
-    from dvtcli.operations.stores.unfinished_stores import stopped_between
+def _who_stored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftChanged | None:
+    from dvtcli.operations.stores.unfinished_stores import only_some_stored
 
-    return stopped_between(done, left, fault)
+    return only_some_stored(node_ids, outcomes)
 
 
 @click.command(
@@ -40,7 +40,7 @@ def _stopped(done: Sequence[int], left: Sequence[int], fault: DvtcliError) -> Le
     effect=Effect.KEEPS,
     each=lambda params: params["prove"] != "power",
     ahead=_look_ahead,
-    between=_stopped,
+    ending=_who_stored,
 )
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option(

@@ -5,12 +5,12 @@ Asks no node. Does not know how stores are carried out.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
-from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import several
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
@@ -75,21 +75,34 @@ def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
     return left
 
 
-def stopped_between(done: Sequence[int], left: Sequence[int], fault: DvtcliError) -> LeftChanged:
-    """What is told if the nodes *done* have stored and the first of those *left* did not, for its *fault*."""
-    unsure = tuple(left[:1]) if _is_unsure(fault) else ()
+def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | BaseException]) -> LeftChanged | None:
+    """What is told if not all of *node_ids*, each asked by itself, stored; None if no node stored, or all did.
+
+    *outcomes* has the answer or the fault of each that was asked.
+    """
+    faults = {node_id: one for node_id, one in outcomes.items() if isinstance(one, BaseException)}
+    answers = {node_id: one for node_id, one in outcomes.items() if not isinstance(one, BaseException)}
+    stored = tuple(node_id for node_id, one in answers.items() if one.stored)
+    kept = [*stored, *(node_id for node_id, one in answers.items() if one.skipped)]
+    unsure = tuple(node_id for node_id, fault in faults.items() if _is_unsure(fault))
+    missing = tuple(node_id for node_id in node_ids if node_id not in (*kept, *unsure))
+    if not stored or not (unsure or missing):
+        return None
+    said = [f"node {several(map(str, missing))} did not"] if missing else []
+    said += [f"of node {several(map(str, unsure))} it is not known"] if unsure else []
+    first = next(iter(faults.values()), None)
     error = LeftChanged(
-        f"node {', '.join(map(str, done))} stored, and then: {fault}",
-        node=left[0],
-        place=fault.place,
-        why=fault.why,
-        hint=Hint(Action.STORE, {"node": list(left)}, "stores the rest").after(
-            as_hint(fault.hint) if fault.hint else None
+        f"node {several(map(str, stored))} stored, {' and '.join(said)}",
+        node=(*missing, *unsure)[0],
+        place=first.place if isinstance(first, DvtcliError) else None,
+        why="; ".join(f"node {node_id}: {str(fault) or 'interrupted'}" for node_id, fault in faults.items()) or None,
+        hint=Hint(Action.STORE, {"node": sorted((*missing, *unsure))}, "asks those again that have not stored").after(
+            BUS_BACK if any(isinstance(fault, BusUnavailable) for fault in faults.values()) else None
         ),
         state="left_changed",
     )
-    error.stores = WhoStored(tuple(done), tuple(node_id for node_id in left if node_id not in unsure), unsure)
-    error.details = [*fault.details, *error.stores.rows()]
+    error.stores = WhoStored(stored, missing, unsure)
+    error.details = error.stores.rows()
     error.state_text = "what was stored stays stored"
     return error
 

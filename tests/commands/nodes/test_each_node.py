@@ -8,6 +8,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.operations.user.options import checked
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus
 
@@ -40,6 +42,39 @@ def test_a_silent_node_keeps_no_other_from_being_read() -> None:
         assert (ran.code, [one.get("value") for one in ran.documents]) == (5, [500, None, 500])
         ran = bench.run("store --json")
         assert (ran.code, [one["node"] for one in ran.documents]) == (5, [6]), "it is found before the first one stores"
+
+
+class Refusing(StrictDevice):
+    """A device that refuses to store."""
+
+    asked = 0
+
+    def download(self, index: int, sub_index: int, data: bytes) -> None:
+        if index == 0x1010:
+            self.asked += 1
+            raise Refusal(0x0609_0030)
+        super().download(index, sub_index, data)
+
+
+@pytest.mark.parametrize("prove", [False, True])
+@pytest.mark.parametrize("ids", [(1,), (5,), (7,), (1, 7), (1, 5, 7)])
+def test_a_node_that_refuses_keeps_no_other_from_being_asked_to_store(ids: tuple[int, ...], *, prove: bool) -> None:
+    devices = {one: simulated_device(simulated_nodes((f"generic@{one}",))[0]) for one in (1, 5, 7)}
+    for node_id in ids:
+        devices[node_id].__class__ = Refusing
+    others = [one for one in devices if one not in ids]
+    with Bench(
+        (), {"sim": (), "node": (1, 5, 7), "yes": True}, VirtualTimeBus(list(devices.values()), simulated=False)
+    ) as bench:
+        ran = bench.run(f"store{' --prove' if prove else ''} --json")
+        documents = ran.documents if others else [*ran.documents, {}]
+        assert [one["node"] for one in documents[:-1]] == [1, 5, 7]
+        assert [one["schema"] != "dvtcli.error/1" for one in documents[:-1]] == [one in others for one in devices]
+    assert all(getattr(devices[one], "asked", 0) for one in ids)
+    assert ran.code == (7 if others else 1)
+    if others:
+        assert documents[-1]["stores"] == {"stored": others, "not_stored": [*ids], "unknown": []}
+        assert f"-n {','.join(map(str, ids))} store" in documents[-1]["hint"]
 
 
 def test_lines_that_are_about_one_node_refuse_several() -> None:
