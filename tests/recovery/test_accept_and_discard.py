@@ -137,3 +137,14 @@ def test_the_doctor_names_a_journal_that_waits(bench: Bench) -> None:
     (check,) = [one for one in json.loads(stdout)["checks"] if one["check"] == "journals"]
     assert check["verdict"] == "warn"
     assert journal.name in check["text"]
+
+
+def test_what_a_killed_process_left_half_written_goes_with_the_next_change(bench: Bench) -> None:
+    """Of this node and no other: whoever has its lock is the only one that writes its files."""
+    journal = killed(bench)
+    own = journal.with_name(f"{journal.name}.abcd1234.tmp")
+    others = journal.with_name(f"{journal.stem[:-1]}7.json.abcd1234.tmp"), journal.with_name("tmpabcd1234")
+    for path in (own, *others):
+        path.touch()
+    assert bench.run("recover", "--yes")[0] == 0
+    assert [path.exists() for path in (own, *others)] == [False, True, True]

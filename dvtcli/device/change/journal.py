@@ -192,6 +192,15 @@ def read_journal(path: Path) -> Journal:
         ) from wrong
 
 
+def unneeded_markers(folder: Path) -> list[Path]:
+    """What says in *folder* that journals count of which there are none: a process was killed before the first one."""
+    needed = set()
+    for path in folder.glob("*.json"):
+        with suppress(InputFileError, SafetyRefusal):
+            needed.add(read_journal(path).part.whole)
+    return sorted(path for path in folder.glob("*.whole") if path.stem not in needed)
+
+
 def _refuse_strangers(path: Path, status: os.stat_result) -> None:
     """A journal says what is written to a device: SafetyRefusal where that may be somebody else's word."""
     found = stranger(str(path), status)

@@ -76,6 +76,8 @@ class NodeLock:
     bus: str
     node_id: int
     command: Callable[[], str] = lambda: ""
+    #: done once it is taken
+    on_taken: Callable[[], None] = lambda: None
     #: another dvtcli that began to write while we did not hold the lock, after we had held it
     meanwhile: Holder | None = None
     _file: IO[bytes] | None = None
@@ -119,6 +121,7 @@ class NodeLock:
         try:
             self._look_back()
             self.note(self.noted())
+            self.on_taken()
         except BaseException:
             self.release()
             raise

@@ -17,6 +17,8 @@ from dvtcli.device.trust import private_folder
 #: how long another program may have a file open that is to be replaced or removed, on Windows (s)
 BUSY_S = 2.0
 _BUSY_RETRY_S = 0.02
+#: what the name of a file ends with that is being written, or was when its process ended
+_UNFINISHED = ".tmp"
 
 
 def file_name(text: str) -> str:
@@ -32,7 +34,7 @@ def write_private(path: Path, text: str, *, newline: str | None = None) -> None:
     """
     private_folder(path.parent.parent)
     private_folder(path.parent)
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent)  # 0600
+    descriptor, temporary = tempfile.mkstemp(_UNFINISHED, f"{path.name}.", path.parent)  # 0600
     try:
         with os.fdopen(descriptor, "w", encoding="utf-8", newline=newline) as file:
             file.write(text)
@@ -43,6 +45,21 @@ def write_private(path: Path, text: str, *, newline: str | None = None) -> None:
         Path(temporary).unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def remove_unfinished(folder: Path, pattern: str) -> None:
+    """Remove what processes that have ended left of the files of *folder* named like *pattern*: nobody writes them now.
+
+    What cannot be removed stays, and harms nobody: no name of it is looked for.
+    """
+    for path in folder.glob(f"{pattern}.*{_UNFINISHED}"):
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def unfinished(folder: Path) -> list[Path]:
+    """The files of *folder* that are being written now, or were when their process ended; also of earlier versions."""
+    return sorted([*folder.glob(f"*{_UNFINISHED}"), *folder.glob("tmp????????")])
 
 
 def set_aside(path: Path, word: str) -> Path:

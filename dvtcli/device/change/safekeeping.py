@@ -15,7 +15,7 @@ from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.own_journal import ROOM_OF_TEST, OwnJournal, journal_files, room_beside
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.private_file import remove, set_aside
+from dvtcli.device.change.private_file import file_name, remove, remove_unfinished, set_aside
 from dvtcli.device.change.whole import Part, Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.hint import Action, Hint, verbatim
@@ -53,11 +53,18 @@ class Keeper:
     _backing_up: BackingUp = field(init=False)
 
     def __post_init__(self) -> None:
-        self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command)
+        self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command, self._remove_unfinished)
         self.journals = Journals(self.folder / "journals", self.bus)
         self.own_journal = OwnJournal(self.journals, self.lock, self.whole, self.warn)
         self.past = Past(self.locks.parent / "changes", self.bus, self.warn)
         self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.past)
+
+    def _remove_unfinished(self) -> None:
+        """Remove what a killed process left half written of this node's files: who has the lock is the only writer."""
+        own = self.journals.path(self.node_id)
+        remove_unfinished(own.parent, own.name)
+        remove_unfinished(self.folder / "backups", f"{own.stem}-*.dvt")
+        remove_unfinished(self.past.folder, f"{file_name(self.bus)}-*-node{self.node_id}.json")
 
     def open_journal(self) -> Path | None:
         """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.private_file import to_disk, unfinished
+from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.doctor.failed_check import failed
 from dvtcli.operations.results.diagnosis import Check
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from dvtcli.operations.session.session import Session
+
+
+#: what the journal of a device with many PDOs takes
+_TRIED_BYTES = 60_000
 
 
 def library_check() -> Check:
@@ -37,16 +42,46 @@ def state_checks(session: Session) -> Iterator[Check]:
         for refused in filter(None, map(unusable, needed)):
             yield failed("state", refused)
             return
-        with tempfile.NamedTemporaryFile(dir=folder):
-            yield Check("state", "ok", f"{folder} can be written")
+        for one in needed:
+            _try(one)
+        yield Check("state", "ok", f"{folder} can be written{_left_over(needed)}")
     except OSError as failure:
-        hint = "without it nothing is changed on a real bus: --journal DIR names another folder"
-        yield Check("state", "FAIL", f"{folder}: {failure.strerror}", hint)
+        hint = "without it nothing is changed on a real bus: make room or mend it"
+        if folder != always and folder in Path(str(failure.filename)).parents:
+            hint += "; --journal DIR names another folder"
+        text = f"a change cannot keep its files: {failure.strerror or failure}: {failure.filename or folder}"
+        yield Check("state", "FAIL", text, hint)
         return
     except SafetyRefusal as refused:
         yield failed("state", refused)
         return
     yield _journals(folder)
+
+
+def _try(folder: Path) -> None:
+    """Do in *folder*, or if it is missing in the one above, what keeps a journal; nothing if neither is there yet.
+
+    OSError, which names a file, if the disk does not take that.
+    """
+    folder = folder if folder.is_dir() else folder.parent
+    if folder.is_dir():
+        try:
+            with tempfile.NamedTemporaryFile(suffix=".tmp", dir=folder) as file:
+                file.write(bytes(_TRIED_BYTES))
+                file.flush()
+                to_disk(file.fileno())
+        except OSError as failed:
+            raise OSError(failed.errno, failed.strerror, failed.filename or str(folder)) from failed
+
+
+def _left_over(folders: Iterable[Path]) -> str:
+    """What processes that were killed left in *folders*: it harms nobody."""
+    from dvtcli.device.change.journal import unneeded_markers
+
+    found = [path for folder in folders for path in (*unfinished(folder), *unneeded_markers(folder))]
+    if not found:
+        return ""
+    return f"; files that killed processes left, which harm nobody: {several(map(str, found))}"
 
 
 def _journals(folder: Path) -> Check:

@@ -14,6 +14,7 @@ from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
 from tests.process import ROOT, documents, environment, run
+from tests.small_disk import fill, on_small_disk
 from tests.surroundings import homes, kept_in
 
 pytestmark = pytest.mark.drawn(5, "doctor")
@@ -152,6 +153,41 @@ def test_a_broken_profile_and_a_folder_that_is_none_fail(tmp_path: Path) -> None
     code, found = doctor(tmp_path, "--journal", str(tmp_path / "file" / "below"))
     assert (code, found["state"]["verdict"]) == (6, "fail")
     assert f"{tmp_path / 'file'} is not used: it is a file, and no folder" in found["state"]["text"]
+
+
+@pytest.mark.parametrize("kept", ["journals", "home"])
+def test_a_full_disk_is_told_and_if_the_journals_may_be_on_another_one(tmp_path: Path, kept: str) -> None:
+    disk = tmp_path / "disk"
+    given = {"journal": str(disk / "kept")} if kept == "journals" else {}
+
+    def full() -> None:
+        os.environ.update(homes(tmp_path if kept == "journals" else disk))
+        (disk / "kept" / "journals").mkdir(parents=True)
+        for name in ("locks", "changes"):
+            (kept_in(disk) / name).mkdir(parents=True)
+        fill(disk)
+        with Bench(("gen4",), given) as bench:
+            ran = bench.run("doctor --json")
+        state = checks(ran.document)["state"]
+        assert (ran.code, state["verdict"]) == (1, "fail"), state
+        assert "No space left on device" in state["text"]
+        assert str(disk) in state["text"]
+        assert ("--journal DIR" in state["hint"]) is (kept == "journals")
+
+    if wrong := on_small_disk(disk, full):
+        pytest.fail(wrong)
+
+
+def test_what_a_killed_process_left_is_told_and_harms_nobody(tmp_path: Path) -> None:
+    journals = tmp_path / "journals"
+    journals.mkdir()
+    left = [journals / name for name in ("tmpabcd1234", "virtual_x-5.json.abcd1234.tmp", f"{'ab' * 16}.whole")]
+    for path in left:
+        path.touch()
+    _, found = doctor(tmp_path, "--journal", str(tmp_path))
+    assert found["state"]["verdict"] == "ok"
+    assert all(path.name in found["state"]["text"] for path in left)
+    assert found["journals"]["verdict"] == "ok"
 
 
 def test_an_interrupted_change_is_told(tmp_path: Path) -> None:
