@@ -120,7 +120,9 @@ def _root(text: str) -> MappingNode:
     if len(text) > MOST_CHARACTERS:
         raise InputFileError(f"{len(text)} characters are no PDO")
     try:
-        node = YAML(typ="safe", pure=True).compose(text)
+        yaml = YAML(typ="safe", pure=True)
+        yaml.composer.warn_double_anchors = False  # YAML 1.2, 3.2.2.2: an anchor may be set again
+        node = yaml.compose(text)
     except MarkedYAMLError as wrong:
         mark = wrong.problem_mark or wrong.context_mark
         raise wrong_at(mark.line + 1 if mark else 1, str(wrong.problem or wrong.context)) from wrong

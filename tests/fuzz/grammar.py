@@ -6,14 +6,24 @@ A maker takes a `random.Random`: a seeded one makes the same input again, Hypoth
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Mapping
 from copy import deepcopy
+from functools import cache
+from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from dvtcli.device.change.journal import SCHEMA
+from dvtcli.domain.ports import Frame
+from dvtcli.files.recorder import Recorder
+from dvtcli.files.recording_formats import formats
 from dvtcli.simulator.device.fault_kinds import FaultKind
+from tests.files.captures import CAN, pcap
 from tests.files.test_eds_any import KEYS, SAMPLE, SECTIONS
+from tests.small_xdd import COMMISSIONING
+from tests.small_xdd import xdd as small_xdd
 
 Maker = Callable[[Random], bytes]
 
@@ -322,11 +332,237 @@ def view(random: Random) -> bytes:
     return "".join(parts[: 1 + random.randrange(5)]).encode("utf-8", "surrogateescape")
 
 
+_NETWORK = """\
+bitrate: 500
+master: {node_id: 127, heartbeat_producer: 100, sync_period: 10000}
+defaults:
+  heartbeat_producer: 1000
+  sdo: [{object: "2000:01", value: 5}]
+drive:
+  node_id: 5
+  dcf: drive.dcf
+  identity: {vendor: 0x1E, product: 7}
+  heartbeat_consumer: true
+  tpdo:
+    1: {cob_id: auto, mapping: [statusword, "6064:00/32"], transmission: 254, event_timer: 100}
+    2: {enabled: false}
+  rpdo:
+    1:
+      cob_id: 0x201
+      mapping:
+        - controlword
+        - dummy/16
+io: &io
+  node_id: 6
+  physical: {"6000:01": {unit: V, factor: 0.1}}
+links:
+  - {from: "drive:tpdo1", to: ["io:rpdo1"]}
+"""
+_YAML_TOKENS = (
+    *(
+        "*io",
+        "<<: *io",
+        "&a",
+        "!!int x",
+        "!!python/object:os.system {}",
+        "{",
+        "[",
+        "]",
+        "- - - x",
+        "? x",
+        ": :",
+        "|",
+        ">",
+    ),
+    *(
+        "---",
+        "...",
+        "%YAML 9.9",
+        "0o17",
+        "0b1",
+        "1:30:00",
+        ".inf",
+        ".nan",
+        "~",
+        "2001-12-14t21:59:43Z",
+        "yes",
+        "\t",
+        "#",
+    ),
+)
+_DBC = """\
+VERSION ""
+NS_ :
+BS_:
+BU_: A B
+BO_ 400 M: 8 A
+ SG_ Mux M : 0|8@1+ (1,0) [0|0] "" B
+ SG_ Sub m0M : 8|8@1+ (1,0) [0|0] "V" A
+ SG_ Deep m3 : 23|16@0- (0.5,-40) [0|0] "" A
+ SG_ Real : 32|32@1- (1,0) [0|0] "" A
+
+BO_ 2566844672 E: 8 B
+
+CM_ SG_ 400 Mux "a \\"comment\\"";
+VAL_ 400 Mux 0 "off" 1 "on" ;
+SIG_VALTYPE_ 400 Real : 1;
+SG_MUL_VAL_ 400 Sub Mux 0-0;
+SG_MUL_VAL_ 400 Deep Sub 3-3, 5-9;
+"""
+_LOGS = (
+    "(1700000000.000000) can0 181#3706E80300000000\n(1700000000.500000) can0 1ABCDEF0#R\n"
+    "(1700000001.000000) can1 20000080#0000000000000000\n(1700000001.000000) can1 701##105\n",
+    "date Tue Nov 14 22:13:20.000 2023\nbase hex  timestamps absolute\ninternal events logged\n"
+    "Begin TriggerBlock Tue Nov 14 22:13:20.000 2023\n 0.000000 Start of measurement\n"
+    " 0.100000 1  181             Rx   d 8 37 06 E8 03 00 00 00 00\n 0.200000 1  1ABCDEF0x       Rx   r\n"
+    " 0.300000 2  ErrorFrame\nEnd TriggerBlock\n",
+    ";$FILEVERSION=2.1\n;$STARTTIME=45244.9259259259\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
+    "      1       0.100 DT 1      0181 Rx -  8    37 06 E8 03 00 00 00 00\n"
+    "      2       0.200 RR 1      0181 Rx -  8\n      3       0.300 ER 1         - Rx -  5    04 00 02 00 00\n",
+)
+_VALUES_TEXT = (
+    'time_s,drive.statusword [V],x\n0.0,1,2\n0.5,,\'=1\n1e3,-4.5,"a\nb"\n',
+    '{"schema": "dvtcli.frame/1", "time": "2023-11-14T22:13:20+00:00", "signals": {"speed": 1, "x": null}}\n' * 2,
+)
+_GATEWAY = (
+    *("[1] 1 5 r 0x1000 0 u32", "[2] 5 w 0x1017 0 u16 400", "[3] set rpdo 1 0x201 event 1 0x6040 0 u16", "[4] 5 start"),
+    *("[5] set sdo_timeout 500", "[6] info version", '[7] 5 w 0x1008 0 vs "a ""b"" c"', "[8] 5 w 0x2000 1 os AAEC"),
+    *("[9] w pdo 1 2 3 4", "[10] r pdo 1", "[11] 5 enable guarding 100 3", "[12] boot_up_indication enable"),
+)
+_KEPT = (
+    "[Topology]\nNodes=2\nNetName=a\nNode1Present=1\nNode1Name=drive\nNode1DCFName=drive.dcf\nEDSBaseName=.\n",
+    "pdo: tpdo1\ncob_id: 0x181\nenabled: true\ntype: 1\ninhibit_ms: 10\nmapping:\n  - 6041:00/16 # statusword\n",
+    '{"schema": "dvtcli.sim-state/1", "node": 1, "values": {"1017:00": "e803", "1008:00": "00"}}',
+    '{"schema": "dvtcli.whole-device/1", "node": 1, "identity": {"vendor": 1}, "made": "x", "objects": 1}\n'
+    '{"object": "1017:00", "raw": "e803"}\n',
+    '{"schema": "dvtcli.plan/1", "file": "n.yaml", "nodes": [{"node": 1, "name": "a", '
+    '"identity": {"vendor": 1, "product": null}, "changes": [], "holds": []}]}',
+)
+
+
+def _edited(random: Random, text: str, tokens: tuple[str, ...]) -> bytes:
+    """*text* with lines moved, doubled, dropped and cut, and words put in or exchanged."""
+    lines = text.split("\n")
+    for _ in range(random.randrange(1, 6)):
+        at, other = random.randrange(len(lines)), random.randrange(len(lines))
+        word = random.choice((*tokens, *_NUMBERS, *_HOSTILE))
+        match random.randrange(6):
+            case 0:
+                lines[at], lines[other] = lines[other], lines[at]
+            case 1:
+                lines.insert(at, lines[other])
+            case 2:
+                lines[at] = ""
+            case 3:
+                cut = random.randrange(len(lines[at]) + 1)
+                lines[at] = lines[at][:cut] + word + lines[at][cut:]
+            case 4:
+                words = lines[at].split(" ")
+                words[random.randrange(len(words))] = word
+                lines[at] = " ".join(words)
+            case _:
+                lines[at] = " " * random.randrange(6) + lines[at].lstrip()
+    return _encoded(random, "\n".join(lines))
+
+
+def network(random: Random) -> bytes:
+    """A network file with other values, places and YAML."""
+    return _edited(random, _NETWORK, _YAML_TOKENS)
+
+
+def dbc(random: Random) -> bytes:
+    """A DBC with other values and places."""
+    return _edited(random, _DBC, ("BO_", "SG_", '"', ";", "M", "m1", "0-4000000000", "0-9, 5-6", "@", "1|1@1+", "CM_"))
+
+
+@cache
+def _binary_recordings() -> Mapping[str, bytes]:
+    """A short recording of each format that is no text."""
+    found = {}
+    frames = [Frame(0x181 + n, bytes(range(n)), timestamp_s=1.7e9 + n / 8) for n in range(6)]
+    with TemporaryDirectory() as folder:
+        for suffix in (".blf", ".pcapng"):
+            path = Path(folder, f"a{suffix}")
+            with Recorder(path) as recorder:
+                for frame in frames:
+                    recorder.write(frame)
+            found[suffix] = path.read_bytes()
+    found[".pcap"] = pcap(frames, "<", nanoseconds=False, link=CAN)
+    return found
+
+
+def recording(random: Random) -> bytes:
+    """A recording, of each format that is read, with its number before it."""
+    suffixes = [suffix for suffix in formats() if suffix != ".mf4"]
+    number = random.randrange(len(suffixes))
+    texts = dict(zip((".log", ".asc", ".trc"), _LOGS, strict=True))
+    text = texts.get(suffixes[number])
+    if text is None:
+        return bytes([number]) + damaged(random, _binary_recordings()[suffixes[number]])
+    return bytes([number]) + _edited(
+        random, text, ("#", "##", "R", "Rx", "Tx", "d", "ErrorFrame", "T", "FFFFFFFF", ";")
+    )
+
+
+def values(random: Random) -> bytes:
+    """Values as CSV or JSON lines."""
+    number = random.randrange(2)
+    made = _edited(random, _VALUES_TEXT[1 - number], (",", '"', "'", "{", "}", "[", "null", ":", "1,2,3", "\r"))
+    return bytes([number]) + made
+
+
+def xdd(random: Random) -> bytes:
+    """An XDD or XDC with other values, elements and entities."""
+    tokens = (
+        "<a>",
+        "</a>",
+        "<!--",
+        "-->",
+        "<![CDATA[",
+        "]]>",
+        "&x;",
+        "&#0;",
+        "<!DOCTYPE a [<!ENTITY x 'y'>]>",
+        '"',
+        ">",
+    )
+    return _edited(random, small_xdd(commissioning=COMMISSIONING).replace("><", ">\n<"), tokens)
+
+
+def gateway_line(random: Random) -> bytes:
+    """A line of CiA 309-3."""
+    tokens = ("[1]", "[", "]", "r", "w", "set", "start", "u8", "vs", '"', "event", "sync", "rtr", "all", "0", "pdo")
+    return _edited(random, random.choice(_GATEWAY), tokens).replace(b"\n", b" ")
+
+
+def concise(random: Random) -> bytes:
+    """A concise DCF: a count, and entries with their lengths."""
+    entries = [
+        (random.randrange(0x10000), random.randrange(256), random.randbytes(random.randrange(6))) for _ in range(4)
+    ]
+    told = b"".join(struct.pack("<HBL", index, sub, len(data)) + data for index, sub, data in entries)
+    return damaged(random, struct.pack("<L", random.choice((4, 4, 4, 0, 5, 1 << 31))) + told)
+
+
+def history(random: Random) -> bytes:
+    """Lines that were typed."""
+    return _edited(random, "# 2023-11-14 22:13:20\n+pdo\n+map tpdo1 6041\n\n# 2023\n+read 1018:1\n", ("+", "#", "\r"))
+
+
+def kept(random: Random) -> bytes:
+    """One of what dvtcli keeps besides, with its number before it."""
+    number = random.randrange(len(_KEPT))
+    return bytes([number]) + _edited(
+        random, _KEPT[number], ("{", "}", "[", "]", '"', "null", "true", ":", "=", *_YAML_TOKENS)
+    )
+
+
 #: by target
 MAKERS: dict[str, Maker] = {
     "eds": eds, "dcf": eds, "profile_toml": profile_toml, "defaults": defaults, "script": script, "line": line,
     "syntax": syntax, "journal": journal, "fault": fault, "sdo_client": sdo_client, "sdo_server": sdo_server,
-    "view": view, "device": eds,
+    "view": view, "device": eds, "network": network, "dbc": dbc, "recording": recording, "values": values, "xdd": xdd,
+    "gateway_line": gateway_line, "concise": concise, "history": history, "kept": kept,
 }  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.object_params import ENTRY, OBJECT, DataTypeParam
 from dvtcli.cli.params import NODE_ID, CanopenType, MillisecondsType
 from dvtcli.cli.pdo_params import COB_ID, PDO
+from dvtcli.cli.prompt.history import KeptHistory
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary, parse, run_words
 from dvtcli.cli.scripts.script_lines import script_lines
@@ -36,6 +37,10 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
+from dvtcli.domain.gateway.error_numbers import GatewayRequestError
+from dvtcli.domain.gateway.format import format_request
+from dvtcli.domain.gateway.parse import parse_request, sequence_of
+from dvtcli.domain.network.concise_dcf import concise_bytes, concise_entries
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_syntax import parse_cob_id, parse_object, resolve_entry, resolve_object
@@ -47,8 +52,20 @@ from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.proof import POWER, Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
+from dvtcli.files.dbc import read_dbc
+from dvtcli.files.device_file import parse_device_file
 from dvtcli.files.eds.reader import EdsFile, parse_eds
+from dvtcli.files.network.read_network import read_network
+from dvtcli.files.network.write_network import write_network
+from dvtcli.files.nodelist import read_nodelist
+from dvtcli.files.pdo_yaml import read_pdo_yaml
+from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.files.profile.toml import read_profile
+from dvtcli.files.recording import read_recorded
+from dvtcli.files.recording_formats import formats
+from dvtcli.files.sim_state import read_state
+from dvtcli.files.values.value_file import read_values
+from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations import results
 from dvtcli.operations.known_devices import eds_files
 from dvtcli.operations.objects.search_objects import object_row
@@ -458,11 +475,116 @@ def _fresh(family: str) -> StrictDevice:
     return device
 
 
+def network(data: bytes) -> None:
+    """A network that can be written, or InputFileError."""
+    try:
+        wish = read_network(data.decode("utf-8", "replace"), "fuzz.yaml")
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+        return
+    write_network(wish)
+
+
+def dbc(data: bytes) -> None:
+    """Layouts that read any frame, or InputFileError."""
+    Path("fuzz.dbc").write_bytes(data)
+    try:
+        layouts = read_dbc("fuzz.dbc")
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+        return
+    for layout in layouts.values():
+        for length in (0, 3, layout.byte_length or 0, 64):
+            assert len(layout.read(bytes(range(length % 256)))) == len(layout.signals)
+
+
+def recording(data: bytes) -> None:
+    """Frames, or InputFileError: the first byte says of which format."""
+    suffixes = [suffix for suffix in formats() if suffix != ".mf4"]
+    path = Path(f"fuzz{suffixes[data[0] % len(suffixes)] if data else '.log'}")
+    path.write_bytes(data[1:])
+    try:
+        for one in read_recorded(path):
+            assert len(one.frame.data) <= 64
+            Output(io.StringIO(), io.StringIO()).traffic(one.frame, sent=False)
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+
+
+def values(data: bytes) -> None:
+    """Values by time, or InputFileError: the first byte says of which form."""
+    path = Path("fuzz.csv" if not data or data[0] & 1 else "fuzz.jsonl")
+    path.write_bytes(data[1:])
+    try:
+        read = read_values(path)
+        assert all(len(row) <= len(read.columns) for _, row in read.rows)
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+
+
+def xdd(data: bytes) -> None:
+    """A dictionary with everything in it, and findings; or InputFileError."""
+    try:
+        file = parse_device_file(data, "fuzz.xdd")
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+        return
+    _read_pdos(file.dictionary)
+    for entry in file.dictionary.entries():
+        entry.initial(127)
+        entry.limits(1)
+        object_row(file.dictionary, entry, 1)
+
+
+def gateway_line(data: bytes) -> None:
+    """A request that is the same when written and read again, or what is wrong with its line."""
+    text = data.decode("latin-1").partition("\n")[0]
+    sequence_of(text)
+    try:
+        request = parse_request(text)
+    except GatewayRequestError:
+        return
+    if request is not None:
+        assert parse_request(format_request(request)) == request
+
+
+def concise(data: bytes) -> None:
+    """Entries that are the same when written and read again, or ValueError."""
+    with contextlib.suppress(ValueError):
+        entries = concise_entries(data)
+        assert concise_entries(concise_bytes(entries)) == entries
+
+
+def history(data: bytes) -> None:
+    """Lines that were typed, whatever is in the file."""
+    path = Path("fuzz.history")
+    path.write_bytes(data)
+    assert all(isinstance(text, str) for text in KeptHistory(str(path), lambda _text: False).load_history_strings())
+
+
+def kept(data: bytes) -> None:
+    """What dvtcli keeps or is handed besides, or InputFileError: the first byte says what."""
+    kind, rest = (data[0] % 5 if data else 0), data[1:]
+    path = Path("fuzz.json")
+    path.write_bytes(rest)
+    text = rest.decode("utf-8", "replace")
+    readers: tuple[Callable[[], object], ...] = (
+        lambda: read_nodelist(rest, "fuzz.cpj"), lambda: read_pdo_yaml(text, Pdo.parse("tpdo1")),
+        lambda: read_state(path), lambda: read_whole_device(path),
+        lambda: is_network_plan(path) and read_network_plan(path),
+    )  # fmt: skip
+    try:
+        readers[kind]()
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+
+
 #: every target by the name that options and messages use
 TARGETS: dict[str, Target] = {
     target.__name__: target
     for target in (
         *(eds, dcf, profile_toml, defaults, script, line, syntax, journal, fault),
         *(sdo_client, sdo_server, view, device),
+        *(network, dbc, recording, values, xdd, gateway_line, concise, history, kept),
     )
 }

@@ -100,7 +100,9 @@ def _composed(text: str) -> Node | None:
     """ruamel's node of *text*, which nobody changes: `plan`, `apply` and `verify` of a session read the same file."""
     from ruamel.yaml import YAML
 
-    root: Node | None = YAML(typ="safe", pure=True).compose(text)
+    yaml = YAML(typ="safe", pure=True)
+    yaml.composer.warn_double_anchors = False  # YAML 1.2, 3.2.2.2: an anchor may be set again
+    root: Node | None = yaml.compose(text)
     return root
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from textwrap import dedent
 
@@ -264,6 +265,14 @@ def test_defaults_are_overridden_key_by_key() -> None:
 def test_what_defaults_have_wrong_is_said_once() -> None:
     found = wrong("defaults: {guard_time: x}\na: {node_id: 2}\nb: {node_id: 3}\n")
     assert [(line, column) for line, column, _ in found] == [(1, 24)]
+
+
+def test_an_anchor_may_be_set_again() -> None:
+    """As YAML has it: nothing of the library that reads it is shown for that."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = read_network("a: &x {node_id: 5}\nb: &x {node_id: 6}\n.c: *x\n", "x.yaml")
+    assert [node.node_id for node in found.nodes] == [5, 6]
 
 
 def test_anchors_and_keys_with_a_dot_are_for_sharing() -> None:
