@@ -13,15 +13,15 @@ import sys
 import can
 from can.interfaces import BACKENDS
 
-#: networks, made-up channels, and what `discover` finds by itself
-_NOT_ASKED = frozenset({"virtual", "udp_multicast", "socketcand", "socketcan", "serial", "slcan", "robotell"})
+#: networks, made-up channels, what `discover` finds by itself, and a driver that loads a library from this folder
+NOT_ASKED = frozenset({"virtual", "udp_multicast", "socketcand", "socketcan", "serial", "slcan", "robotell", "neousys"})
 #: How long all drivers may look, in seconds; shorter than the patience of who started this process.
 _LOOK_S = 6.0
 
 
 def main(interfaces: list[str]) -> None:
     """Print what is found as one line, and leave without waiting for drivers that hang."""
-    asked = interfaces or sorted(set(BACKENDS) - _NOT_ASKED)
+    asked = interfaces or sorted(set(BACKENDS) - NOT_ASKED)
     found = [one for name in asked for one in _detected(name)]
     sys.stdout.write("\n" + json.dumps(found) + "\n")
     sys.stdout.flush()

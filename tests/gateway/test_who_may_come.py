@@ -8,6 +8,7 @@ import socket
 import stat
 import subprocess
 import sys
+from collections import deque
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -176,13 +177,32 @@ def test_a_newcomer_is_next_after_the_line_under_way() -> None:
         heard(200)
         for _ in range(3):
             running._answer_lines()
-        waiting = sum(bool(one.lines) for one in _clients(running.hub.connected))
-        newcomer = stack.enter_context(Client(running))
-        newcomer.say(b"[7] 4 r 0x1017 0 u16\n")
-        heard(waiting + 1)
-        running._answer_lines()
-        assert newcomer.reply() == "[7] 500"
+        for number in range(4):  # whoever was next otherwise
+            waiting = sum(bool(one.lines) for one in _clients(running.hub.connected))
+            newcomer = stack.enter_context(Client(running))
+            newcomer.say(b"[7] 4 r 0x1017 0 u16\n" * 2)
+            heard(waiting + 1)
+            ready = [one for one in _clients(running.hub.connected) if one.lines]
+            assert _is(running._next(ready), newcomer), f"newcomer {number} waits for a second line"
+            running._answer(next(one for one in ready if _is(one, newcomer)), "[7] 4 r 0x1017 0 u16", alone=False)
+            assert newcomer.reply() == "[7] 500"
         assert any(one.lines for one in _clients(running.hub.connected)), "the others wait still"
+
+
+def test_who_comes_anew_for_each_line_keeps_out_nobody_who_was_heard_before() -> None:
+    with Session(Options(sim=("generic@4",))) as session, gateway(session, ("127.0.0.1", 0)) as running:
+        known = _spoken(1.0)
+        answered = [running._next([known, _spoken(0.0)]) is known for _ in range(100)]
+    assert sum(answered) >= 40
+    assert True in answered[:12]
+
+
+def _spoken(turn_s: float) -> LineClient:
+    """A client that waits with a line, and had its turn, or not."""
+    link, other = socket.socketpair()
+    other.close()
+    with link:
+        return LineClient(link, "a", print, lines=deque(["[1] 4 r 0x1017 0 u16"]), turn_s=turn_s)
 
 
 def _clients(found: tuple[object, ...]) -> list[LineClient]:

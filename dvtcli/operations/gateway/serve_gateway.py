@@ -44,6 +44,8 @@ DEFAULT_PORT = 60000
 _TURN_S, _ANSWERING_S, _BUS_S = 0.02, 0.05, 0.001
 #: what a line takes of the time at least (s), so that lines that cost nothing are counted, too
 _LEAST_S = 1e-4
+#: how many newcomers may be answered out of turn, and for how many other lines there is one more again
+_MOST_AT_ONCE = 8
 #: clients at once
 MOST_CLIENTS = 256
 
@@ -166,6 +168,9 @@ class Gateway:
         #: how far the count of the time is that lines took (s)
         self._turn_s = 0.0
         self._newcomer_next = False
+        #: newcomers that have been passed by, and how many may still be next at once, out of turn
+        self._passed: set[LineClient] = set()
+        self._at_once = float(_MOST_AT_ONCE)
         self._events: deque[NodeEvent] = deque(maxlen=1000)
         self._known: set[Client] = set()
         self._stopping = False
@@ -221,10 +226,20 @@ class Gateway:
                 break
 
     def _next(self, ready: list[LineClient]) -> LineClient:
-        """Whose line is answered next: many newcomers keep out neither a further one nor who was heard before."""
+        """Whose line is answered next: who came during the last line, else in turn a newcomer and who was heard before.
+
+        Who comes anew for each line has that for some lines only: their count grows slowly, as others are answered.
+        """
         newcomers = [one for one in ready if not one.turn_s]
         known = [one for one in ready if one.turn_s]
-        self._newcomer_next = not known or (bool(newcomers) and not self._newcomer_next)
+        just_come = [one for one in newcomers if one not in self._passed]
+        if known and just_come and self._newcomer_next and self._at_once >= 1:
+            self._at_once -= 1
+        else:
+            self._newcomer_next = not known or (bool(newcomers) and not self._newcomer_next)
+            if not self._newcomer_next:
+                self._at_once = min(self._at_once + 1 / _MOST_AT_ONCE, _MOST_AT_ONCE)
+        self._passed = set(newcomers)
         return newcomers[-1] if self._newcomer_next else min(known, key=lambda one: one.turn_s)
 
     def _may_go_on(self, client: LineClient) -> bool:

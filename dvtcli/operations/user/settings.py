@@ -38,6 +38,9 @@ USERS_OWN = ("yes", "force", PASSCODE, "no_shell")
 _URL = "://"
 #: Keys of drivers that name a library to load, and how such a file is called.
 _LIBRARY_KEY, _LIBRARY_FILE = re.compile(r"(?i)dll|lib"), re.compile(r"(?i)\.(dll|so|dylib|pyd|ocx)\b")
+#: Interfaces whose driver takes its library from the folder that it is started in, by python-can 4: on Windows
+#: `./WDT_DIO.dll`.
+_LIBRARY_HERE = frozenset({"neousys"})
 #: What says where the frames of a bus go.
 _CHOOSES_BUS = ("interface", "channel", "bus_kwargs", "bus")
 
@@ -96,12 +99,15 @@ class File:
         return where == self.path or (where.startswith("[bus.") and where.endswith(f"] of {self.path}"))
 
     def _withhold(self) -> Iterator[str]:
-        """Take away folders of journals, channels that are URLs, URLs and libraries of `bus_kwargs`; their keys."""
+        """Take away folders of journals, URLs, and what chooses a library to load; the keys of what is gone."""
         tables = {"": self.layer} | {f"bus.{name}.": layer for name, layer in self.buses.items()}
         for table, layer in tables.items():
             if "journal" in layer:
                 del layer["journal"]
                 yield f"{table}journal"
+            if "interface" in layer and layer["interface"][0] in _LIBRARY_HERE:
+                del layer["interface"]
+                yield f"{table}interface"
             if "channel" in layer and _URL in layer["channel"][0]:
                 del layer["channel"]
                 yield f"{table}channel"

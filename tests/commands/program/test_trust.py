@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from can.interfaces import BACKENDS
 
+from dvtcli.bus import drivers
 from dvtcli.cli.aliases import usable_aliases, withheld_aliases
 from dvtcli.cli.prompt.line import Destination, taken_apart
 from dvtcli.files.user_folders import user_folder
@@ -119,6 +123,7 @@ def test_a_line_is_cut_before_its_alias_is_put_in(line: str, command: str, desti
         ('journal = "kept/here"', "journal"),
         ('channel = "spy://loop://?file=/nowhere/x"', "channel"),
         ('bus_kwargs = ["url=SOCKET://127.0.0.1:1"]', "bus_kwargs.url"),
+        ('interface = "neousys"', "interface"),
         ('bus_kwargs = ["dll=x"]', "bus_kwargs.dll"),
         ('bus_kwargs = ["override_library_name=x"]', "bus_kwargs.override_library_name"),
         ('bus_kwargs = { driver = "/nowhere/libx.so.1" }', "bus_kwargs.driver"),
@@ -138,6 +143,25 @@ def test_what_reaches_beyond_a_bus_needs_a_trusted_file(table: str, line: str, k
     trusted = settings_here(content)
     assert said(trusted)
     assert trusted.withheld() is None
+
+
+def test_no_driver_takes_a_library_from_the_folder_of_a_project() -> None:
+    """Of python-can's drivers as they are installed: whichever names a library by a relative path is not asked for."""
+    found = set()
+    for interface, (module, _) in BACKENDS.items():
+        spec = find_spec(module)
+        if spec is not None and spec.origin is not None:
+            own = Path(spec.origin)
+            files = own.parent.glob("*.py") if own.name == "__init__.py" else [own]
+            text = "".join(file.read_text("utf-8") for file in files)
+            if re.search(r"""(?:DLL|LoadLibrary)\(\s*["']\.{1,2}[/\\]""", text):
+                found.add(interface)
+    assert found, "python-can has such a driver no longer"
+    assert found <= drivers.NOT_ASKED
+    for interface in found:
+        read = settings_here(f'interface = "{interface}"\n')
+        assert read.project is not None
+        assert read.project.withheld == ("interface",)
 
 
 def test_an_untrusted_bus_keeps_what_only_chooses_it() -> None:
