@@ -73,7 +73,6 @@ class Action(Enum):
     LSS_BIT_RATE = "change the bit rate"
     LSS_IDENTIFY = "ask for the LSS address"
     LSS_NODE_ID = "give a node-ID"
-    LSS = "change node-ID or bit rate"
     LOG_IN = "log in"
     LEARN = "learn the device"
     # files
@@ -93,11 +92,6 @@ class Action(Enum):
     SAVE_SCRIPT = "save the changes as a script"
     DECODE = "decode the recording"
     DRAW = "draw the network"
-    LIST_PROFILES = "list the families"
-    SHOW_HABITS = "show what is remembered of devices"
-    FORGET_HABITS = "forget what is remembered of devices"
-    DOWNLOAD = "download the program"
-    FORGET_DOWNLOAD = "forget the download"
     # options of the same call
     GIVE = "give the argument"
     GIVE_EDS = "name the EDS"
@@ -116,8 +110,6 @@ class Action(Enum):
     AGREE = "answer yes"
     FORCE = "do it all the same"
     SHOW_FRAMES = "show the frames"
-    ISOLATE = "say that the device is isolated"
-    ALLOW_STORE = "allow the store"
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,6 @@ COMMANDS: dict[Action, str] = {
     Action.LSS_BIT_RATE: "lss bitrate {rate|RATE}",
     Action.LSS_IDENTIFY: "lss identify",
     Action.LSS_NODE_ID: "lss node-id {id|ID}",
-    Action.LSS: "lss",
     Action.LOG_IN: "login {level}",
     Action.LEARN: "learn {save?--save} {save}",
     Action.CHECK_EDS: "eds check {file|FILE}",
@@ -83,11 +82,6 @@ COMMANDS: dict[Action, str] = {
     Action.SAVE_SCRIPT: "save {file|FILE.dvt} {all?--all} {history?--history}",
     Action.DECODE: "decode {file|FILE}",
     Action.DRAW: "report {file|NAME.html}",
-    Action.LIST_PROFILES: "profiles",
-    Action.SHOW_HABITS: "profiles habits",
-    Action.FORGET_HABITS: "profiles forget",
-    Action.DOWNLOAD: "download {file|FILE}",
-    Action.FORGET_DOWNLOAD: "download --forget",
 }
 #: Actions that are an option of the line that was typed.
 OPTIONS: dict[Action, str] = {
@@ -112,8 +106,6 @@ OPTIONS: dict[Action, str] = {
     Action.AGREE: "--yes",
     Action.FORCE: "--force",
     Action.SHOW_FRAMES: "-vv",
-    Action.ISOLATE: "--isolated",
-    Action.ALLOW_STORE: "--with-store",
 }
 #: arguments whose option has another name
 _OPTION_OF = {
@@ -128,11 +120,11 @@ _OPTION = re.compile(r"-(?![\d.])")
 _OF_THE_BUS = frozenset(
     {
         Action.FIND_NODES, Action.LINK, Action.CHECK_LIVE, Action.SHOW_LOAD, Action.CHECK_SYNC, Action.CHECK_SETUP,
-        Action.SERVE, Action.LSS_SCAN, Action.LSS_SELECT, Action.LSS_STORE, Action.LSS, Action.CHECK_EDS, Action.CHECK,
+        Action.SERVE, Action.LSS_SCAN, Action.LSS_SELECT, Action.LSS_STORE, Action.CHECK_EDS, Action.CHECK,
         Action.REMOVE_EDS, Action.ADD_EDS, Action.SHOW_EDS, Action.LIST_EDS, Action.CONVERT, Action.DECODE, Action.DRAW,
-        Action.LIST_PROFILES, Action.LSS_ASSIGN, Action.LSS_BIT_RATE, Action.LSS_IDENTIFY, Action.LSS_NODE_ID,
+        Action.LSS_ASSIGN, Action.LSS_BIT_RATE, Action.LSS_IDENTIFY, Action.LSS_NODE_ID,
         Action.IMPORT, Action.SEND_SYNC, Action.SAVE_SCRIPT, Action.LOG,
-        Action.SHOW_HABITS, Action.FORGET_HABITS, Action.LISTEN_BIT_RATE,
+        Action.LISTEN_BIT_RATE,
         Action.TRUST, Action.RECOVER_ALL, Action.APPLY_NETWORK,
     }
 )  # fmt: skip
@@ -140,7 +132,7 @@ _OF_THE_BUS = frozenset(
 _WITHOUT_BUS = frozenset(
     {
         Action.SERVE, Action.CHECK, Action.CHECK_EDS, Action.REMOVE_EDS, Action.ADD_EDS, Action.SHOW_EDS,
-        Action.LIST_EDS, Action.CONVERT, Action.LIST_PROFILES, Action.SHOW_HABITS, Action.FORGET_HABITS,
+        Action.LIST_EDS, Action.CONVERT,
         Action.TRUST,
     }
 )  # fmt: skip

@@ -69,7 +69,6 @@ CALLS: dict[Action, str] = {
     Action.LSS_BIT_RATE: "bus.lss.bit_rate({rate|RATE})",
     Action.LSS_IDENTIFY: "bus.lss.identify()",
     Action.LSS_NODE_ID: "bus.lss.node_id({id|ID})",
-    Action.LSS: "bus.lss",
     Action.LOG_IN: "node.login({level})",
     Action.LEARN: "node.learn({save=})",
     Action.CHECK_EDS: "dvtcli.check_eds({file|FILE})",
@@ -88,11 +87,6 @@ CALLS: dict[Action, str] = {
     Action.SAVE_SCRIPT: "bus.script({all?everything=True} {history?history=True})",
     Action.DECODE: "dvtcli decode FILE",
     Action.DRAW: "bus.report({file|'NAME.html'})",
-    Action.LIST_PROFILES: "dvtcli.profiles()",
-    Action.SHOW_HABITS: "dvtcli profiles habits",
-    Action.FORGET_HABITS: "dvtcli profiles forget",
-    Action.DOWNLOAD: "node.download({file|FILE})",
-    Action.FORGET_DOWNLOAD: "dvtcli download --forget",
 }
 #: Actions -> the argument of the same call, or of the one that opened the bus.
 ARGUMENTS: dict[Action, str] = {
@@ -117,8 +111,6 @@ ARGUMENTS: dict[Action, str] = {
     Action.AGREE: "yes=True",
     Action.FORCE: "force=True",
     Action.SHOW_FRAMES: "`dvtcli -vv`",
-    Action.ISOLATE: "isolated=True",
-    Action.ALLOW_STORE: "with_store=True",
 }
 #: options in a text -> the argument; all others are called alike
 _ARGUMENT_OF = {

@@ -1,4 +1,4 @@
-"""Every command that a failure prints runs as it is printed, and ends well; so does what comes next after a success."""
+"""Every command that a failure prints runs as it is printed, and does what it says; so does what a success prints."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import PLACEHOLDER
 from tests.commands.bench import Bench, Ran
+from tests.commands.program.hint_promises import PROMISES, action_of, behind_the_bus
 from tests.commands.program.test_bad_input import WRONG
 
 #: further lines that fail on a node of the family gen4, or on two of them
@@ -53,6 +54,10 @@ def test_what_a_failure_prints_runs(line: str) -> None:
     for command in commands(ran):
         then = run(command, ("gen4",))
         assert then.code in (0, 3), f"{line}: {command}: {then}"
+        if f"`{command}` first" in ran.stderr:
+            with Bench(("gen4",), {"yes": True}) as bench:
+                keeps(bench, shlex.join(behind_the_bus(command)))
+                assert ran.stderr.splitlines()[0] not in bench.run(line).stderr
 
 
 @pytest.mark.drawn(2)
@@ -93,4 +98,16 @@ def run(command: str, sim: tuple[str, ...]) -> Ran:
         assert words[1] in sim
         words = words[2:]
     with Bench(sim, {"yes": True}) as bench:
-        return bench.run(shlex.join(words))
+        return keeps(bench, shlex.join(words))
+
+
+def keeps(bench: Bench, command: str) -> Ran:
+    """What *command* does on *bench*, where it ends well and keeps what its action promises."""
+    ran = bench.run(command)
+    assert ran.code in (0, 3), f"{command}: {ran}"
+    action, arguments = action_of(behind_the_bus(f"dvtcli {command}"))
+    promise = PROMISES[action]
+    then = bench.run(promise.then.format(*arguments)) if promise.then else ran
+    said = re.sub(r"\{(\d)\}", lambda at: re.escape(arguments[int(at[1])].removesuffix(".0")), promise.prints)
+    assert re.search(said, then.stdout + then.stderr, re.S), f"{command}: {then}"
+    return ran
