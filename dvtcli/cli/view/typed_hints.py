@@ -63,7 +63,7 @@ COMMANDS: dict[Action, str] = {
     Action.LSS_ASSIGN: "lss assign {file|FILE}",
     Action.LSS_BIT_RATE: "lss bitrate {rate|RATE}",
     Action.LSS_IDENTIFY: "lss identify",
-    Action.LSS_NODE_ID: "lss node-id {id|ID}",
+    Action.LSS_NODE_ID: "lss node-id {id|ID} {address}",
     Action.LOG_IN: "login {level}",
     Action.LEARN: "learn {save?--save} {save}",
     Action.CHECK_EDS: "eds check {file|FILE}",

@@ -7,7 +7,7 @@ from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import several
@@ -133,8 +133,18 @@ def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: M
                 node=wish.node_id,
                 why=f"0x1018 says {in_words(identity)}" if identity else "it is heard, and does not say who it is",
                 hint=Hint(Action.SHOW_NODE, {"node": wish.node_id}, "shows who has it")
-                + Hint(Action.LSS_NODE_ID, why="gives it another one"),
+                + _another(identity, {*there, *(wish.node_id for wish in wishes)}),
             )
+
+
+def _another(identity: Identity | None, taken: Collection[int]) -> Hint:
+    """How the node of *identity* gets a node-ID that is not *taken*."""
+    told = [part for part in identity or () if part is not None]
+    free = next((node_id for node_id in range(1, 128) if node_id not in taken), None)
+    if len(told) != PARTS or free is None:
+        return as_hint("give it another node-ID by its own switches or tool: its LSS address is not known")
+    address = tuple(str(LssAddress(*told)).split())
+    return Hint(Action.LSS_NODE_ID, {"id": free, "address": address}, "gives it another one")
 
 
 def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:

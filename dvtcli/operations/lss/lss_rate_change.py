@@ -17,6 +17,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, Saf
 from dvtcli.operations.lss.lss_find import lss_bus, selected
 from dvtcli.operations.lss.lss_identity import require_on
 from dvtcli.operations.lss.lss_node_id import told_id
+from dvtcli.operations.lss.lss_store_all import store_again
 from dvtcli.operations.results.lss_nodes import LssGiven
 
 if TYPE_CHECKING:
@@ -194,10 +195,9 @@ class RateChange:
                 failed.text,
                 why="; ".join([*told, f"{names(others)} may come back at another one", failed.why or "-"]),
                 state="left_changed",
-                hint=Hint(
-                    Action.LSS_STORE,
-                    {"of": "NODE"},
-                    f"all run at {self.after} bit/s now; before the power goes: the same words again, or {{}}",
+                hint=store_again(
+                    [one.node_id for one in others],
+                    f"all run at {self.after} bit/s now; before the power goes: the same words again, or",
                 ),
             ),
             failed,
@@ -221,10 +221,8 @@ class RateChange:
         if not left:
             kept = f"; {names(again)} stored that again" if again else ""
             error.state_text = f"all nodes run at {self.before} bit/s as before{kept}; nobody has {self.after} stored"
-            error.hint = (
-                Hint(Action.LSS_BIT_RATE)
-                + Hint(Action.GIVE, {"store": True}, " without {}")
-                + Hint(Action.LSS_STORE, {"of": "NODE"}, "says again why it is not stored")
+            error.hint = Hint(
+                Action.LSS_BIT_RATE, {"rate": self.after}, "does it without storing: it is lost with the power"
             )
             return error
         return _with_details(
@@ -232,10 +230,8 @@ class RateChange:
                 failed.text,
                 why="; ".join(left),
                 state="left_changed",
-                hint=Hint(
-                    Action.LSS_STORE,
-                    {"of": "NODE"},
-                    f"all run at {self.before} bit/s now; {{}} for these, before the power goes",
+                hint=store_again(
+                    [one.node_id for one in stored], f"all run at {self.before} bit/s now; before the power goes:"
                 ),
             ),
             failed,

@@ -94,7 +94,9 @@ def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
         )
     error = change.unstored(change.nodes, failed)
     if error is failed:
-        error.hint = Hint(Action.LSS_BIT_RATE) + Hint(
-            Action.GIVE, {"store": True}, f" without {{}}, which is lost with the power; else {change.before} bit/s"
+        error.hint = Hint(
+            Action.LSS_BIT_RATE,
+            {"rate": change.after},
+            f"does it without storing: it is lost with the power, and then {change.before} bit/s is back",
         )
     return error

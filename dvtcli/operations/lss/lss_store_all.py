@@ -10,7 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from dvtcli.operations.lss.lss_find import selected
@@ -112,14 +113,15 @@ def _partly_stored(
         failed.state = "unchanged"
         failed.state_text = "all have the node-IDs they had before, nothing new is stored"
         return failed
-    others = [one.name for one in kept if one not in stored and one.before == one.node_id]
+    done = {one.address for one in stored}
+    others = [one for one in kept if one.address not in done and one.before == one.node_id]
     if error is failed:
         error = LeftChanged(failed.text, node=failed.node, why=failed.why, state="left_changed")
         error.details += failed.details
-        error.hint = Hint(
-            Action.LSS_STORE, {"of": "NODE"}, "before the power goes: the same words again, or {} for these"
-        )
-    error.details.append(("unknown", f"{several(others)} may have another node-ID after the next power-on"))
+        error.hint = store_again([one.node_id for one in others], "before the power goes: the same words again, or")
+    error.details.append(
+        ("unknown", f"{several(one.name for one in others)} may have another node-ID after the next power-on")
+    )
     return error
 
 
@@ -140,21 +142,34 @@ def _unstored(
         again = f"; {several([one.name for one in stored])} stored that again" if stored else ""
         again += f"; {several([one.name for one in kept])} stored what it had" if kept else ""
         failed.state_text = f"all have the node-IDs they had before{again}; nobody keeps a new one"
-        failed.hint = (
-            Hint(Action.LSS_ASSIGN)
-            + Hint(Action.GIVE, {"store": True}, " without {}")
-            + Hint(Action.LSS_STORE, {"of": "NODE"}, "says again why it is not stored")
+        failed.hint = Hint(
+            Action.GIVE, {"store": True}, "the same words without {} give the new node-IDs, until the power goes"
         )
         return failed
     why = "; ".join([*([error.why] if error is not failed and error.why else []), *left])
     changed = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
     changed.details += error.details
-    changed.hint = (
-        Hint(Action.LSS_SCAN, why="before the power goes: {}")
-        + Hint(Action.FIND_NODES, why=" and {} show who has which node-ID")
-        + Hint(Action.LSS_STORE, {"of": "NODE"}, "for these")
-    )
+    who = Hint(Action.LSS_SCAN, why="before the power goes: {}")
+    who += Hint(Action.FIND_NODES, why=" and {} show who has which node-ID, then")
+    changed.hint = store_again([one.before for one in stored], who)
     return changed
+
+
+def store_again(node_ids: Sequence[int], first: Hint | str) -> Hint:
+    """What to do *first*, and then or else: the nodes of *node_ids* store what they have, all at once if many."""
+    known = [node_id for node_id in node_ids if node_id != UNCONFIGURED]
+    one_by_one: list[int | None] = [*known] if len(known) <= _SINGLY else [None]
+    hint = as_hint(first)
+    if node_ids and not known:
+        return hint + " let these have a node-ID anew, and store it"
+    for number, node_id in enumerate(one_by_one):
+        arguments = {} if node_id is None else {"of": node_id}
+        hint += Hint(Action.LSS_STORE, arguments, ", {}" if number else " {}")
+    return hint
+
+
+#: so many nodes are stored by a command each in a hint
+_SINGLY = 3
 
 
 def _who(one: LssGiven) -> str:

@@ -243,6 +243,9 @@ def test_what_is_not_clear_is_not_assigned(tmp_path: Path, lines: list[str], cod
         ran = desk.run(f"lss assign {network(tmp_path, *lines)}")
         assert (ran.code, said in ran.stderr) == (code, True), ran.stderr
         assert [one.lss.pending for one in nodes] == [UNCONFIGURED, UNCONFIGURED, 7]
+        if "in use" in said:  # the command that the hint prints frees it
+            command = ran.stderr.partition("shows who has it; `dvtcli ")[2].partition("`")[0]
+            assert (desk.run(command).code, nodes[2].node_id) == (0, 1)
 
 
 def test_nodes_that_have_a_wrong_node_id_get_theirs_and_two_swap(tmp_path: Path) -> None:
@@ -338,7 +341,8 @@ def test_where_one_does_not_store_what_it_has_it_is_said_who_has(
         file = network(tmp_path, *swap, "c: {node_id: 7, identity: {serial: 3}}")
         ran = desk.run(f"lss assign {file} --store")
         assert (ran.code, f"refused {faulty} (node-ID" in ran.stderr) == (code, True), ran.stderr
-        assert ("a may have another node-ID after the next power-on" in ran.stderr) == (code == 7)
+        assert ("unknown a may have another node-ID after the next power-on" in ran.stderr) == (code == 7)
+        assert ("the same words again, or `dvtcli lss store 6`\n" in ran.stderr) == (code == 7)
         assert [one.node_id for one in nodes] == [6, 5, UNCONFIGURED]
     assert power_cycle(*nodes) == [*after, UNCONFIGURED]
 
@@ -469,6 +473,7 @@ def test_where_one_cannot_store_all_have_what_they_had_stored_too(tmp_path: Path
         ran = desk.run(f"lss assign {file} --store")
         assert (ran.code, f"refused {'abc'[which]} (node-ID {(6, 5, 7)[which]}" in ran.stderr) == (1, True), ran.stderr
         assert "nobody keeps a new one" in ran.stderr
+        assert "the same words without --store give the new node-IDs" in ran.stderr
         assert ("stored  b (node-ID 5" in ran.stderr) == (which != 1)  # the first one, by its node-ID
         assert [(one.node_id, one.lss.stored) for one in nodes] == [(5, 5), (6, 6), (UNCONFIGURED, UNCONFIGURED)]
 
@@ -491,6 +496,7 @@ def test_where_what_was_stored_cannot_be_taken_back_it_is_said(tmp_path: Path) -
         ran = desk.run(f"lss assign {file} --store")
         assert (ran.code, "a (node-ID 5, before none) may have node-ID 5 stored" in ran.stderr) == (7, True), ran.stderr
         assert "refused b (node-ID 6" in ran.stderr
+        assert "`dvtcli scan` show who has which node-ID, then let these have a node-ID anew" in ran.stderr
         assert [one.lss.stored for one in nodes] == [5, UNCONFIGURED]
 
 
