@@ -12,7 +12,7 @@ import pytest
 
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
 from dvtcli.operations.changes.undo_changes import undo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
@@ -21,6 +21,7 @@ from dvtcli.operations.session.session import Session
 from tests.commands.bench import Bench
 from tests.network.bench import Chain
 from tests.network.test_network_faults import OPERATIONAL
+from tests.network.test_refused_stores import refuse_stores
 from tests.sample import part
 from tests.small_disk import empty, filled_at, on_small_disk
 from tests.surroundings import HOMES
@@ -42,10 +43,11 @@ def _file(chain: Chain, *, stores: bool = False, stamp: bool = False) -> str:
 
 @dataclass(frozen=True)
 class Job:
-    """What is done on three nodes, and what was done before."""
+    """What is done on three nodes, and what was done before; whether that was interrupted, and waits."""
 
     act: Callable[[Session, Chain], object]
     before: Callable[[Session, Chain], object] = lambda _session, _chain: None
+    waits: bool = False
 
 
 def _link(session: Session, _chain: Chain) -> None:
@@ -72,6 +74,31 @@ def _script(*lines: str, stores: bool = False) -> Callable[[Session, Chain], obj
     return act
 
 
+def _cut(session: Session, chain: Chain) -> None:
+    """`apply` loses the bus with its third write: nothing can be taken back."""
+    send, written = chain.bus.send_sdo, 0
+
+    def send_sdo(can_id: int, data: bytes) -> None:
+        nonlocal written
+        written += data[0] >> 5 == 1
+        if written > 2:
+            raise BusUnavailable("the bus is gone")
+        send(can_id, data)
+
+    vars(chain.bus)["send_sdo"] = send_sdo
+    with pytest.raises(LeftChanged):
+        applied(session, _file(chain))
+    del vars(chain.bus)["send_sdo"]
+
+
+def _unstored(session: Session, chain: Chain) -> None:
+    """Two of three nodes refuse to store at the end of `apply`, and would not any more."""
+    refuse_stores(chain, (5, 9))
+    with pytest.raises(LeftChanged):
+        applied(session, _file(chain, stores=True, stamp=True))
+    refuse_stores(chain, ())
+
+
 JOBS = {
     "apply": Job(lambda session, chain: applied(session, _file(chain))),
     "apply-store": Job(lambda session, chain: applied(session, _file(chain, stores=True, stamp=True))),
@@ -95,6 +122,10 @@ JOBS = {
     "undo": Job(
         lambda session, _chain: undo(session, everything=True), lambda session, chain: applied(session, _file(chain))
     ),
+    "recover": Job(lambda session, _chain: recover(session), _cut, waits=True),
+    "recover-stores": Job(lambda session, _chain: recover(session), _unstored, waits=True),
+    "recover-finish": Job(lambda session, _chain: recover(session, finish=True), _unstored, waits=True),
+    "recover-accept": Job(lambda session, _chain: recover(session, accept=True), _unstored, waits=True),
 }
 
 
@@ -134,16 +165,20 @@ def _judge(disk: Path, job: Job, number: int, done: tuple[Any, Any]) -> None:
     if failed is not None:
         assert failed.exit_code in (1, 6), (failed.text, failed.why, failed.details)
         assert failed.state in ("unchanged", "rolled_back")
-    assert chain.states() == OPERATIONAL
-    assert chain.journals() == []
+    waits = job.waits and failed is not None
+    if not waits:
+        assert chain.states() == OPERATIONAL
+        assert chain.journals() == []
     empty(disk)
-    with chain.session(node=None) as session:
-        assert not session.open_network().keeping.interrupted(5, None)  # type: ignore[union-attr]
-        recover(session)
+    if not waits:
+        with chain.session(node=None) as session:
+            assert not session.open_network().keeping.interrupted(5, None)  # type: ignore[union-attr]
+            recover(session)
     assert _held(chain) == (done if failed is None else before)
     if failed is not None:
         assert _run(chain, job) is None
         assert _held(chain) == done
+        assert chain.journals() == []
 
 
 @pytest.mark.drawn(2)
