@@ -82,7 +82,10 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         },
     ),
     (("--no-reconnect",), {"is_flag": True, "help": "End where the bus is gone, also the prompt's and monitor's."}),
-    (("--journal",), {"metavar": "DIR", "help": "Folder of journals, locks and backups."}),
+    (
+        ("--journal",),
+        {"metavar": "DIR", "help": "Folder of journals and backups; locks stay where every dvtcli looks."},
+    ),
 ]
 
 

@@ -213,8 +213,8 @@ class Past:
 
     def _next_number(self) -> int:
         """One more than that of any change on this bus; OSError and SafetyRefusal if it cannot be written down."""
-        private_folder(self.folder.parent)
-        private_folder(self.folder)
+        private_folder(self.folder.parent, is_shared=True)
+        private_folder(self.folder, is_shared=True)
         path = self.folder / f"{file_name(self.bus)}.count"
         with os.fdopen(open_private(path, os.O_RDWR | os.O_CREAT), "rb+", buffering=0) as file:
             lock_within(file, WAIT_S)

@@ -18,9 +18,9 @@ _EVERYBODY, _GROUP = 0o002, 0o020
 _CAREFUL = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
 _CAREFUL |= getattr(os, "O_BINARY", 0)
 
-_OTHER_STATE = "let its owner give you the right to write it" + (
-    "; XDG_STATE_HOME=DIR takes another state folder" if sys.platform == "linux" else ""
-)
+#: what takes another folder for what every dvtcli of a user looks at, as locks; empty if only the system decides
+OTHER_STATE = "XDG_STATE_HOME=DIR takes another state folder" if sys.platform == "linux" else ""
+_CURE = "let its owner give you the right to write it" + (f"; {OTHER_STATE}" if OTHER_STATE else "")
 
 
 def stranger(path: str, status: os.stat_result) -> tuple[str, str] | None:
@@ -63,11 +63,11 @@ def sudo_user() -> int | None:
     return int(said) if said.isdecimal() and said.isascii() and len(said) <= 10 else None
 
 
-def private_folder(folder: str | os.PathLike[str]) -> None:
+def private_folder(folder: str | os.PathLike[str], *, is_shared: bool = False) -> None:
     """Make *folder* and what is missing above it, the user's alone (0700) whatever the umask.
 
-    SafetyRefusal with the cure if others can write it, or if something that is no folder is in its place; OSError if it
-    cannot be made.
+    *is_shared* as for `check_folder`. SafetyRefusal with the cure if others can write it, or if something that is no
+    folder is in its place; OSError if it cannot be made.
     """
     path = os.path.abspath(folder)  # noqa: PTH100
     missing = []
@@ -78,7 +78,7 @@ def private_folder(folder: str | os.PathLike[str]) -> None:
         path = os.path.dirname(path)  # noqa: PTH120
     for new in reversed(missing):
         _make(new)
-    check_folder(folder)
+    check_folder(folder, is_shared=is_shared)
 
 
 def unusable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
@@ -90,7 +90,7 @@ def unusable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
         path = os.path.dirname(path)  # noqa: PTH120
     if os.access(path, os.W_OK | os.X_OK):
         return None
-    return SafetyRefusal(f"{path} is not used: it cannot be written", place=path, hint=_OTHER_STATE)
+    return SafetyRefusal(f"{path} is not used: it cannot be written", place=path, hint=_CURE)
 
 
 def _no_folder(path: str) -> SafetyRefusal:
@@ -111,8 +111,11 @@ def _make(folder: str) -> None:
         os.chmod(folder, 0o700)  # noqa: PTH101 - an umask may have taken from the owner, too
 
 
-def check_folder(folder: str | os.PathLike[str]) -> None:
-    """SafetyRefusal with the cure where somebody else can write *folder*; a folder that is not there is nobody's."""
+def check_folder(folder: str | os.PathLike[str], *, is_shared: bool = False) -> None:
+    """SafetyRefusal with the cure if somebody else can write *folder*; a folder that is not there is nobody's.
+
+    *is_shared* says that every dvtcli of the user looks there, wherever its journals are.
+    """
     path = os.fspath(folder)
     for look in (os.lstat, os.stat):  # a link that somebody else made may lead elsewhere tomorrow
         try:
@@ -123,11 +126,9 @@ def check_folder(folder: str | os.PathLike[str]) -> None:
         if found is not None:
             from dvtcli.domain.hint import Action, Hint
 
-            raise SafetyRefusal(
-                f"{path} is not used: {found[0]}",
-                place=path,
-                hint=found[1] + Hint(Action.GIVE_JOURNAL, why="or another folder: {}"),
-            )
+            moved = Hint(Action.GIVE_JOURNAL, why="or another folder: {}")
+            other = found[1] + (f"; {OTHER_STATE}" if OTHER_STATE else "") if is_shared else found[1] + moved
+            raise SafetyRefusal(f"{path} is not used: {found[0]}", place=path, hint=other)
 
 
 def open_private(path: str | os.PathLike[str], flags: int) -> int:

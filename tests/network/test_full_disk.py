@@ -10,9 +10,12 @@ from typing import Any
 
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, SafetyRefusal
+from dvtcli.operations.changes.change import configure_pdo
 from dvtcli.operations.changes.undo_changes import undo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
@@ -23,7 +26,7 @@ from tests.network.bench import Chain
 from tests.network.test_network_faults import OPERATIONAL
 from tests.network.test_refused_stores import refuse_stores
 from tests.sample import part
-from tests.small_disk import empty, filled_at, on_small_disk
+from tests.small_disk import empty, fill, filled_at, on_small_disk
 from tests.surroundings import HOMES
 
 FAMILIES = dict.fromkeys((1, 5, 9), "generic")
@@ -197,4 +200,31 @@ def test_all_is_as_before_or_all_is_done(tmp_path: Path, pytestconfig: pytest.Co
                 raise AssertionError(f"operation {number}, {names[number - 1]}: {wrong}")
 
     if wrong := on_small_disk(disk, judge_all):
+        pytest.fail(wrong)
+
+
+@pytest.mark.parametrize("full", ["journals", "locks"])
+def test_the_hint_names_the_folder_that_is_on_another_disk(tmp_path: Path, full: str) -> None:
+    """`--journal` moves the journals, and not the locks, at which every dvtcli looks."""
+    disk = tmp_path / "disk"
+
+    def refused() -> None:
+        for name in HOMES:
+            os.environ[name] = str(disk / "home" if full == "locks" else tmp_path / "home")
+        kept = disk / "kept" if full == "journals" else tmp_path / "kept"
+        chain = Chain(kept, families=FAMILIES)
+        fill(disk)
+        with chain.session(node=5) as session, pytest.raises(SafetyRefusal) as told:
+            configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(transmission_type=7))
+        assert disk in Path(str(told.value.place)).parents
+        assert ("--journal DIR" in typed(told.value.hint)) is (full == "journals")
+        assert ("XDG_STATE_HOME=DIR" in typed(told.value.hint)) is (full == "locks")
+        if full == "journals":
+            chain.folder = tmp_path / "another"
+        else:
+            os.environ["XDG_STATE_HOME"] = str(tmp_path / "another")
+        with chain.session(node=5) as session:
+            assert configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(transmission_type=7))
+
+    if wrong := on_small_disk(disk, refused):
         pytest.fail(wrong)

@@ -22,6 +22,7 @@ from tests.network.bench import Chain, Heard
 from tests.network.killed import Watched, afterwards, in_own_process
 from tests.network.test_network_faults import OPERATIONAL, STEPS, storing
 from tests.sample import heavy, part
+from tests.surroundings import HOMES
 
 _listeners: list[Callable[[Path], None]] = []
 
@@ -165,6 +166,27 @@ def test_recover_finds_the_journals_of_another_folder(home: Path) -> None:
         after.folder = home.parent / "another"
         recovered(after, before)
         assert not any(one.exists() for one in own)
+
+    def on_write(number: int) -> None:
+        if number == len(STEPS) // 2:
+            failed.append(afterwards(chain, home, look))
+
+    chain.bus.on_write = on_write
+    chain.apply()
+    assert failed == [""]
+
+
+def test_recover_finds_all_that_it_needs_in_the_journals_folder(home: Path) -> None:
+    """Killed with one state folder, recovered with another one and the same `--journal`: no lock notes anything."""
+    chain = network(home, "files", Watched)
+    assert isinstance(chain.bus, Watched)
+    before, failed = chain.held(), list[str]()
+
+    def look(after: Chain) -> None:
+        for name in HOMES:
+            os.environ[name] = str(home.parent / "elsewhere")
+        recovered(after, before)
+        assert after.journals() == []
 
     def on_write(number: int) -> None:
         if number == len(STEPS) // 2:

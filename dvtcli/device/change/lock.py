@@ -104,9 +104,12 @@ class NodeLock:
         """
         if self._file is not None:
             return
-        private_folder(self.folder.parent)
-        private_folder(self.folder)
-        descriptor = open_private(self.path, os.O_RDWR | os.O_CREAT)
+        try:
+            private_folder(self.folder.parent, is_shared=True)
+            private_folder(self.folder, is_shared=True)
+            descriptor = open_private(self.path, os.O_RDWR | os.O_CREAT)
+        except OSError as failed:
+            raise self._named(failed) from failed
         # unbuffered: what a full disk refuses is refused once, not again at the end
         file = os.fdopen(descriptor, "rb+", buffering=0)
         try:
@@ -152,9 +155,16 @@ class NodeLock:
         text = _Noted(self._own, str(journal or ""), self._last_writer).text().encode()
         if text != self._on_disk:  # each part of a change says the same, and the disk takes its time
             self._on_disk = b""
-            _write_over(self._file, text)
-            to_disk(self._file.fileno())
+            try:
+                _write_over(self._file, text)
+                to_disk(self._file.fileno())
+            except OSError as failed:
+                raise self._named(failed) from failed
             self._on_disk = text
+
+    def _named(self, failed: OSError) -> OSError:
+        """*failed* with the lock's own file, which is not where the journals are."""
+        return OSError(failed.errno, failed.strerror or str(failed), str(self.path))
 
     def noted(self) -> Path | None:
         """The journal that the last holder noted, or None."""
@@ -163,8 +173,8 @@ class NodeLock:
 
     def _read(self) -> _Noted:
         """What the file says; nothing where there is none."""
-        check_folder(self.folder.parent)
-        check_folder(self.folder)
+        check_folder(self.folder.parent, is_shared=True)
+        check_folder(self.folder, is_shared=True)
         try:
             with os.fdopen(open_private(self.path, os.O_RDONLY), "rb") as file:
                 return _Noted.parse(file.read(_MOST_BYTES).decode("utf-8", "replace"))
@@ -179,8 +189,8 @@ class NodeLock:
         if self._file is not None:
             return True
         try:
-            check_folder(self.folder.parent)
-            check_folder(self.folder)
+            check_folder(self.folder.parent, is_shared=True)
+            check_folder(self.folder, is_shared=True)
             file = os.fdopen(open_private(self.path, os.O_RDWR), "rb+", buffering=0)
         except (FileNotFoundError, NotADirectoryError):
             return True

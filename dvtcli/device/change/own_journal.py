@@ -18,6 +18,7 @@ from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity, change_document
 from dvtcli.device.change.private_file import remove
 from dvtcli.device.change.whole import Part, Storing, Whole
+from dvtcli.device.trust import OTHER_STATE
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, plan_pdo
@@ -288,11 +289,13 @@ def journal_files(journals: Journals, node_id: int, what: str) -> Iterator[None]
     try:
         yield
     except OSError as failed:
+        place, moved = Path(failed.filename or journals.folder.parent), journals.folder.parent
+        moves = place == moved or {journals.folder, moved / "backups"} & {place, *place.parents}
+        needed = "without a journal nothing is written to a real device"
+        shared = f"make room or mend it; {OTHER_STATE}, with the locks" if OTHER_STATE else "make room or mend it"
         raise SafetyRefusal(
             f"the journal of node {node_id} cannot be {what}: {failed.strerror or failed}",
             node=node_id,
-            place=str(failed.filename or journals.folder.parent),
-            hint=Hint(
-                Action.GIVE_JOURNAL, why="takes another folder; without a journal nothing is written to a real device"
-            ),
+            place=str(place),
+            hint=Hint(Action.GIVE_JOURNAL, why=f"takes another folder; {needed}") if moves else f"{shared}; {needed}",
         ) from failed

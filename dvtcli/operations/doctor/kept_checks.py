@@ -31,7 +31,7 @@ def library_check() -> Check:
 
 def state_checks(session: Session) -> Iterator[Check]:
     """Whether backups and journals can be written, and whether a journal waits."""
-    from dvtcli.device.trust import private_folder, unusable
+    from dvtcli.device.trust import OTHER_STATE, private_folder, unusable
     from dvtcli.operations.user.keeping import state_folder
 
     folder, always = session.state_folder, state_folder(None)
@@ -46,9 +46,10 @@ def state_checks(session: Session) -> Iterator[Check]:
             _try(one)
         yield Check("state", "ok", f"{folder} can be written{_left_over(needed)}")
     except OSError as failure:
-        hint = "without it nothing is changed on a real bus: make room or mend it"
-        if folder != always and folder in Path(str(failure.filename)).parents:
-            hint += "; --journal DIR names another folder"
+        place = Path(str(failure.filename or folder))
+        moves = {folder / "journals", folder / "backups"} & {place, *place.parents} or place == folder != always
+        other = "--journal DIR names another folder" if moves else OTHER_STATE
+        hint = "without it nothing is changed on a real bus: make room or mend it" + (f"; {other}" if other else "")
         text = f"a change cannot keep its files: {failure.strerror or failure}: {failure.filename or folder}"
         yield Check("state", "FAIL", text, hint)
         return
