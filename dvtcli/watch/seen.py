@@ -22,7 +22,7 @@ EVENTS = 100
 #: rows that are kept: a CAN-ID that is one too many is counted only (29 bits make half a billion)
 ROWS = 1024
 #: an empty screen is not to be a riddle: PDOs pass in OPERATIONAL only (CiA 301, 7.3.2.2)
-_WITHOUT_PDOS = dict.fromkeys((NmtState.PRE_OPERATIONAL, NmtState.STOPPED), ": no PDOs until `nmt start`")
+_WITHOUT_PDOS = dict.fromkeys((NmtState.PRE_OPERATIONAL, NmtState.STOPPED), ": no PDOs until NMT start")
 
 
 @dataclass(frozen=True, slots=True)

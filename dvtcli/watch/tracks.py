@@ -69,7 +69,8 @@ def _objects(signal: Signal) -> set[str]:
 def _unknown(word: str, names: list[str]) -> UsageError:
     if not names:
         return UsageError(
-            f"no signal is known, so none is called {word!r}", hint="give --dbc, --eds, -n or --sim to decode by"
+            f"no signal is known, so none is called {word!r}",
+            hint="name a DBC file, an EDS, the nodes or simulated nodes to decode by",
         )
     lower = {name.lower(): name for name in names}
     near = [lower[name] for name in get_close_matches(word.lower(), lower, n=3, cutoff=0.4)]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 
 import pytest
 
@@ -12,6 +14,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, DvtcliError, State
 from dvtcli.operations.api.called_hints import called, errors_in_calls, in_calls
 from tests.api.hints_of_the_product import all_hints
+from tests.house.source import modules
 
 _NAMES = "|".join(map(re.escape, command_names()))
 _OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*|`")
@@ -44,6 +47,33 @@ def test_a_hint_that_is_text_names_no_command_and_no_option() -> None:
     """These are a Hint, which the command line and this API write each in its way."""
     wrong = {f"{place}: {hint}": said for hint, place in all_hints().items() if (said := typed_words(hint))}
     assert not wrong
+
+
+def test_a_text_of_an_inner_room_names_no_command() -> None:
+    """Texts are read by people who type commands and by programs that call functions: what is done next is a Hint.
+
+    An option that a text names is written as an argument for a program (`in_calls`); a rule says which command asks it.
+    """
+    typed = re.compile(rf"`(?:dvtcli|-n|{_NAMES})(?![\w:.])[^`]*`")
+    wrong = [
+        f"{module.name}:{text.lineno}: {text.value}"
+        for module in modules()
+        if module.room in ("domain", "device", "bus", "files", "watch", "operations")
+        for text in _texts_but_rules(module.tree)
+        if typed.search(text.value)
+    ]
+    assert not [text for text in wrong if not text.startswith("operations/api/called_hints.py")]
+
+
+def _texts_but_rules(tree: ast.AST) -> Iterator[ast.Constant]:
+    """The texts below *tree*, without docstrings and without what its rules are about."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node
+        elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)) and not (
+            isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("Rule", "LintRule")
+        ):
+            yield from _texts_but_rules(node)
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def test_without_the_option_nothing_is_saved_and_what_it_says_is_learnt() -> Non
     assert (said["store_capability"], said["restore_capability"]) == (3, 1)
     assert "save_answer" not in said
     why = {row["name"]: row["why"] for row in ran.document["probes"]}
-    assert why["save"] == why["wrong signature"] == "only with --with-store"
+    assert why["save"] == why["wrong signature"] == "only if a store is allowed"
 
 
 @heavy

@@ -163,7 +163,7 @@ def test_events_are_emergencies_commands_and_new_states() -> None:
     news = [store.take(Frame(can_id, bytes.fromhex(data), timestamp_s=BEGIN_S)) for can_id, data in sent]
     assert news == [True, True, False, True, True, True]
     assert [event.text for event in store.events] == [
-        "node 1  boot-up", "node 1  is PRE-OPERATIONAL: no PDOs until `nmt start`",
+        "node 1  boot-up", "node 1  is PRE-OPERATIONAL: no PDOs until NMT start",
         "NMT  start  node 1", "node 1  is OPERATIONAL",
         "EMCY node 1  0x8130 life guard or heartbeat error  11 00 00 00 00 00",
     ]  # fmt: skip

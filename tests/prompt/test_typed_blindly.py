@@ -103,6 +103,6 @@ def test_a_question_that_is_wider_than_the_terminal_breaks_between_words(open_te
     lines = [line.strip() for line in terminal.lines]
     asked = " ".join(lines[next(n for n, line in enumerate(lines) if "of node 1 will be written" in line) :])
     assert "the node is OPERATIONAL, will be PRE-OPERATIONAL meanwhile, and OPERATIONAL again after that" in asked
-    assert "PDOs that are off are written in OPERATIONAL, too; nothing else is on the bus (--isolated); learn?" in asked
+    assert "PDOs that are off are written in OPERATIONAL, too; nothing else is on the bus, as was said; learn?" in asked
     terminal.type(f"n{ENTER}")
     terminal.wait("the answer was no")

@@ -34,7 +34,7 @@ def check_eds(
     chosen = [str(path("files", file)) for file in files]
     flags(strict=strict)
     if profile is not None:
-        word("profile", profile, "the name of a device family, as `dvtcli profiles` lists them")
+        word("profile", profile, "the name of a device family, as `dvtcli.profiles()` lists them")
     if not chosen:
         raise UsageError("which files? 'drive.eds', …")
     with errors_in_calls():

@@ -28,6 +28,6 @@ def profile(name: str) -> ProfileShown:
     """
     from dvtcli.operations.known_devices.show_profiles import show_profile
 
-    word("name", name, "the name of a device family, as `dvtcli profiles` lists them")
+    word("name", name, "the name of a device family, as `dvtcli.profiles()` lists them")
     with errors_in_calls():
         return show_profile(name)

@@ -80,7 +80,7 @@ class Bus(FrameCalls):
         """
         eds = None if eds is None else path("eds", eds)
         if profile is not None:
-            word("profile", profile, "the name of a device family, as `dvtcli profiles` lists them")
+            word("profile", profile, "the name of a device family, as `dvtcli.profiles()` lists them")
         with self._calls.alone():
             chosen = self._node_id(node_id)
             network = self._session.open_network()

@@ -111,7 +111,8 @@ def _tell_of_others(session: Session, chain: Remembered) -> None:
     others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
     if others:
         nodes = f"node {', '.join(map(str, others))}"
-        session.tell.note(f"what was changed on {nodes} is not taken back by this: `undo --all` takes all of it back")
+        why = f"what was changed on {nodes} is not taken back by this: {{}} takes all of it back"
+        session.tell.note(Hint(Action.UNDO, {"all": True}, why))
 
 
 def undoing(session: Session, chain: Remembered) -> Undoing:

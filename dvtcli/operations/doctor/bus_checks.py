@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.doctor.failed_check import failed
 from dvtcli.operations.results.diagnosis import Check
@@ -76,7 +77,7 @@ def _node(session: Session) -> Iterator[Check]:
     try:
         node_id = session.node_id()
     except UsageError:
-        yield Check("node", "ok", "none is selected (-n ID)")
+        yield Check("node", "ok", "none is selected")
         return
     try:
         node = session.node(node_id)
@@ -85,11 +86,13 @@ def _node(session: Session) -> Iterator[Check]:
         yield failed("node", silent)
         return
     if node.dictionary is None:
-        hint = "objects have no names: --eds FILE, or eds add FILE once and for all"
+        hint = Hint(Action.GIVE_EDS, why="objects have no names: {}")
+        hint += Hint(Action.ADD_EDS, why=", or {} once and for all")
         yield Check("node", "warn", f'node {node_id} "{node.title}" answers; no EDS is known for it', hint)
         return
     if node.unlike_file:
-        hint = "changes need --force: give the --eds FILE of this device, or none"
+        hint = Hint(Action.FORCE, why="changes need {}")
+        hint += Hint(Action.GIVE_EDS, why=": give the {} of this device, or none")
         yield Check("node", "warn", f"node {node_id} answers; {node.unlike_file}", hint)
         return
     yield Check("node", "ok", f'node {node_id} "{node.title}" answers; {node.dictionary.source}')

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import to_disk, unfinished
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.doctor.failed_check import failed
@@ -48,8 +49,9 @@ def state_checks(session: Session) -> Iterator[Check]:
     except OSError as failure:
         place = Path(str(failure.filename or folder))
         moves = {folder / "journals", folder / "backups"} & {place, *place.parents} or place == folder != always
-        other = "--journal DIR names another folder" if moves else OTHER_STATE
-        hint = "without it nothing is changed on a real bus: make room or mend it" + (f"; {other}" if other else "")
+        other = Hint(Action.GIVE_JOURNAL, why="names another folder") if moves else OTHER_STATE
+        hint = as_hint("without it nothing is changed on a real bus: make room or mend it")
+        hint = hint + other if other else hint
         text = f"a change cannot keep its files: {failure.strerror or failure}: {failure.filename or folder}"
         yield Check("state", "FAIL", text, hint)
         return

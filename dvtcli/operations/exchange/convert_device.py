@@ -57,7 +57,7 @@ def convert_device_file(session: Session, file: str, target: str) -> Facts:
     An EDS or XDD holds no values of one node. Asks before it overwrites. UsageError where *target* has another suffix,
     or a file cannot be read or written; InputFileError where *file* is none.
     """
-    path = place_of(target, "eds convert FILE {}/NAME.xdd")
+    path = place_of(target, "NAME.xdd")
     suffix = path.suffix.lower()
     if suffix not in DEVICE_SUFFIXES:
         raise UsageError(f"{target}: what format is that?", hint=f"a name that ends in {', '.join(DEVICE_SUFFIXES)}")

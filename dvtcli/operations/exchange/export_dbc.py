@@ -32,7 +32,7 @@ def export_dbc(session: Session, file: str, wishes: DbcWishes = PLAIN) -> Facts:
     from dvtcli.operations.nodes.find_nodes import find_nodes
     from dvtcli.operations.plans.network_states import network_state
 
-    place_of(file, "export {}/NAME.dbc")
+    place_of(file, "NAME.dbc")
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
     if not ids:
         raise NoAnswer(
@@ -52,7 +52,7 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes =
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.wanted.network_wish import read_wish
 
-    place_of(file, "eds convert net.yaml {}/NAME.dbc")
+    place_of(file, "NAME.dbc")
     wish, state = read_wish(source), described_network(source, session.tell)
     for node in state.nodes:
         _tell_guessed(session, source, node, everything=wishes.everything)
@@ -75,7 +75,7 @@ def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes
     """
     from dvtcli.operations.exchange.recorded_network import recorded_network
 
-    place_of(file, "eds convert run.log {}/NAME.dbc")
+    place_of(file, "NAME.dbc")
     state, missing = recorded_network(session, Path(source))
     return _write(session, file, source, state, {}, wishes, missing)
 

@@ -27,7 +27,7 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     Asks before it overwrites. What is no whole PDO, or an MPDO, is left out and said. UsageError for another suffix,
     where no node is selected, or the file cannot be written.
     """
-    path = network_place(file, "export {}/NAME.yaml")
+    path = network_place(file, "NAME.yaml")
     if node_id is None and session.selected_id() is None:
         hint = (
             Hint(Action.GIVE, {"node_id": "ID"}, "names it")

@@ -26,7 +26,7 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
     A node that no EDS describes is listed without one, and said. Asks before it overwrites any of them. With *twice*
     each object is read a second time. NoAnswer where no node answers; else as `export_dcf`.
     """
-    path = place_of(file, "export {}/nodelist.cpj")
+    path = place_of(file, "nodelist.cpj")
     ask_before_overwriting(session, path)
     notes: list[str] = []
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)

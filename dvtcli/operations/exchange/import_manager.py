@@ -70,7 +70,7 @@ def import_manager(session: Session, file: str, manager: int) -> Facts:
     What no file can say is left out and named, and so is what is no concise DCF. Asks before it overwrites. UsageError
     where *manager* keeps no concise DCFs, or only empty ones.
     """
-    path = network_place(file, "import {}/NAME.yaml --from-manager NODE")
+    path = network_place(file, "NAME.yaml")
     ask_before_overwriting(session, path)
     node = session.node(manager)
     node.read_anew()

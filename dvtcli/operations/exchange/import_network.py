@@ -41,7 +41,7 @@ def import_network(session: Session, file: str, folder: str | None = None, manag
         if folder is not None:
             raise UsageError(f"{folder} and --from-manager {manager}: the file is made of one of them")
         return import_manager(session, file, manager)
-    path = network_place(file, "import {}/NAME.yaml")
+    path = network_place(file, "NAME.yaml")
     ask_before_overwriting(session, path)
     notes: list[str] = []
     if folder is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -110,7 +109,7 @@ def _not_taken(one: _Described, wish: NodeWish) -> Iterator[str]:
     which = f"{len(unlike)} not as by default ({several(unlike)})" if unlike else "all as by default"
     yield (
         f"node {one.node_id}: {plural(len(left), 'other value')} of {one.path.name} left out, {which}: "
-        f"`dvtcli -n {one.node_id} apply {shlex.quote(str(one.path))}` writes what of it is configuration"
+        "apply that file itself to write what of it is configuration"
     )
 
 

@@ -259,7 +259,8 @@ def _ask(session: Session, path: Path, choice: Choice, found: _Found, rows: Sequ
     for row in rows[:_MOST_ROWS]:
         session.tell.note(row.text)
     if len(rows) > _MOST_ROWS:
-        session.tell.note(f"and {plural(len(rows) - _MOST_ROWS, 'more row')}: --dry-run shows all")
+        more = f"and {plural(len(rows) - _MOST_ROWS, 'more row')}: {{}} shows all"
+        session.tell.note(Hint(Action.GIVE, {"dry_run": True}, more))
     asked = [row for row in rows if row.effects]
     if asked:
         said = several(row.what for row in asked)

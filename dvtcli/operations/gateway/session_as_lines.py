@@ -31,7 +31,7 @@ def save_lines(session: Session, file: str) -> Facts:
     Asks before it overwrites. UsageError where nothing was changed, where gateway lines cannot say it, or where the
     file cannot be written.
     """
-    path = place_of(file, f"save {{}}/NAME{SUFFIX}")
+    path = place_of(file, f"NAME{SUFFIX}")
     sections = ended_lines(session)
     stores = {node_id: _stores(lines) for node_id, lines in sections}
     nodes = tuple(

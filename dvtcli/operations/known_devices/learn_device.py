@@ -205,7 +205,7 @@ def _consent(session: Session, prepared: _Prepared) -> None:
         if is_operational
         else "",
         "PDOs that are off are written in OPERATIONAL, too" if isolated and is_operational else "",
-        "nothing else is on the bus (--isolated)" if isolated else "",
+        "nothing else is on the bus, as was said" if isolated else "",
     ]
     session.consent(f"{'; '.join(part for part in parts if part)}; learn?")
 
@@ -229,7 +229,7 @@ def _note_saved(node: Node, saved: Saved) -> None:
 def _answers(asked: Asked, storage: Storage) -> list[Answer]:
     """What the node answered about its PDOs, and about saving, if it was told to save."""
     about_pdos = [answer for one in asked.known for answer in one.answers.values()]
-    return [*about_pdos, *(asked.saved.answers or not_asked(storage, "only with --with-store"))]
+    return [*about_pdos, *(asked.saved.answers or not_asked(storage, "only if a store is allowed"))]
 
 
 def _concluded(node: Node, asked: Asked, storage: Storage, lacking: Sequence[Absence]) -> Conclusions:

@@ -126,7 +126,7 @@ def convert_network(session: Session, file: str, target: str, node: str | int | 
 
     Asks before it overwrites. *node* and what is raised as of `concise_dcf`.
     """
-    path = place_of(target, "eds convert net.yaml {}/node5.cdcf")
+    path = place_of(target, "node5.cdcf")
     one = concise_dcf(file, node, session.tell)
     ask_before_overwriting(session, path)
     make_file(session, path, one.data)

@@ -25,7 +25,7 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
 
     Asks before it overwrites. UsageError for an unknown name, or a file that cannot be written; SdoAborted, NoAnswer.
     """
-    path = place_of(file, f"read {object_} -o {{}}/NAME.bin")
+    path = place_of(file, "NAME.bin")
     node = session.node(node_id)
     refuse_whole(node, object_, "-o")
     index, sub_index = object_at(node, object_)

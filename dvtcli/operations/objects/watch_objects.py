@@ -149,7 +149,7 @@ def _rows(
             f"{file}: --every writes a .csv file",
             hint=Hint(Action.READ_VALUES, {"objects": ("6041", "606C"), "time": "100ms", "file": "run.csv"}),
         )
-    path = place_of(file, "read 6041 --every 1s -o {}/NAME.csv")
+    path = place_of(file, "NAME.csv")
     ask_before_overwriting(session, path)
     try:
         with Path(path).open("w", encoding="utf-8", newline="") as opened:

@@ -24,7 +24,7 @@ def draw_network(session: Session, target: str, file: str | None = None, wishes:
 
     UsageError for another suffix, or where *target* cannot be written.
     """
-    path = place_of(target, "report {}/NAME.html")
+    path = place_of(target, "NAME.html")
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"{target}: what format is that?", hint=Hint(Action.DRAW, why="{}, NAME.svg or NAME.dot"))
     picture = network_picture(session, file, wishes)

@@ -231,10 +231,8 @@ def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: f
     plan, not_put_back = recovery.end(stored=stored is not False)
     if stored is not False:
         said = "stored" if stored else "may have stored"
-        session.tell.warning(
-            f"{journal.part.final} had begun: node {node.node_id} {said} what was taken back; "
-            f"-n {node.node_id} store keeps what it holds now"
-        )
+        begun = f"{verbatim(journal.part.final)} had begun: node {node.node_id} {said} what was taken back"
+        session.tell.warning(Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} keeps what it holds now"))
     findings = (*recovery.restart_findings(), *unknown_before([journal.plan]))
     applied = Applied(plan, findings, not_put_back)
     return changed(session, node, applied, seconds, undone=True)

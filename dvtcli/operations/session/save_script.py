@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
@@ -78,11 +77,11 @@ def save_script(
     return Facts("save", (("file", file), ("commands", count)), (said,))
 
 
-def place_of(file: str, example: str = "save {}/NAME.dvt") -> Path:
-    """Where *file* is to be; UsageError with an *example* where there is no folder for it, or a folder of that name."""
+def place_of(file: str, example: str = "NAME.dvt") -> Path:
+    """Where *file* is to be; UsageError if it has no folder, or if it is one: a file in it is an *example*."""
     path = Path(file)
     if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
-        hint = f"name a file in it: {example.format(shlex.quote(str(path)))}"
+        hint = f"name a file in it, as {path / example}"
         raise UsageError(f"{file} is a folder", hint=hint)
     if not os.path.isdir(path.parent):  # noqa: PTH112
         raise UsageError(f"{file}: there is no folder {path.parent}", place=file)

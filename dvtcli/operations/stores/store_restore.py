@@ -167,7 +167,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )
     asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
-        refuse_deaf_to_reset(node, "restore without --prove, then switch the node off and on")
+        refuse_deaf_to_reset(node, Hint(Action.RESTORE, why="without a proof, then switch the node off and on"))
         consent_to_reset(session, [node.node_id])
     prepare_store(node, force=session.options.force, confirm=False)
     communication = sub_index == COMMUNICATION

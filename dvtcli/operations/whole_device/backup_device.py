@@ -51,7 +51,7 @@ def backup_device(
     if suffix not in (*SUFFIXES, SUFFIX):
         hint = f"{SUFFIX} takes devices without an EDS, too"
         raise UsageError(f"{file}: a backup ends in {', '.join(SUFFIXES)} or {SUFFIX}", hint=hint)
-    path = place_of(file, f"backup {{}}/NAME{SUFFIX}")
+    path = place_of(file, f"NAME{SUFFIX}")
     node = session.node(node_id)
     if suffix in SUFFIXES:
         described(node)

@@ -38,7 +38,7 @@ def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice
     object is read a second time, and what changed meanwhile is left out. Asks before it overwrites. UsageError where
     the node has no EDS, or FILE cannot be written; SafetyRefusal where the EDS is another device's.
     """
-    path = place_of(file, f"export {{}}/NAME{SUFFIXES[0]}")
+    path = place_of(file, f"NAME{SUFFIXES[0]}")
     node = session.node(node_id)
     described(node)
     refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)

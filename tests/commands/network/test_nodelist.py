@@ -94,8 +94,8 @@ def test_values_of_a_dcf_that_no_network_file_says_are_named() -> None:
     with Bench(()) as bench:
         (note,) = bench.run("import net.yaml nl.cpj --json").document["notes"]
     assert note == (
-        "node 5: 2 other values of five.dcf left out, 1 not as by default (2002:00): `dvtcli -n 5 apply five.dcf` "
-        "writes what of it is configuration"
+        "node 5: 2 other values of five.dcf left out, 1 not as by default (2002:00): apply that file itself "
+        "to write what of it is configuration"
     )
     assert "1014" not in Path("net.yaml").read_text("utf-8"), "the file has no value of it: the default counts"
 
