@@ -181,8 +181,8 @@ def test_names_node_ids_and_what_is_left_out_come_from_the_list() -> None:
     assert ran.document["notes"] == [
         "net.cpj: network Other is left out: one file, one bus", "net.cpj: not present: node 7",
         "node 9 is left out: net.cpj names no DCF of it",
-        "node 2: 8 other values of left.dcf left out, all as by default: `dvtcli -n 2 apply Dcf/left.dcf` writes what "
-        "of it is configuration",
+        "node 2: 8 other values of left.dcf left out, all as by default: apply that file itself "
+        "to write what of it is configuration",
     ]  # fmt: skip
 
 
