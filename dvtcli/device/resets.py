@@ -23,6 +23,8 @@ _ASK_EVERY_S, _ANSWER_S = 0.5, 0.1
 _DEVICE_TYPE = 0x1000
 #: How often it is looked after whether waiting for a power cycle shall end, in seconds.
 _LOOK_S = 0.1
+#: How many questions in a row an unpowered node leaves without an answer; a frame that is lost is one only.
+_OFF = 3
 
 
 @dataclass(slots=True)
@@ -141,18 +143,28 @@ def reset_all_and_wait(
 def await_power_cycle(
     access: Access, timeout_s: float, ask: Callable[[], None], stop: Callable[[], None] = lambda: None
 ) -> None:
-    """Let *ask* ask somebody to switch the node off and on, and wait for its boot-up; NoAnswer where none comes.
+    """Let *ask* ask somebody to switch the node off and on, and wait for it to be back; NoAnswer if it is not.
 
-    *stop* is called again and again meanwhile, and raises where nobody wants to wait any longer.
+    It is back with its boot-up message; a node that sends none is back when it answers SDO after a while in which it
+    did not: `_OFF` questions in a row. *stop* is called again and again meanwhile, and raises to end the wait.
     """
     bus, node_id = access.bus, access.node_id
     seen, deadline_s = bus.boot_ups(node_id), bus.now_s() + timeout_s
     ask()
+    silent = 0
     while not bus.wait_boot_up(node_id, seen, min(_LOOK_S, max(0.0, deadline_s - bus.now_s()))):
         stop()
+        if bus.now_s() < deadline_s - _ANSWER_S:
+            if not _answers(bus, node_id):
+                silent += 1
+            elif silent >= _OFF:
+                return
+            else:
+                silent = 0
         if bus.now_s() >= deadline_s:
+            away = ", and it answers no SDO" if silent >= _OFF else ""
             raise NoAnswer(
-                f"node {node_id} was not switched off and on: no boot-up message within {timeout_s:g} s",
+                f"node {node_id} was not switched off and on: no boot-up message within {timeout_s:g} s{away}",
                 node=node_id,
                 hint=Hint(Action.PROVE_POWER, {"within": "S"}, "gives more time"),
             )

@@ -101,6 +101,37 @@ def test_an_older_boot_up_is_no_power_cycle() -> None:
     assert bus.boot_ups(NODE) == 2
 
 
+class SwitchedOff(VirtualTimeBus):
+    """A bus whose node answers nothing for the seconds *off*, and loses no other frame."""
+
+    off = (0.0, 0.0)
+
+    def _to_us(self, frame: Frame, delay_s: float = ANSWER_S) -> None:
+        if not self.off[0] <= self.now_s() < self.off[1]:
+            super()._to_us(frame, delay_s)
+
+
+def test_a_node_without_boot_up_message_is_back_from_a_power_cycle_with_any_answer() -> None:
+    bus = SwitchedOff([booted("no-boot-up")])
+    bus.off = (5.0, 9.0)
+    await_power_cycle(Access(bus, NODE, GENERIC), 30, lambda: None)
+    assert 9.0 <= bus.now_s() < 10.0
+
+
+def test_a_lost_answer_is_no_power_cycle() -> None:
+    bus = SwitchedOff([booted("no-boot-up")])
+    bus.off = (5.0, 5.15)
+    with pytest.raises(NoAnswer, match=r"not switched off and on: no boot-up message within 20 s$"):
+        await_power_cycle(Access(bus, NODE, GENERIC), 20, lambda: None)
+
+
+def test_a_node_that_stays_off_is_said_to_answer_nothing() -> None:
+    bus = SwitchedOff([booted()])
+    bus.off = (5.0, 99.0)
+    with pytest.raises(NoAnswer, match="within 20 s, and it answers no SDO"):
+        await_power_cycle(Access(bus, NODE, GENERIC), 20, lambda: None)
+
+
 def test_the_seconds_of_a_reset_are_its_own() -> None:
     bus = VirtualTimeBus([booted()])
     bus.sleep(50)

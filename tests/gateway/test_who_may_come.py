@@ -47,6 +47,12 @@ print(came.decode())
 def test_a_unix_socket_is_its_users_alone_and_stands_beside_tcp(tmp_path: Path) -> None:
     path = tmp_path / "g.sock"
     with Session(Options(sim=("generic@4",))) as session:
+        for wrong in (tmp_path, tmp_path / "no" / "x", tmp_path / ("x" * 120), Path(__file__)):
+            with (
+                pytest.raises(UsageError, match=r"unix:.*: (it is a|there is|a socket's)"),
+                gateway(session, str(wrong)),
+            ):
+                pass
         for wrong in ("unix:", "unix:a\0b", "nowhere"):
             with pytest.raises(UsageError):
                 listen_address(wrong)
@@ -63,7 +69,7 @@ def test_a_unix_socket_is_its_users_alone_and_stands_beside_tcp(tmp_path: Path) 
             assert not left_over.exists(), "it goes with its gateway"
             file = tmp_path / "a file"
             file.write_text("kept")
-            with pytest.raises(BusUnavailable), gateway(session, str(file)):
+            with pytest.raises(UsageError, match="there is a file"), gateway(session, str(file)):
                 pass
             assert file.read_text() == "kept"
             everybody = tmp_path / "everybody"

@@ -7,7 +7,9 @@ alone. Does not know what lines mean.
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -67,7 +69,7 @@ def gateway(
     """
     for one in where:
         if isinstance(one, str):
-            _check_folder_of(one)
+            _check_place_of(one)
         elif not is_loopback(one[0]):
             raise SafetyRefusal(
                 f"{one[0]} is no loopback address: a gateway has no login, and whoever reaches it reaches the bus",
@@ -124,6 +126,10 @@ def serve_gateway(
         served.run()
 
 
+#: how many bytes the system keeps for the path of a socket (sun_path), without the NUL behind it
+_LONGEST_PATH = 107 if sys.platform == "linux" else 103
+
+
 def listen_address(text: str) -> Address:
     """Read HOST:PORT, or `unix:PATH`; UsageError otherwise."""
     if not text.startswith("unix:"):
@@ -134,10 +140,23 @@ def listen_address(text: str) -> Address:
     return path
 
 
-def _check_folder_of(path: str) -> None:
-    """SafetyRefusal where anybody could put another socket in the place of *path*."""
+def _check_place_of(path: str) -> None:
+    """UsageError if no socket can be at *path*; SafetyRefusal if anybody could put another socket in its place."""
     folder = os.path.dirname(os.path.abspath(path))  # noqa: PTH100, PTH120
-    if os.path.isdir(folder) and (found := replaceable(folder)) is not None:  # noqa: PTH112
+    if not os.path.isdir(folder):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
+        raise UsageError(f"unix:{path}: there is no folder {folder}", place=path)
+    if os.path.isdir(path):  # noqa: PTH112
+        hint = f"name a socket in it, as unix:{os.path.join(path, 'gateway.sock')}"  # noqa: PTH118
+        raise UsageError(f"unix:{path}: it is a folder", place=path, hint=hint)
+    if len(os.fsencode(path)) > _LONGEST_PATH:
+        raise UsageError(
+            f"unix:{path}: a socket's path has {_LONGEST_PATH} bytes at most",
+            place=path,
+            hint="take a shorter one, as unix:gateway.sock: it is relative to the folder you are in",
+        )
+    if os.path.exists(path) and not stat.S_ISSOCK(os.stat(path).st_mode):  # noqa: PTH110, PTH116
+        raise UsageError(f"unix:{path}: there is a file of this name", place=path, hint="take another name")
+    if (found := replaceable(folder)) is not None:
         raise SafetyRefusal(f"unix:{path}: {found[0]}", place=path, hint=found[1])
 
 
@@ -160,11 +179,11 @@ class Gateway:
             self.hub = Hub(where, tell.note, admit=LineClient, most=MOST_CLIENTS, may_come=may_come)
         except OSError as failed:
             place = " and ".join(f"unix:{one}" if isinstance(one, str) else f"{one[0]}:{one[1]}" for one in where)
-            raise BusUnavailable(
-                f"cannot listen on {place}",
-                why=failed.strerror or str(failed),
-                hint=Hint(Action.GIVE, {"listen": "127.0.0.1:0"}, "is another gateway running? {} takes a free port"),
-            ) from failed
+            text, why = f"cannot listen on {place}", failed.strerror or str(failed)
+            if failed.errno != errno.EADDRINUSE and any(isinstance(one, str) for one in where):
+                raise UsageError(text, why=why, hint="take a socket in a folder that you may write to") from failed
+            hint = Hint(Action.GIVE, {"listen": "127.0.0.1:0"}, "is another gateway running? {} takes a free port")
+            raise BusUnavailable(text, why=why, hint=hint) from failed
         #: how far the count of the time is that lines took (s)
         self._turn_s = 0.0
         self._newcomer_next = False

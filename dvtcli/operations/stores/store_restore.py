@@ -146,7 +146,7 @@ def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart |
 
 
 def _power_cycle(session: Session, node: Node, wait_s: float) -> None:
-    text = f"switch node {node.node_id} off and on now: its boot-up message is waited for, {wait_s:g} s at most"
+    text = f"switch node {node.node_id} off and on now: its return is waited for, {wait_s:g} s at most"
 
     def stop() -> None:
         if node.cancellation.requested:
