@@ -771,6 +771,9 @@ class Judge:
         state = self.error.get("state")
         if code in (3, 7) or state not in ("unchanged", "rolled_back", "as_before"):
             written = {place[0] for place in self._differing()} & set(self.record.written())
+            written -= {
+                one["node"] for one in self.documents if one.get("proved") is False
+            }  # its answer says what is so
             return (
                 [f"exit code {code}, state {state}, but written: {sorted(written)}"]
                 if code in (1, 6) and written

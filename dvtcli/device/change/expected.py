@@ -6,7 +6,7 @@ write, and does not know why something is not as expected.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -78,6 +78,16 @@ class Expected:
                     "set it as it should be and store again; {} stores what it holds now",
                 ),
             )
+
+    def lost(self, node: KnownPdos, labels: Collection[str]) -> list[str]:
+        """How *node* differs, read again now, from what is expected of the changes called *labels*."""
+        from dvtcli.device.wish import Wish, unlike
+
+        pdos = {pdo: wanted for pdo, wanted in self.pdos.items() if pdo.label in labels}
+        values = {place: data for place, data in self.values.items() if f"{place[0]:04X}:{place[1]:02X}" in labels}
+        if not pdos and not values:
+            return []
+        return [f"{label} {text}" for label, text in unlike(node, still_there(node, Wish(pdos, values)))]
 
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:
         """What differs: its label, its object, and how it differs."""

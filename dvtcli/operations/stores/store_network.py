@@ -148,7 +148,7 @@ def _store_one(
         except DvtcliError as other:
             stores.lost.append(other)
             raise
-        stores.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
+        stores.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove, is_part=True)
     except (SafetyRefusal, LeftChanged) as other:  # another device, or what tested the store is left on it
         stores.lost = [other, *(one for one in stores.lost if one is not other)]
         raise

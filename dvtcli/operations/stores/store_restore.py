@@ -43,11 +43,13 @@ def store_settings(
     prove: str | None = None,
     if_changed: bool = False,
     wait_s: float = POWER_CYCLE_S,
+    is_part: bool = False,
 ) -> Stored:
-    """Store what the node holds.
+    """Store what the node holds, and read again what of it this session changed: a restart may not have been heard.
 
-    With *prove* restart it (`reset`, or by `power`, which is waited for *wait_s* seconds), and compare the PDOs that it
-    comes back with. With *if_changed* only unless the PDOs are what came up with a boot-up that was heard.
+    *is_part* says that others follow, and that all of them are read then. With *prove* restart it (`reset`, or by
+    `power`, which is waited for *wait_s* seconds), and compare the PDOs that it comes back with. With *if_changed* only
+    unless the PDOs are what came up with a boot-up that was heard.
     """
     because = why_to_store(node, sub_index) if if_changed else ""
     if if_changed and not because:
@@ -71,6 +73,8 @@ def store_settings(
     )
     node.gate.done.append(f"0x{done.place} acknowledged the store")
     refuse_after_restart(node, boot_ups, done)
+    if restart is None and not (is_part or session.options.force):
+        _refuse_lost(node, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
     proof = None if restart is None or before is None else prove_store(node, before, done, restart, place, _says(node))
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
@@ -107,6 +111,21 @@ def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:
             f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
             node=node.node_id,
             why=f"0x{signed.place} acknowledged the store",
+            hint=Hint(Action.VERIFY, why="{}, set again what differs, then store again"),
+            state="unknown",
+        )
+
+
+def _refuse_lost(node: Node, signed: Signed) -> None:
+    """Raise DeviceRefused if *node* holds something else, behind the store that it *signed*, of what was changed."""
+    lost = node.expected.lost(node, node.pending.covered(signed.sub_index))
+    if lost:
+        raise DeviceRefused(
+            f"node {node.node_id} does not hold what was to be stored: {lost[0]}",
+            node=node.node_id,
+            why="; ".join(
+                [f"0x{signed.place} acknowledged the store, and it restarted, unheard, or alters it", *lost[1:]]
+            ),
             hint=Hint(Action.VERIFY, why="{}, set again what differs, then store again"),
             state="unknown",
         )

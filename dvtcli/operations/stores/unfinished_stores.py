@@ -96,7 +96,7 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
         node=(*missing, *unsure)[0],
         place=first.place if isinstance(first, DvtcliError) else None,
         why="; ".join(f"node {node_id}: {str(fault) or 'interrupted'}" for node_id, fault in faults.items()) or None,
-        hint=Hint(Action.STORE, {"node": sorted((*missing, *unsure))}, "asks those again that have not stored").after(
+        hint=Hint(Action.STORE, {"node": sorted((*missing, *unsure))}, "stores the rest").after(
             BUS_BACK if any(isinstance(fault, BusUnavailable) for fault in faults.values()) else None
         ),
         state="left_changed",

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.commands.bench import Bench, beside
+from tests.network.bench import device
 from tests.process import dvtcli
 
 
@@ -92,3 +95,32 @@ def test_a_recover_that_fails_keeps_the_journal_and_its_progress(tmp_path: Path)
         assert not bench.journals()
     finally:
         bench.wire.close()
+
+
+class Restarting(StrictDevice):
+    """A device that restarts at a store, ahead of it, without a boot-up message; what comes up is stored."""
+
+    restarts = True
+
+    def download(self, index: int, sub_index: int, data: bytes) -> None:
+        if index == 0x1010 and self.restarts:
+            self.restart()
+            self.boot_up()
+            self.take_outbox()
+        super().download(index, sub_index, data)
+
+
+@pytest.mark.parametrize("line", ["set tpdo1 --timer 250", "write 1017 300 --as u16"])
+def test_a_restart_that_nobody_heard_is_seen_behind_the_store(line: str) -> None:
+    served = device(5, "generic")
+    served.__class__ = Restarting
+    with Bench((), {"yes": True, "eds": "generic", "node": 5}, beside([served])) as bench:
+        assert bench.run(line).code == 0
+        ran = bench.run("store --json")
+        assert (ran.code, ran.document["state"]) == (1, "unknown"), ran.stdout
+        assert "node 5 does not hold what was to be stored" in ran.document["text"]
+        assert isinstance(served, Restarting)
+        served.restarts = False
+        assert bench.run("store").code == 6, "nor is it stored later"
+        assert bench.run(line).code == 0
+        assert bench.run("store").code == 0
