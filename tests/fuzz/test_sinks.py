@@ -10,26 +10,49 @@ import tomllib
 import unicodedata
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from fractions import Fraction
 
 import pytest
 from click.shell_completion import CompletionItem
 from hypothesis import example, given
 from hypothesis import strategies as st
+from prompt_toolkit.completion import CompleteEvent
+from prompt_toolkit.document import Document
 
+from dvtcli.cli.conversation import Conversation
+from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.shell_completion import safe_items
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.paint import painted
+from dvtcli.cli.view.reports.github_case_lines import github_error_lines
+from dvtcli.cli.view.reports.github_lines import github_lines
 from dvtcli.cli.view.reports.junit_case_lines import junit_error_lines
+from dvtcli.cli.view.reports.sarif_lines import sarif_lines
 from dvtcli.device.change.private_file import file_name
+from dvtcli.domain.datatypes import BY_SHORT_NAME
+from dvtcli.domain.file_complaint import FileComplaint
+from dvtcli.domain.network.picture import (
+    NetworkPicture,
+    PictureDifference,
+    PictureFinding,
+    PictureLoad,
+    PictureNode,
+)
+from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.errors import InputFileError
 from dvtcli.files import dbc_text, family_toml
+from dvtcli.files.eds.writer import eds_text
 from dvtcli.files.picture import svg
+from dvtcli.files.picture.graphviz import graphviz
+from dvtcli.files.picture.page import page
 from dvtcli.files.values.csv_values import csv_text
+from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule
 
 #: what a stranger's file has in a name: commands of terminals, of shells, formulas, ends of strings and of markup
 HOSTILE = (
     *("\x1b]52;c;cm0gLXJmIH4K\x07", "\x1b]8;;http://x\x1b\\click\x1b]8;;\x1b\\", "\x9b31m", "a\u202eb", "\u2028x"),
+    *("::add-mask::x", " ::stop-commands::x", "a ##[error]x", "a]\n[b]", "{a|<b> c}", '"]; x [label="'),
     *('=HYPERLINK("http://x")', "+1", "-1", "@SUM(1)", "\t=1", "\r=1", "\r\nx", "a\0b", "\ud800", "\\", '"""'),
     *("'; rm -rf ~; '", "$(id)", "`id`", "|id", "../../x", '";\nBO_ 1 X: 8 A'),
     *("</title><script>alert(1)</script>", "]]>", '" onload="x', "&lt;"),
@@ -115,9 +138,93 @@ def names(text: str) -> None:
     assert "/" not in file_name(text)
 
 
+def annotations(text: str) -> None:
+    """Workflow commands of GitHub: each line is one of ours, or none."""
+    wrong = FileFinding(1, "warning", "bad-line", text, text)
+    report = FileReport(text, 1, 1, 1, (FileRule("bad-line", "warning", text, text),), (wrong,), strict=True)
+    error = InputFileError(text, place=text, why=text, hint=text)
+    error.complaints = (FileComplaint(text, 1, 1, text),)
+    out = io.StringIO()
+    output = Output(out, io.StringIO())
+    lines = [*map(str, github_lines(report, 0)), *map(str, github_error_lines(error))]
+    for line in lines:
+        output.result(Facts(text, (), (line,)))
+    shown = out.getvalue().splitlines()
+    assert steers("".join(shown)) == ""
+    assert len(shown) == len(lines)
+    for line in shown:
+        is_command = line.startswith(("::warning file=", "::error file="))
+        assert is_command or (not line.lstrip().startswith("::") and "##[" not in line)
+
+
+def sarif(text: str) -> None:
+    """Of a file whose name is no UTF-8, too."""
+    text = text.encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")
+    wrong = FileFinding(1, "warning", "bad-line", text, text)
+    report = FileReport(text, 1, 1, 1, (FileRule("bad-line", "warning", text, text),), (wrong,), strict=True)
+    lines = [str(line) for line in sarif_lines(report, 0)]
+    assert all(line.isascii() and line.isprintable() for line in lines)
+    (run,) = json.loads("\n".join(lines))["runs"]
+    assert run["results"][0]["message"]["text"] == text
+    assert re.fullmatch(r"[\w.~/%:-]*", run["artifacts"][0]["location"]["uri"], re.ASCII)
+
+
+def report_page(text: str) -> None:
+    shown = page(_picture(text)).decode()
+    assert steers(shown.replace("\n", "")) == ""
+    plain = page(_picture("x")).decode()
+    for tag in ("<script", "</script", "<title", "</title", "<style", "<b>", "<!--"):
+        assert shown.count(tag) == plain.count(tag)
+
+
+def graph(text: str) -> None:
+    """Graphviz: a quoted string ends at the first quote that no backslash stands before."""
+    shown = graphviz(_picture(text)).decode()
+    lines = shown.splitlines()
+    assert steers("".join(lines)) == ""
+    assert len(lines) == 6
+    outside = re.sub(r'"(?:\\.|[^"\\])*"', "S", shown)
+    assert re.sub(r"\s+", " ", outside) == (
+        "digraph S { rankdir=LR; node [shape=record, fontname=S, fontsize=11]; edge [fontname=S, fontsize=9]; "
+        "n1 [label=S]; } "
+    )
+    (label,) = re.findall(r'n1 \[label="(.*)"\];', shown)
+    assert not re.search(r"(?<!\\)(?:\\\\)*[{}|<>]", label[1:-1]), "it makes fields of its own"
+
+
+def _picture(text: str) -> NetworkPicture:
+    load = PictureLoad(500_000, Fraction(0), Fraction(0), fits=True, assumed=(text,))
+    node = PictureNode(1, text, text, ((text, text),))
+    finding = PictureFinding("error", text, text, 1, 1)
+    differing = (PictureDifference(1, text, text, text, text),)
+    return NetworkPicture(text, text, (node,), (), (), load, (finding,), text, differing, (text,))
+
+
+def menus(text: str) -> None:
+    """What the prompt offers, of an alias that a project's file describes."""
+    session = Conversation(Output(io.StringIO(), io.StringIO()))
+    session.aliases = {"zz": text}
+    (offered,) = LineCompleter(session).get_completions(Document("zz"), CompleteEvent())
+    assert steers(offered.text + offered.display_text + offered.display_meta_text) == ""
+
+
+def eds_lines(text: str) -> None:
+    """An EDS that is made of a device: names and descriptions are values of their keys, each on its line."""
+    entry = OdEntry(0x2000, 0, text, BY_SHORT_NAME["vs"])
+    described = ObjectDictionary({0x2000: OdObject(0x2000, text, ObjectType.VAR, {0: entry})})
+    written = eds_text(described, "a.eds", text, None)
+    assert steers(written.replace("\n", "")) == ""
+    entry = OdEntry(0x2000, 0, "x", BY_SHORT_NAME["vs"])
+    described = ObjectDictionary({0x2000: OdObject(0x2000, "x", ObjectType.VAR, {0: entry})})
+    plain = eds_text(described, "a.eds", "x", None)
+    assert written.count("\n") == plain.count("\n")
+    assert re.findall(r"^\[.*$", written, re.MULTILINE) == re.findall(r"^\[.*$", plain, re.MULTILINE)
+
+
 SINKS: dict[str, Callable[[str], None]] = {
-    sink.__name__: sink for sink in (terminal, wrapped, messages, completion, csv_cells, pages, junit, dbc, toml, names)
-}
+    sink.__name__: sink for sink in (terminal, wrapped, messages, completion, csv_cells, pages, junit, dbc, toml, names,
+    annotations, sarif, report_page, graph, menus, eds_lines)
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("sink", SINKS)

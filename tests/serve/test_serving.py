@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -11,8 +14,8 @@ from dvtcli.bus.opening import open_bus
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.sim_state import Kept, read_state, write_state
 from dvtcli.operations.opening.serve import address, is_loopback
-from tests.process import dvtcli
-from tests.serve.served import ANSWER_S, Served, raw_client, served
+from tests.process import PATIENCE_S, dvtcli, start
+from tests.serve.served import ANSWER_S, Served, own_environment, raw_client, served, wait_for
 
 
 @pytest.mark.parametrize(
@@ -134,3 +137,30 @@ def test_what_stands_in_its_help() -> None:
     said = dvtcli("sim", "--help").stdout
     for word in ("--listen HOST:PORT", "--state DIR", "--latency [NODE:]MS", "--ready-file FILE", "sim gen4@1"):
         assert word in said
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells where a process listens")
+@pytest.mark.parametrize("words", [("sim", "generic@1"), ("--sim", "generic@1", "gateway")])
+def test_without_an_address_only_this_machine_reaches_the_nodes(tmp_path: Path, words: tuple[str, ...]) -> None:
+    process = start([*words, "--listen", "0"], env=own_environment(tmp_path))
+    try:
+        found: list[str] = []
+        wait_for(lambda: found.extend(_listening(process.pid)) or found or process.poll() is not None, "a listener")
+        assert set(found) == {"0100007F"}, "127.0.0.1, as Linux writes it"
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+
+
+def _listening(pid: int) -> list[str]:
+    """The addresses at which process *pid* listens by TCP."""
+    held = set()
+    for one in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # it was closed meanwhile
+            held.add(str(one.readlink()))
+    rows = [
+        row.split()
+        for name in ("tcp", "tcp6")
+        for row in Path(f"/proc/{pid}/net/{name}").read_text("ascii").splitlines()[1:]
+    ]
+    return [row[1].partition(":")[0] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in held]

@@ -21,7 +21,7 @@ def github_lines(result: Reported, _width: int) -> Iterator[Line]:
                     yield f"::{_COMMANDS[severity]} {_place(one, finding)}::{as_data(finding.text)}"
     for one in reports:
         counted = one.count()
-        yield f"{one.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}"
+        yield as_path(f"{one.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}")
 
 
 def _place(report: Report, finding: FileFinding) -> str:
@@ -32,6 +32,12 @@ def _place(report: Report, finding: FileFinding) -> str:
 def as_data(text: str) -> str:
     """*text* as the message of a workflow command."""
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def as_path(text: str) -> str:
+    """*text* that begins with a path, as a line that is no workflow command, of neither form: `::x::`, `##[x]`."""
+    plain = text.replace("##[", "## [")
+    return f"./{plain}" if plain.lstrip().startswith("::") else plain
 
 
 def as_property(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -55,4 +56,4 @@ def _rule(rule: Any) -> dict[str, Any]:
 
 def _uri(path: str) -> str:
     """A path as a reference: relative ones stay so, which is how a service finds the file in its repository."""
-    return Path(path).as_uri() if Path(path).is_absolute() else quote(Path(path).as_posix())
+    return Path(path).as_uri() if Path(path).is_absolute() else quote(os.fsencode(Path(path).as_posix()))
