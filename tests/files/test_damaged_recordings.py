@@ -196,3 +196,10 @@ def test_that_the_rest_can_be_read_is_tried(good: dict[str, bytes], tmp_path: Pa
     _, wrong = read(path, b"".join([*damaged[:other], damage, *damaged[other:]]))
     assert wrong is not None
     assert wrong.hint == f"line {other + 1} is damaged, too"
+
+
+@pytest.mark.parametrize("start", ["1e999", "nan", "-1e9", "9" * 40, "9" * 400, "4524644.9", ""])
+def test_a_start_that_no_calendar_has_is_told_with_its_line(start: str, tmp_path: Path) -> None:
+    head = f";$FILEVERSION=2.1\n;$STARTTIME={start}\n;$COLUMNS=N,O,T,I,d,l,D\n"
+    found, error = read(tmp_path / "a.trc", f"{head} 1 0.1 DT 0181 Rx 1 37\n".encode())
+    assert (found, error is not None and error.place) == (0, f"{tmp_path / 'a.trc'}:2")

@@ -15,7 +15,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recorder import Recorder
-from dvtcli.files.recording import read_recording
+from dvtcli.files.recording import read_recorded, read_recording
 from dvtcli.files.recording_formats import formats, written
 from dvtcli.files.recordings.recording_format import RecordingFormat
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING, frames
@@ -158,3 +158,11 @@ def test_a_full_disk_is_said(tmp_path: Path, suffix: str) -> None:
     path.symlink_to("/dev/full")
     with pytest.raises(DvtcliError, match="No space left"):
         record(path, SAMPLE * 2000)
+
+
+@pytest.mark.skipif(".mf4" not in WRITABLE, reason="asammdf is not installed")
+@pytest.mark.parametrize("data", [b"", b"MDF     4.10", bytes(5000), b"MDF     4.10    x" * 999])
+def test_an_mf4_that_is_none_is_an_error_of_the_file(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "a.mf4").write_bytes(data)
+    with pytest.raises(InputFileError, match=r"a\.mf4: damaged after 0 frames"):
+        list(read_recorded(tmp_path / "a.mf4"))

@@ -1,12 +1,30 @@
-"""ASAM's measurement data, by the package asammdf."""
+"""ASAM's measurement data, by asammdf: in a process of its own, as a few bytes of it can unpack to anything.
+
+The process says a frame a line, as JSON, and that it came to the end, or what is wrong.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import sys
+from collections.abc import Iterator
 from importlib.util import find_spec
+from typing import Any
+
+import can
 
 from dvtcli.errors import UsageError
+from dvtcli.files.bounded_child import die_of, limit
+from dvtcli.files.recorded_lines import NoFrameError
 from dvtcli.files.recordings.recording_format import RecordingFormat
 from dvtcli.version import DISTRIBUTION
+
+#: what asammdf may take: memory (bytes), of which its own libraries are 250 MB, and time until the next frame (s)
+_MOST_MEMORY, _SECONDS = 720 << 20, 20.0
+#: no frame is a longer line
+_MOST_LINE = 4096
+_END = "end"
 
 
 class MdfFormat(RecordingFormat):
@@ -14,8 +32,75 @@ class MdfFormat(RecordingFormat):
 
     suffix = ".mf4"
     title = "ASAM MDF, needs asammdf"
+    tells = True
 
     def require(self) -> None:
         """UsageError where asammdf is not installed."""
         if find_spec("asammdf") is None:
             raise UsageError(".mf4 files need asammdf", hint=f"pip install '{DISTRIBUTION}[mdf]'")
+
+    def reader(self, source: Any) -> Iterator[can.Message]:
+        """The frames of the file at the path *source*; NoFrameError if it is damaged, or takes too much to read."""
+        from dvtcli.files.bounded_process import BoundedProcess, child_command
+
+        with BoundedProcess(child_command(__name__), "asammdf") as process:
+            try:
+                process.stdin.write(os.fsencode(os.path.abspath(source)))  # noqa: PTH100 - it need not be there any more
+                process.stdin.close()
+            except OSError:  # it has ended: why is told below
+                pass
+            while True:
+                with process.within(_SECONDS):
+                    line = process.stdout.readline(_MOST_LINE)
+                if not line.endswith(b"\n"):
+                    raise _ended(*process.last_words(), is_late=process.lacked_time)
+                said = json.loads(line)
+                if said == _END:
+                    return
+                if isinstance(said, str):
+                    raise NoFrameError(said)
+                yield _message(said)
+
+
+def _ended(lacked_memory: bool, how: str, *, is_late: bool) -> NoFrameError:
+    if is_late:
+        return NoFrameError(f"asammdf takes more than {_SECONDS:g} s for a frame of it")
+    if lacked_memory:
+        return NoFrameError(f"asammdf takes more than {_MOST_MEMORY >> 20} MB for it")
+    return NoFrameError(f"asammdf: {how}")
+
+
+def _message(said: list[Any]) -> can.Message:
+    time_s, can_id, extended, remote, error, fd, length, data, channel = said
+    return can.Message(
+        time_s, can_id, extended, remote, error, channel, dlc=length, data=bytes.fromhex(data), is_fd=fd
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Say the frames of the file whose path is on stdin, then end the process."""
+    try:
+        limit(_MOST_MEMORY)
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each thread of numpy's would count as memory
+        path = os.fsdecode(sys.stdin.buffer.read())
+        for said in _told(path):
+            sys.stdout.write(json.dumps(said) + "\n")
+        sys.stdout.flush()
+    except BaseException as bug:  # noqa: BLE001 - nobody above: the parent reads of it
+        die_of(bug)
+    os._exit(0)
+
+
+def _told(path: str) -> Iterator[list[Any] | str]:
+    try:
+        for one in can.LogReader(path):
+            yield [
+                one.timestamp, one.arbitration_id, one.is_extended_id, one.is_remote_frame, one.is_error_frame,
+                one.is_fd, one.dlc, one.data.hex(), one.channel,
+            ]  # fmt: skip
+    except MemoryError:
+        raise
+    except Exception as wrong:  # noqa: BLE001 - asammdf raises what it comes across
+        yield str(wrong).partition("\n")[0][:200] or type(wrong).__name__
+        return
+    yield _END

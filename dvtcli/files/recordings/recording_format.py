@@ -34,8 +34,8 @@ class RecordingFormat:
     tells: ClassVar[bool] = False
     #: what its reader and writer raise at a file that is damaged or of another format
     broken: ClassVar[tuple[type[Exception], ...]] = (
-        ValueError, LookupError, TypeError, AttributeError, NotImplementedError, struct.error, zlib.error,
-        can.CanError,
+        ValueError, LookupError, TypeError, AttributeError, NotImplementedError, ArithmeticError, EOFError,
+        AssertionError, struct.error, zlib.error, can.CanError,
     )  # fmt: skip
 
     def __init_subclass__(cls) -> None:

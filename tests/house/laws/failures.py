@@ -13,7 +13,7 @@ from tests.house.laws.source_tree import SourceTree, dotted
 #: the program's end, the ends of processes that it starts, and a signal that was swallowed, sent to itself again
 MAY_EXIT = (
     "__main__.py", "bus/drivers.py", "cli/boundary.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_parent.py",
-    "files/bounded_child.py", "files/dbc_child.py",
+    "files/bounded_child.py", "files/dbc_child.py", "files/recordings/mdf.py",
     "cli/stop_signals.py", "cli/monitor/full_screen.py",
 )  # fmt: skip
 #: where a Ctrl-C that had to wait, or came by another way than a signal, goes on
@@ -27,6 +27,7 @@ MAY_CATCH_ALL = {
     "cli/boundary.py": "the one boundary",
     "cli/dvt/tcl_child.py": "the end of a child, which its parent reads",
     "files/dbc_child.py": "the same, and what cantools raises",
+    "files/recordings/mdf.py": "the same, and what asammdf raises",
     "cli/dvt/tcl_child_run.py": "the same, where Tcl would swallow it",
     "bus/drivers.py": "what drivers raise means that they find nothing",
     "bus/turns.py": "handed to the thread that asked for the work",

@@ -26,6 +26,7 @@ MAY_PRINT = {
     "cli/commands/_pdo_edit.py": "the user's editor",
     "files/bounded_child.py": "a pipe to its parent",
     "files/dbc_child.py": "a pipe to its parent",
+    "files/recordings/mdf.py": "the same",
     "cli/stop_signals.py": "a pipe to itself",
 }
 _SAYING = frozenset(
