@@ -89,11 +89,13 @@ def _documents(path: Path) -> Iterator[dict[str, Any]]:
     for number, line in enumerate(opened_text(path), 1):
         if not line.strip():
             continue
-        document = json_line(line, f"{path}:{number}", f"no {_SCHEMA} document")
         try:
+            document = json.loads(line)
             if document["schema"] == _SCHEMA:
                 datetime.fromisoformat(document["time"])
                 _ = document["signals"].items()
                 yield document
-        except (ValueError, TypeError, KeyError, AttributeError) as wrong:
-            raise InputFileError(f"no {_SCHEMA} document", place=f"{path}:{number}") from wrong
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as wrong:
+            place, text = f"{path}:{number}", f"no {_SCHEMA} document"
+            json_line(line, place, text)  # of what is no JSON it says where
+            raise InputFileError(text, place=place) from wrong
