@@ -135,3 +135,13 @@ def test_a_text_of_a_device_is_no_formula(text: str, first: str) -> None:
 @given(st.one_of(st.integers(), st.floats(allow_nan=False)))
 def test_a_number_stays_a_number(number: float) -> None:
     assert float(csv_text(number)) == float(number)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
+@pytest.mark.parametrize("length", [200_000, 2_000_000])
+def test_a_cell_or_a_line_without_an_end_is_damage_of_the_file(tmp_path: Path, suffix: str, length: int) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text(f'time_s,a [V]\n0,"{"x" * length}"\n' if suffix == ".csv" else "\n{" + "x" * length)
+    with pytest.raises(InputFileError) as damaged:
+        list(read_values(path).rows)
+    assert str(damaged.value.place).startswith(f"{path}:2")

@@ -65,7 +65,7 @@ def no_formula(text: str) -> str:
 
 def read_csv(path: Path) -> ValuesRead:
     """What `log --decode`, `decode --csv` or `read --every -o` wrote; InputFileError where it is none of these."""
-    lines = csv.reader(opened_text(path))
+    lines = _lines(path)
     head = _checked(path, 1, next(lines, []))
     first = 1 if head[:1] == [SECONDS] else 2
     if head[:2] != [TIME, FRAME] and first == 2:
@@ -76,6 +76,16 @@ def read_csv(path: Path) -> ValuesRead:
         )
     columns = [column_of(name) for name in head[first:]]
     return ValuesRead(columns, _rows(path, lines, first, len(head)))
+
+
+def _lines(path: Path) -> Iterator[list[str]]:
+    reader = csv.reader(opened_text(path))
+    try:
+        yield from reader
+    except csv.Error as wrong:  # a cell of more than 128 KiB
+        raise InputFileError(
+            f"{path.name} is no CSV file of values", place=f"{path}:{reader.line_num}", why=str(wrong)
+        ) from wrong
 
 
 def _rows(path: Path, lines: Iterator[list[str]], first: int, width: int) -> Iterator[tuple[float, list[float | None]]]:
