@@ -41,7 +41,7 @@ def command(
     """Compute what the frames of a network need of its bus at worst, and listen to what is on it.
 
     With FILE its nodes count, without a bus as their EDS, DCF or family comes up; else the nodes on the bus. Response
-    times are exact for the worst case; what nothing limits counts as without limit. The bit rate is that of --at,
+    times are exact for the worst case; what nothing limits is unbounded. The bit rate is that of --at,
     of the bus, or -b.
 
     \b

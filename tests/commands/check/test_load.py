@@ -64,7 +64,7 @@ def test_what_has_no_limit_is_never_nothing(nothing: Bench) -> None:
     assert (ran.document["load"], ran.document["unlimited"], ran.document["fits"]) == (None, ["1:tpdo1"], False)
     assert frames(ran)[0x181]["load"] is None
     text = nothing.run("load unlimited.yaml").stdout
-    assert "load  no limit; the rest takes 3.51 % at worst" in text
+    assert "load  unbounded; all other frames: 3.51 % at worst" in text
     assert "1:tpdo1: event-driven, without inhibit time and event timer\n      hint: --inhibit" in text
     mended = nothing.run("load unlimited.yaml --inhibit 1:tpdo1=40 --json")
     assert mended.document["fits"]
@@ -153,7 +153,10 @@ def test_a_plan_says_the_load_afterwards() -> None:
         assert (document["bit_rate"], document["unlimited"], document["fits"]) == (125_000, [], True)
         Path("two.yaml").write_text("nodes:\n  a: {node_id: 1}\n  b: {node_id: 5}\n")
         said = bench.run("plan two.yaml").stdout
-    assert "Worst-case bus load without limit afterwards: 1:tpdo1, 5:tpdo1, 5:tpdo2; 11.2 % without" in said
+    assert (
+        "Worst-case bus load afterwards is unbounded: 1:tpdo1, 5:tpdo1, 5:tpdo2 (event-driven, without inhibit time "
+        "and event timer). All other frames: 11.2 % at 125 kbit/s.\n"
+    ) in said
 
 
 def test_without_a_bit_rate_no_load_is_computed_after_a_plan() -> None:

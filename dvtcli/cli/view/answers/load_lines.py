@@ -123,8 +123,8 @@ def _sums(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]:
     if need.unlimited:
         yield [
             Cell("load  ", "bold"),
-            Cell("no limit", "red"),
-            Cell(f"; the rest takes {_percent(need.limited)} at worst"),
+            Cell("unbounded", "red"),
+            Cell(f"; all other frames: {_percent(need.limited)} at worst"),
         ]
         yield from _unlimited(need.unlimited)
     else:
@@ -156,6 +156,14 @@ def _too_often(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]
 
 def _unlimited(streams: Iterable[Stream]) -> Iterator[Line]:
     """What has no limit, by the reason, and what would give it one."""
+    for names, text, hint in unbounded(streams):
+        yield f"      {names}: {text}"
+        yield [Cell("      hint: ", "cyan"), Cell(hint)]
+
+
+def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
+    """The names of the *streams* of each reason why nothing limits them, the reason, and what would."""
+    streams = list(streams)
     for why, text, hint in (
         (NO_LIMIT, "event-driven, without inhibit time and event timer", "--inhibit NODE:tpdoN=MS tries one"),
         (NO_SYNC, "synchronous, and nobody known here sends SYNC", "--sync MS says how often it comes"),
@@ -165,8 +173,7 @@ def _unlimited(streams: Iterable[Stream]) -> Iterator[Line]:
             _who(one.node, one.label) for one in streams if (one.why if one.why in (NO_LIMIT, NO_SYNC) else "") == why
         ]
         if names:
-            yield f"      {several(names)}: {text}"
-            yield [Cell("      hint: ", "cyan"), Cell(hint)]
+            yield several(names), text, hint
 
 
 def _not_whole(measured: Measured) -> str:

@@ -143,11 +143,13 @@ def _load(need: BusNeed) -> Iterator[Line]:
     """What all frames need of the bus then."""
     rate, share = f"{need.bit_rate / 1000:g} kbit/s", f"{100 * float(need.limited):.1f} %"
     if need.unlimited:
-        names = several(f"{one.node}:{one.pdo}" for one in need.unlimited)
+        from dvtcli.cli.view.answers.load_lines import unbounded
+
+        whose = "; ".join(f"{names} ({why})" for names, why, _ in unbounded(need.unlimited))
         yield [
-            Cell("Worst-case bus load "),
-            Cell("without limit", "red"),
-            Cell(f" afterwards: {names}; {share} without"),
+            Cell("Worst-case bus load afterwards is "),
+            Cell("unbounded", "red"),
+            Cell(f": {whose}. All other frames: {share} at {rate}."),
         ]
     else:
         late = several(f"{one.stream.node}:{one.stream.pdo or one.stream.kind}" for one in need.late)
