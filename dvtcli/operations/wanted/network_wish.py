@@ -62,8 +62,9 @@ def _why_no_dcf(folder: Path, name: str) -> str:
     beside = [one.name for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES] if folder.is_dir() else []
     if path.is_dir():
         return f"{path} is a folder, and dcf names a file: an EDS, DCF, XDD or XDC"
-    near = nearest(name, [*beside, *family_names()])
-    meant = f"; did you mean {near!r}?" if near else ""
+    families = family_names()
+    near = nearest(name, [*beside, *families])
+    meant = f"; did you mean {near!r}?" if near else f"; families are {', '.join(families)}"
     return f"there is no {path}, and no simulated family or library file is called {name[:40]!r}{meant}"
 
 

@@ -111,3 +111,12 @@ def keeps(bench: Bench, command: str) -> Ran:
     said = re.sub(r"\{(\d)\}", lambda at: re.escape(arguments[int(at[1])].removesuffix(".0")), promise.prints)
     assert re.search(said, then.stdout + then.stderr, re.S), f"{command}: {then}"
     return ran
+
+
+@pytest.mark.parametrize("key", ["dcf", "profile"])
+def test_an_unknown_family_of_a_network_file_is_answered_with_those_there_are(key: str) -> None:
+    Path("q.yaml").write_text(f"nodes: {{a: {{node_id: 5, {key}: qqqqqqq}}}}\n", "utf-8")
+    with Bench(()) as bench:
+        ran = bench.run("check q.yaml")
+    assert ran.code == 4, ran
+    assert "canopennode, " in ran.stdout + ran.stderr, ran
