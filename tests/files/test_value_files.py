@@ -139,7 +139,7 @@ def test_a_number_stays_a_number(number: float) -> None:
 
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
 @pytest.mark.parametrize("length", [200_000, 2_000_000])
-def test_a_cell_or_a_line_without_an_end_is_damage_of_the_file(tmp_path: Path, suffix: str, length: int) -> None:
+def test_a_long_cell_or_line_is_damage_of_the_file(tmp_path: Path, suffix: str, length: int) -> None:
     path = tmp_path / f"a{suffix}"
     path.write_text(f'time_s,a [V]\n0,"{"x" * length}"\n' if suffix == ".csv" else "\n{" + "x" * length)
     with pytest.raises(InputFileError) as damaged:

@@ -9,19 +9,13 @@ from pathlib import Path
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import open_input
-from dvtcli.files.recorded_lines import MOST_CHARACTERS
 
 
 def opened_text(path: Path) -> Iterator[str]:
-    """The lines of *path*; UsageError if it cannot be opened, InputFileError if it is no UTF-8 or a line has no end."""
+    """The lines of *path*; UsageError where it cannot be opened, InputFileError where it is no UTF-8."""
     try:
         with TextIOWrapper(open_input(path), encoding="utf-8-sig", newline="") as file:
-            number = 0
-            while text := file.readline(MOST_CHARACTERS):
-                number += 1
-                if len(text) == MOST_CHARACTERS:
-                    raise InputFileError(f"{path.name}: this line has no end", place=f"{path}:{number}")
-                yield text
+            yield from file
     except OSError as failed:
         raise UsageError(
             f"{path}: {failed.strerror or failed}", hint=Hint(Action.LOG_VALUES, {"file": path}, "records one")
