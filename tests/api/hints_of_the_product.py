@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 
+from tests.house.draw import nodes
 from tests.house.source import Module, modules
 
 ROOMS = ("domain", "device", "operations", "bus", "files", "simulator")
@@ -46,7 +47,7 @@ def all_hints() -> dict[str, str]:
 
 def _asked(module: Module) -> Iterator[ast.expr]:
     """What is given as a hint: by its name, by its place, by an assignment, or as what a function of that name says."""
-    for node in ast.walk(module.tree):
+    for node in nodes(module.tree):
         if isinstance(node, ast.keyword) and node.arg == "hint":
             yield node.value
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
@@ -121,22 +122,21 @@ def _returned(function: ast.FunctionDef) -> Iterator[ast.expr]:
 @cache
 def _assigned(module: Module) -> defaultdict[str, list[ast.expr]]:
     found: defaultdict[str, list[ast.expr]] = defaultdict(list)
-    for node in ast.walk(module.tree):
+    for node in nodes(module.tree):
         if isinstance(node, ast.Assign):
             for target in node.targets:
                 if isinstance(target, ast.Name):
                     found[target.id].append(node.value)
-    for name in list(_imported(module)):
-        found[name] += _imported(module)[name]
+    for name, values in _imported(module).items():
+        found[name] += values
     return found
 
 
 def _imported(module: Module) -> dict[str, list[ast.expr]]:
     """What constants that *module* imports from another file are."""
-    files = {f"dvtcli.{one.name.removesuffix('.py').replace('/', '.')}": one for one in modules()}
     found: dict[str, list[ast.expr]] = {}
-    for node in ast.walk(module.tree):
-        home = files.get(node.module or "") if isinstance(node, ast.ImportFrom) else None
+    for node in nodes(module.tree):
+        home = _by_dotted_name().get(node.module or "") if isinstance(node, ast.ImportFrom) else None
         if home is not None and isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 if alias.name.isupper():
@@ -145,10 +145,15 @@ def _imported(module: Module) -> dict[str, list[ast.expr]]:
 
 
 @cache
+def _by_dotted_name() -> dict[str, Module]:
+    return {f"dvtcli.{one.name.removesuffix('.py').replace('/', '.')}": one for one in modules()}
+
+
+@cache
 def _functions() -> defaultdict[str, list[tuple[Module, ast.FunctionDef]]]:
     found: defaultdict[str, list[tuple[Module, ast.FunctionDef]]] = defaultdict(list)
     for module in modules():
-        for node in ast.walk(module.tree):
+        for node in nodes(module.tree):
             if isinstance(node, ast.FunctionDef):
                 found[node.name].append((module, node))
     return found

@@ -37,12 +37,14 @@ def typed_words(hint: str) -> list[str]:
     return [found[0] for rule in (_OPTION, _TYPED, _DONE) for found in rule.finditer(left)]
 
 
+@pytest.mark.together
 def test_all_hints_are_found() -> None:
     assert len(all_hints()) > 100
     for hint in ("which one? 5", "look at its supply, then try again"):
         assert hint in all_hints()
 
 
+@pytest.mark.together
 def test_a_hint_that_is_text_names_no_command_and_no_option() -> None:
     """These are a Hint, which the command line and this API write each in its way."""
     wrong = {f"{place}: {hint}": said for hint, place in all_hints().items() if (said := typed_words(hint))}
