@@ -23,7 +23,7 @@ from dvtcli.files.recordings.recording_format import RecordingFormat
 
 #: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
-_MOST_BYTES, _MOST_CODE = 8, 15
+_MOST_BYTES, _MOST_FD_BYTES, _MOST_CODE = 8, 64, 15
 #: how long a file (bytes) is read once more, without a line that is damaged
 _MOST_TRIED = 50_000_000
 
@@ -91,7 +91,9 @@ def _refuse_no_id(message: can.Message) -> None:
 
 
 def _refuse_other_length(message: can.Message) -> None:
-    """NoFrameError where it has other data than its length says: a part of it is missing."""
+    """NoFrameError if it has other data than its length says, as a part is missing, or more than CAN FD has."""
+    if len(message.data) > _MOST_FD_BYTES:
+        raise NoFrameError(f"a frame of {len(message.data)} bytes; CAN FD has {_MOST_FD_BYTES} at most")
     if not message.is_remote_frame and len(message.data) not in _lengths(message):
         raise NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {len(message.data)}")
 
