@@ -19,7 +19,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.signals import SimulatedSignal
 
 #: Longest wait for a frame, in seconds: bounds how long `stop` takes, never how long an answer takes.
 _LONGEST_WAIT_S = 0.05
@@ -39,7 +39,7 @@ class ServedNodes:
         bus: can.BusABC,
         devices: Sequence[StrictDevice],
         faults: Sequence[Fault] = (),
-        signals: Sequence[Signal] = (),
+        signals: Sequence[SimulatedSignal] = (),
         on_bus_error: Callable[[], None] = lambda: None,
         *,
         bit_rate: int | None = None,

@@ -30,7 +30,7 @@ from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.signals import SimulatedSignal
 
 #: from a frame of ours to a node's answer (s): two frames at 500 kbit/s and a quick device
 ANSWER_S = 0.0005
@@ -53,7 +53,7 @@ class VirtualTimeBus(WatchedBus):
         devices: Sequence[StrictDevice],
         *,
         faults: Sequence[Fault] = (),
-        signals: Sequence[Signal] = (),
+        signals: Sequence[SimulatedSignal] = (),
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
         simulated: bool = True,

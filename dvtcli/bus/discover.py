@@ -24,7 +24,7 @@ _SERIAL_PORTS = ("ttyUSB*", "ttyACM*", "cu.usbmodem*", "cu.usbserial*")
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundInterface:
     """An interface with python-can's names for it; *about* says what it is, *problem* what to do before it opens."""
 
     interface: str
@@ -33,22 +33,22 @@ class Found:
     problem: str | None = None
 
 
-def find_interfaces() -> list[Found]:
+def find_interfaces() -> list[FoundInterface]:
     """Everything that may be a CAN interface, surest first; drivers get `PATIENCE_S`."""
     return [*links(), *adapters(), *serial_ports()]
 
 
-def links() -> list[Found]:
+def links() -> list[FoundInterface]:
     """SocketCAN links, up or down."""
-    return [Found("socketcan", link.name, link.about, link.problem) for link in kernel_links()]
+    return [FoundInterface("socketcan", link.name, link.about, link.problem) for link in kernel_links()]
 
 
-def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) -> list[Found]:
+def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) -> list[FoundInterface]:
     """What the drivers of *interfaces* (default: all that look for adapters by themselves) find on this machine."""
     command = [*python_words(), "-m", "dvtcli.bus.drivers", *interfaces]
     lines = (_output(command, patience_s) or "").splitlines()
     configurations = json.loads(lines[-1]) if lines else []
-    return [Found(one["interface"], one["channel"], one["about"]) for one in configurations]
+    return [FoundInterface(one["interface"], one["channel"], one["about"]) for one in configurations]
 
 
 def _output(command: Sequence[str], patience_s: float) -> str | None:
@@ -63,10 +63,10 @@ def _output(command: Sequence[str], patience_s: float) -> str | None:
     return done.stdout if done.returncode == 0 else None
 
 
-def serial_ports(folder: str = "/dev") -> list[Found]:
+def serial_ports(folder: str = "/dev") -> list[FoundInterface]:
     """USB serial ports, which may be slcan adapters; on Windows all serial ports."""
     if sys.platform == "win32":
-        return [Found("slcan", name, _PERHAPS) for name in _named_ports()]
+        return [FoundInterface("slcan", name, _PERHAPS) for name in _named_ports()]
     return [_port(path) for path in _ports(folder)]
 
 
@@ -90,8 +90,8 @@ def _ports(folder: str) -> Iterator[str]:
         yield from sorted(glob.glob(os.path.join(folder, pattern)))  # noqa: PTH118, PTH207 - paths as texts
 
 
-def _port(path: str) -> Found:
+def _port(path: str) -> FoundInterface:
     allowed = os.access(path, os.R_OK | os.W_OK)
     cure = "sudo usermod -aG dialout $USER, then log in again" if sys.platform == "linux" else f"ls -l {path}"
     problem = None if allowed else f"no permission: {cure}"
-    return Found("slcan", path, _PERHAPS, problem)
+    return FoundInterface("slcan", path, _PERHAPS, problem)

@@ -105,7 +105,7 @@ def _traced_by(session: Conversation) -> str:
 
 def _stopped(session: Conversation) -> int:
     """Say that a signal ended it, and what a script leaves changed; of a change or a comparison what nodes hold."""
-    from dvtcli.domain.several import several
+    from dvtcli.domain.several import join_some
 
     code, staying = session.cancellation.exit_code, session.staying()
     word = "interrupted" if code == INTERRUPTED else "terminated"
@@ -114,7 +114,7 @@ def _stopped(session: Conversation) -> int:
         stopped = Interrupted(word, state=state)
         stopped.exit_code, stopped.state_text = code, said
         return _shown(session, stopped)
-    left = f": what {several(staying)} changed is not taken back" if staying else ""
+    left = f": what {join_some(staying)} changed is not taken back" if staying else ""
     session.output.lines([word + left])
     return code
 
@@ -162,9 +162,9 @@ def _lost(session: Conversation, failed: OSError) -> int:
     lost.state_text = said
     lost.stays = session.staying()
     if session.made:
-        from dvtcli.domain.several import several
+        from dvtcli.domain.several import join_some
 
-        lost.details.append(("made", several(session.made)))
+        lost.details.append(("made", join_some(session.made)))
         lost.state_text = said or ("unchanged: nothing was written to a node" if state == "unchanged" else None)
     session.output.error(lost, session.place, readable=True)
     return lost.exit_code

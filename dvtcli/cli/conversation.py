@@ -47,7 +47,7 @@ def _repeated(given: dict[str, Any]) -> Iterator[str]:
             yield str(word)
 
 
-class OnScreen:
+class CliReporter:
     """A `Teller` that shows on *output*, and asks where *may_ask*() and somebody sits at a terminal."""
 
     def __init__(self, output: Output, may_ask: Callable[[], bool]) -> None:
@@ -97,7 +97,7 @@ class Conversation(Session):
     def __init__(
         self, output: Output, on_open: Callable[[], None] = lambda: None, *, open_bus: OpenBus | None = None
     ) -> None:
-        super().__init__(tell=OnScreen(output, lambda: not self.in_script), open_bus=open_bus)
+        super().__init__(tell=CliReporter(output, lambda: not self.in_script), open_bus=open_bus)
         self.output = output
         output.call = self.typed_call
         self.on_open = on_open

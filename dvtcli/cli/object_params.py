@@ -64,7 +64,7 @@ class EntryWord:
         return entry_at(node, self.text)
 
 
-class ObjectType(CanopenType):
+class ObjectParam(CanopenType):
     """An object: `0x6C01:1`, `6041`, `statusword`, `"Analogue input.Channel 1"`."""
 
     name = "object"
@@ -106,7 +106,7 @@ class ObjectType(CanopenType):
         return object_items(ctx, incomplete, mapped=self.entry)
 
 
-class NodeObjectType(ObjectType):
+class NodeObjectType(ObjectParam):
     """An object, with its node where that is said: `3:6041`, `3:1018:01`, `3:statusword`."""
 
     def parse(self, text: str, ctx: click.Context | None) -> ObjectWord | EntryWord:
@@ -140,7 +140,7 @@ class Objects(click.Argument):
         return True
 
 
-class EntryType(ObjectType):
+class EntryType(ObjectParam):
     """A mapping entry: an object, optionally `/BITS`, or `dummy/BITS`."""
 
     name = "entry"

@@ -15,7 +15,7 @@ from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, SdoAborted, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.device.nmt_gate import Access
+    from dvtcli.device.nmt_gate import NodeAccess
     from dvtcli.domain.plan import Plan
     from dvtcli.domain.profile import LoginPolicy
 
@@ -25,13 +25,13 @@ RULES = (
 )  # fmt: skip
 
 
-def access_level(access: Access) -> int:
+def access_level(access: NodeAccess) -> int:
     """The access level that the device is at, 0 for logged out; DvtcliError where its family has no login."""
     level = policy_of(access).level
     return int.from_bytes(access.bus.sdo(access.node_id).upload(*level), "little")
 
 
-def policy_of(access: Access) -> LoginPolicy:
+def policy_of(access: NodeAccess) -> LoginPolicy:
     """How the device is logged in to; DvtcliError where its family has no login."""
     if access.profile.login is not None:
         return access.profile.login
@@ -43,7 +43,7 @@ def policy_of(access: Access) -> LoginPolicy:
     )
 
 
-def log_in(access: Access, wanted: int, passcode: Callable[[], int], user: int | None = None) -> int:
+def log_in(access: NodeAccess, wanted: int, passcode: Callable[[], int], user: int | None = None) -> int:
     """Bring the device to access level *wanted* or above (0: log out); the level it is at then.
 
     *passcode* is asked for a number 0..0xFFFF only where one is needed; *user* is the user ID (1..0xFFFF), None for
@@ -71,13 +71,13 @@ def log_in(access: Access, wanted: int, passcode: Callable[[], int], user: int |
     return held
 
 
-def _log_out(access: Access, policy: LoginPolicy) -> int:
+def _log_out(access: NodeAccess, policy: LoginPolicy) -> int:
     _introduce(access, policy, 0)
     _present(access, policy, 0)
     return access_level(access)
 
 
-def _introduce(access: Access, policy: LoginPolicy, user: int) -> None:
+def _introduce(access: NodeAccess, policy: LoginPolicy, user: int) -> None:
     """Write the user ID; some firmware aborts this one write and takes the passcode all the same."""
     try:
         access.bus.sdo(access.node_id).download(*policy.user_id, user.to_bytes(2, "little"))
@@ -85,11 +85,11 @@ def _introduce(access: Access, policy: LoginPolicy, user: int) -> None:
         return
 
 
-def _present(access: Access, policy: LoginPolicy, passcode: int) -> None:
+def _present(access: NodeAccess, policy: LoginPolicy, passcode: int) -> None:
     access.bus.sdo(access.node_id).download(*policy.passcode, passcode.to_bytes(2, "little"))
 
 
-def _not_reached(access: Access, wanted: int, aborted: SdoAborted | None) -> DeviceRefused:
+def _not_reached(access: NodeAccess, wanted: int, aborted: SdoAborted | None) -> DeviceRefused:
     policy = policy_of(access)
     held = access_level(access)
     refused = DeviceRefused(
@@ -104,7 +104,7 @@ def _not_reached(access: Access, wanted: int, aborted: SdoAborted | None) -> Dev
     return refused
 
 
-def refuse_passcode(access: Access, index: int, sub_index: int) -> None:
+def refuse_passcode(access: NodeAccess, index: int, sub_index: int) -> None:
     """Raise SafetyRefusal where a raw write is about to send a passcode, which its words have shown already."""
     policy = access.profile.login
     if policy is not None and (index, sub_index) == policy.passcode:
@@ -116,7 +116,7 @@ def refuse_passcode(access: Access, index: int, sub_index: int) -> None:
         )
 
 
-def level_findings(access: Access, plan: Plan) -> tuple[Finding, ...]:
+def level_findings(access: NodeAccess, plan: Plan) -> tuple[Finding, ...]:
     """An error where *plan* writes what the device's access level does not allow; reads the level, writes nothing."""
     policy = access.profile.login
     if policy is None or not any(policy.asked_for(step.index) for step in plan.steps):
@@ -124,7 +124,7 @@ def level_findings(access: Access, plan: Plan) -> tuple[Finding, ...]:
     return level_finding(access)
 
 
-def level_finding(access: Access) -> tuple[Finding, ...]:
+def level_finding(access: NodeAccess) -> tuple[Finding, ...]:
     """An error where the device's access level is too low for PDO work and storing; none where that is not known."""
     policy = access.profile.login
     if policy is None:

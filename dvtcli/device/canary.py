@@ -61,7 +61,7 @@ _NAMES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class CanaryParameter:
     """One parameter of a PDO, from *before* to *after*.
 
     With *is_on* the PDO is enabled: then nothing is changed unless the node is PRE-OPERATIONAL, where no PDO is sent.
@@ -110,7 +110,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectPlace:
+class CanaryObject:
     """One object that is no parameter of an active PDO, called *name*, from what *step* found to what it writes."""
 
     step: Step
@@ -143,7 +143,7 @@ class ObjectPlace:
 
 
 #: What is changed to see whether a restart takes it.
-AnyPlace = Place | ObjectPlace
+AnyPlace = CanaryParameter | CanaryObject
 
 
 def _value(config: PdoConfig, field: str) -> int | CobId | None:
@@ -157,7 +157,7 @@ def _shown(config: PdoConfig, field: str) -> str:
     return f"{value} {'enabled' if value.valid else 'off'}" if isinstance(value, CobId) else str(value)
 
 
-def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Place]:
+def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
     """Parameters of PDOs that are disabled and not kept by the device itself, with a value that the rules allow."""
     off = [(pdo, config) for pdo, config in pdos.items() if _is_off(config)]
     for field, sub_index, values in _FIELDS:
@@ -183,7 +183,7 @@ def places_beside(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[AnyPlac
         yield from _heartbeats(node, 0, _SLOW_HEARTBEAT_MS)
 
 
-def _places_of_enabled(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Place]:
+def _places_of_enabled(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
     """What of PDOs that are enabled may be changed while none is sent: an event timer, bit 31, a type."""
     timer, _, kind = _FIELDS
     on = [(pdo, config) for pdo, config in pdos.items() if _is_whole_and_on(node, pdo, config)]
@@ -201,13 +201,13 @@ def _number(node: Node, index: int) -> int | None:
         return None
 
 
-def _heartbeats(node: Node, held: int, put: int) -> Iterator[ObjectPlace]:
+def _heartbeats(node: Node, held: int, put: int) -> Iterator[CanaryObject]:
     before, after = (value.to_bytes(2, "little") for value in (held, put))
     if node.profile.store.needed_for(_HEARTBEAT) and not errors_in(raw_write_findings(node, _HEARTBEAT, 0, after)):
-        yield ObjectPlace(Step(_HEARTBEAT, 0, before, after, "test the reset"), "heartbeat time in ms")
+        yield CanaryObject(Step(_HEARTBEAT, 0, before, after, "test the reset"), "heartbeat time in ms")
 
 
-def _unused_entries(node: Node, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[ObjectPlace]:
+def _unused_entries(node: Node, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryObject]:
     """The first entry of the empty mapping of *pdo*, with what another PDO of that direction maps."""
     entries = (entry for other, config in pdos.items() if other.is_tpdo is pdo.is_tpdo for entry in config.mapping)
     held = read_optional(node.memory, pdo.mapping_index, 1, 4)
@@ -217,7 +217,7 @@ def _unused_entries(node: Node, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iter
         after = entry.raw.to_bytes(4, "little")
         if not errors_in(raw_write_findings(node, pdo.mapping_index, 1, after)):
             step = Step(pdo.mapping_index, 1, held.to_bytes(4, "little"), after, "test the reset")
-            yield ObjectPlace(step, f"unused entry of {pdo.label}")
+            yield CanaryObject(step, f"unused entry of {pdo.label}")
             return
 
 
@@ -226,12 +226,12 @@ def _is_whole_and_on(node: Node, pdo: Pdo, config: PdoConfig) -> bool:
     return is_whole and config.enabled and node.profile.store.needed_for(pdo.communication_index)
 
 
-def _taken_off(node: Node, pdo: Pdo, config: PdoConfig) -> Iterator[Place]:
+def _taken_off(node: Node, pdo: Pdo, config: PdoConfig) -> Iterator[CanaryParameter]:
     """*pdo* switched off, where the rules let that be done and undone."""
     off = replace(config, communication=replace(config.communication, cob_id=config.communication.cob_id.disabled()))
     ways = ((config, off), (off, config))
     if not any(errors_in(check_pdo(proposal(node, pdo, now, want))) for now, want in ways):
-        yield Place(pdo, "cob_id", 1, config, off)
+        yield CanaryParameter(pdo, "cob_id", 1, config, off)
 
 
 def _is_off(config: PdoConfig) -> bool:
@@ -241,7 +241,7 @@ def _is_off(config: PdoConfig) -> bool:
 
 def _allowed(
     node: Node, pdo: Pdo, config: PdoConfig, field: str, sub_index: int, values: tuple[int, ...]
-) -> Iterator[Place]:
+) -> Iterator[CanaryParameter]:
     held = _value(config, field)
     if not isinstance(held, int):
         return
@@ -251,7 +251,7 @@ def _allowed(
             continue
         want = replace(config, communication=replace(config.communication, **{field: value}))
         if not errors_in(check_pdo(proposal(node, pdo, config, want))):
-            yield Place(pdo, field, sub_index, config, want)
+            yield CanaryParameter(pdo, field, sub_index, config, want)
 
 
 def choose_canary(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
@@ -278,7 +278,7 @@ def _is_default(node: Node, place: AnyPlace) -> bool:
     default = None if entry is None else entry.initial(node.node_id)
     if default is None:
         return False
-    is_cob_id = isinstance(place, Place) and place.field == "cob_id"
+    is_cob_id = isinstance(place, CanaryParameter) and place.field == "cob_id"
     return not CobId.from_raw(int.from_bytes(default, "little")).valid if is_cob_id else default == step.after
 
 

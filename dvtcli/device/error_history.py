@@ -14,7 +14,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DeviceRefused, DvtcliError, SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.nmt_gate import Access
+    from dvtcli.device.nmt_gate import NodeAccess
     from dvtcli.domain.ports import SdoTransport
     from dvtcli.domain.profile import FaultList
 
@@ -53,7 +53,7 @@ def read_history(sdo: SdoTransport) -> tuple[HistoryEntry, ...] | None:
     return tuple(entries)
 
 
-def clear_history(access: Access) -> tuple[HistoryEntry, ...]:
+def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
     """Empty the error history (0 to 0x1003:00) and read back that it is; what it held before.
 
     DeviceRefused where the device has none, SdoAborted where it refuses, DvtcliError where it is not empty afterwards.
@@ -81,7 +81,7 @@ def clear_history(access: Access) -> tuple[HistoryEntry, ...]:
     return before
 
 
-def _nothing_to_clear(access: Access) -> DeviceRefused:
+def _nothing_to_clear(access: NodeAccess) -> DeviceRefused:
     own = access.profile.fault_list
     what = "its manual says how it forgets errors"
     if own is not None:
@@ -96,7 +96,7 @@ def _nothing_to_clear(access: Access) -> DeviceRefused:
     )
 
 
-def read_fault_list(access: Access, own: FaultList, *, may_choose: bool) -> tuple[int, ...]:
+def read_fault_list(access: NodeAccess, own: FaultList, *, may_choose: bool) -> tuple[int, ...]:
     """The codes in a family's *own* list, in its order.
 
     A position is chosen by writing it, and what was chosen before is put back; without *may_choose* only the code at

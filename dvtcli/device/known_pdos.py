@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from dvtcli.device.came_up import CameUp
+from dvtcli.device.boot_snapshot import BootSnapshot
 from dvtcli.device.reached import Reached
 from dvtcli.device.read_pdos import UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
@@ -38,7 +38,7 @@ class KnownPdos(Reached):
     #: whether it was asked for 0x1020, and has none
     has_no_stamp: bool = False
     #: what it came up with, for `store --if-changed`
-    came_up: CameUp = field(default_factory=CameUp)
+    boot_snapshot: BootSnapshot = field(default_factory=BootSnapshot)
     #: the other nodes that this session knows
     neighbours: Callable[[], Iterable[KnownPdos]] = tuple
     #: the COB-IDs of all its TPDOs as they were last read for another node, and its boot-ups by then
@@ -71,7 +71,7 @@ class KnownPdos(Reached):
         self._pdos = self.observed(self._read_pdos)
         self._shown = dict(self._pdos)
         if self.bus.boot_ups(self.node_id) == boot_ups:
-            self.came_up.read(boot_ups, self._pdos)
+            self.boot_snapshot.read(boot_ups, self._pdos)
         return self._pdos
 
     def _read_pdos(self) -> dict[Pdo, PdoConfig]:
@@ -166,8 +166,8 @@ class KnownPdos(Reached):
         try:
             boot_ups = self.bus.boot_ups(self.node_id)
         except BusUnavailable:  # a dead bus stays dead: nothing will be stored over it
-            boot_ups = self.came_up.boot_ups
-        self.came_up.wrote(boot_ups)
+            boot_ups = self.boot_snapshot.boot_ups
+        self.boot_snapshot.wrote(boot_ups)
 
     def commanded(self) -> None:
         """An NMT command was sent by hand: the gate no longer knows the state, and what was read may be old."""

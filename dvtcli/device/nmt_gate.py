@@ -13,7 +13,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress, PreOperational
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, stopped_node
 
 #: How long a node may take to confirm a state change, in seconds.
@@ -21,7 +21,7 @@ CONFIRM_TIMEOUT_S = 2.0
 
 
 @dataclass(slots=True)
-class Access:
+class NodeAccess:
     """One node's state and reasons, read the way its *profile* says."""
 
     bus: CanopenBus
@@ -145,7 +145,7 @@ class Gate:
     *consent* is asked before a node leaves OPERATIONAL; it returns or raises.
     """
 
-    access: Access
+    access: NodeAccess
     consent: Callable[[str], None]
     found: NmtState | None = None
     entered: bool = False
@@ -204,7 +204,7 @@ class Gate:
                 self.access.insist(NmtState.OPERATIONAL)
             except DvtcliError as failed:
                 self._vanished = isinstance(failed, NoAnswer)
-                before = f"{several(self.done)} before that; " if self.done else ""
+                before = f"{join_some(self.done)} before that; " if self.done else ""
                 failed.state = "unknown"
                 failed.state_text = f"unknown: {before}it was not seen to be OPERATIONAL again"
                 raise

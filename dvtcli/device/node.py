@@ -17,7 +17,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.change.way_back import TakeBack
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.plan import PdoChange, Plan
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
@@ -32,7 +32,9 @@ class Node(Applier):
     #: how many changes were put back that were none of this session's
     unkept: int = 0
 
-    def configure(self, wants: Mapping[Pdo, PdoWant], *, force: bool = False, found: Found | None = None) -> Applied:
+    def configure(
+        self, wants: Mapping[Pdo, PdoWant], *, force: bool = False, found: InitialState | None = None
+    ) -> Applied:
         """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back.
 
         *found* is how the node was claimed, where it was for this already: what was read since then counts.
@@ -46,7 +48,7 @@ class Node(Applier):
         from dvtcli.domain.plan import Plan, plan_pdo
         from dvtcli.domain.request import instead_findings, said_by
         from dvtcli.domain.rules import check_pdo
-        from dvtcli.domain.several import several
+        from dvtcli.domain.several import join_some
 
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         look = self.pdo if found is None else self.known_pdo
@@ -61,7 +63,7 @@ class Node(Applier):
             if now[pdo] != want or not want.has_cob_id:  # nobody knows whether that is so already
                 proposed = proposal(self, pdo, now[pdo], want, wanted)
                 findings += [*instead_findings(wants[pdo], proposed), *check_pdo(proposed)]
-        labels = several(pdo.label for pdo in wanted)
+        labels = join_some(pdo.label for pdo in wanted)
         # with nothing to write, force would only make of "nobody knows" that it is so
         can_force = all(now[pdo] != want or want.has_cob_id for pdo, want in wanted.items())
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force, can_force=can_force)
@@ -180,7 +182,7 @@ class Node(Applier):
 
     def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
         """The PDOs of which *plan* writes nothing, as they were read last, each as a change to what it is."""
-        from dvtcli.device.change.other_pdos import as_they_are, present_beside
+        from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 
         present = present_beside(self, plan)
         return as_they_are({pdo: config for pdo, config in self.last_read.items() if pdo in present})
@@ -190,7 +192,7 @@ class Node(Applier):
 
         LeftChanged names the PDOs that are not as they were.
         """
-        from dvtcli.device.change.other_pdos import altered_of, others_left
+        from dvtcli.device.change.untouched_pdos import altered_of, others_left
         from dvtcli.domain.plan import PdoChange, Plan, plan_pdo
 
         boot_ups = self.bus.boot_ups(self.node_id)
@@ -207,7 +209,9 @@ class Node(Applier):
         if still:
             raise others_left(plan, still)
 
-    def _apply_back(self, plan: Plan, unknown: tuple[Finding, ...], found: Found, *, is_patient: bool) -> Applied:
+    def _apply_back(
+        self, plan: Plan, unknown: tuple[Finding, ...], found: InitialState, *, is_patient: bool
+    ) -> Applied:
         """Apply *plan*, the way back; with *is_patient* a refusal that may pass is waited for, as a roll-back does."""
         from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
         from dvtcli.domain.abort import may_pass

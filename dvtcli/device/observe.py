@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import NoAnswer, SafetyRefusal
 
 #: How often something is looked at anew before the node counts as one that cannot be looked at.
@@ -21,7 +21,7 @@ MOST_LOOKS = 5
 T = TypeVar("T")
 
 
-class Witness(Protocol):
+class RebootMonitor(Protocol):
     """Who noticed what happened to a node."""
 
     def boot_ups(self) -> int:
@@ -50,7 +50,7 @@ class BusWitness:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class InitialState:
     """How a node was found before a change was planned: its NMT state, None where it told none, and what had happened.
 
     *boot_ups* and *upsets* are those of the bus by then. With *whatever_happened* the change is made also if the node
@@ -75,7 +75,7 @@ class Undisturbed:
         return 0
 
 
-def observed(witness: Witness, look: Callable[[], T], node_id: int | None = None) -> T:
+def observed(witness: RebootMonitor, look: Callable[[], T], node_id: int | None = None) -> T:
     """What *look* answers, once nothing upset the node from its first to its last upload; *node_id* names it.
 
     NoAnswer where that does not come about within `MOST_LOOKS`.
@@ -95,7 +95,7 @@ def observed(witness: Witness, look: Callable[[], T], node_id: int | None = None
 
 def restarted_since_read(node_id: int, lost: Iterable[str] = ()) -> SafetyRefusal:
     """The error of a change that was not begun, since *node_id* restarted after it was read; *lost* are labels."""
-    gone = several(lost)
+    gone = join_some(lost)
     return SafetyRefusal(
         f"node {node_id} restarted since it was read; run it again",
         node=node_id,

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.looking import Looking
-from dvtcli.device.nmt_gate import Access, Gate
+from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.observe import BusWitness, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
+from dvtcli.device.read_cache import ReadCache
 from dvtcli.device.read_pdos import IDENTITY, read_optional
-from dvtcli.device.remembered import Memory
+from dvtcli.device.read_progress import ReadProgress
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
@@ -41,7 +41,7 @@ class Reached:
     cancellation: Cancellation = field(default_factory=Cancellation)
     consent: Callable[[str], None] = lambda _question: None
     #: told of every object that is read ahead of a change or for a list
-    on_look: Callable[[Looking], None] = lambda _looking: None
+    on_look: Callable[[ReadProgress], None] = lambda _looking: None
     #: how many of its boot-ups had been heard (`bus.boot_ups`) when this process first asked it
     boot_ups_at_contact: int = 0
     #: as *consent*, for what no question before it named: it is asked also in the middle of what was agreed to
@@ -52,13 +52,13 @@ class Reached:
     #: how many PDOs of how many were read, where they all are
     _looked: tuple[int, int] = field(default=(0, 0), init=False)
     #: what was read of it since something could have changed it
-    memory: Memory = field(init=False)
+    memory: ReadCache = field(init=False)
 
     def __post_init__(self) -> None:
-        self.memory = Memory(self.bus, self.node_id, lambda: self.sdo, self._looks)
+        self.memory = ReadCache(self.bus, self.node_id, lambda: self.sdo, self._looks)
 
     def _looks(self, index: int, sub_index: int) -> None:
-        self.on_look(Looking(self.node_id, index, sub_index, *self._looked))
+        self.on_look(ReadProgress(self.node_id, index, sub_index, *self._looked))
 
     @property
     def sdo(self) -> SdoTransport:
@@ -75,9 +75,9 @@ class Reached:
         return observed(self.witness, look, self.node_id)
 
     @property
-    def access(self) -> Access:
+    def access(self) -> NodeAccess:
         """The node's state and reasons."""
-        return Access(self.bus, self.node_id, self.profile)
+        return NodeAccess(self.bus, self.node_id, self.profile)
 
     @property
     def gate(self) -> Gate:

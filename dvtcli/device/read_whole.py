@@ -80,7 +80,7 @@ def read_whole(
     NoAnswer if the node falls silent.
     """
     found = {one.place: one for one in (_judged(entry, known) for entry in entries)}
-    reading = _Reading(node, on_object, around)
+    reading = _DeviceReading(node, on_object, around)
     reading.read(found, [place for place, one in found.items() if one.unread is None])
     twice = [place for place, one in found.items() if one.data is not None and again(one)]
     if twice:
@@ -119,7 +119,7 @@ def _judged(entry: OdEntry, known: Configuration) -> ReadObject:
 
 
 @dataclass(slots=True)
-class _Reading:
+class _DeviceReading:
     """How a *node* is read."""
 
     node: Node

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
-from dvtcli.device.nmt_gate import Access
+from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
@@ -105,7 +105,7 @@ def _answers(bus: CanopenBus, node_id: int) -> bool:
     return True
 
 
-def send_reset(access: Access, command: NmtCommand) -> SentReset:
+def send_reset(access: NodeAccess, command: NmtCommand) -> SentReset:
     """Reset the node, and wait for nothing; it may take `BOOT_TIMEOUT_S` to its boot-up message."""
     bus, node_id = access.bus, access.node_id
     sent = SentReset(bus, node_id, bus.boot_ups(node_id), bus.now_s())
@@ -113,7 +113,7 @@ def send_reset(access: Access, command: NmtCommand) -> SentReset:
     return sent
 
 
-def reset_and_wait(access: Access, command: NmtCommand) -> float:
+def reset_and_wait(access: NodeAccess, command: NmtCommand) -> float:
     """Reset the node and wait for its boot-up message, or any other answer; the seconds it took. NoAnswer."""
     return send_reset(access, command).wait()
 
@@ -141,7 +141,7 @@ def reset_all_and_wait(
 
 
 def await_power_cycle(
-    access: Access, timeout_s: float, ask: Callable[[], None], stop: Callable[[], None] = lambda: None
+    access: NodeAccess, timeout_s: float, ask: Callable[[], None], stop: Callable[[], None] = lambda: None
 ) -> None:
     """Let *ask* ask somebody to switch the node off and on, and wait for it to be back; NoAnswer if it is not.
 
@@ -170,7 +170,7 @@ def await_power_cycle(
             )
 
 
-def return_to(access: Access, state: NmtState | None) -> None:
+def return_to(access: NodeAccess, state: NmtState | None) -> None:
     """Bring a node that was OPERATIONAL before its reset back there."""
     if state is NmtState.OPERATIONAL:
         access.request(NmtState.OPERATIONAL)

@@ -26,7 +26,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
 
 #: What stricter families answer to a parameter of a PDO that is on.
 _WHILE_ON = (Abort.VALUE_RANGE, Abort.DEVICE_STATE, Abort.READ_ONLY)
@@ -45,7 +45,7 @@ def carry_out_as_taken(
     node: Changeable,
     plan: Plan,
     findings: tuple[Finding, ...],
-    found: Found | None,
+    found: InitialState | None,
     done: Callable[[Plan, int], None],
     *,
     is_kept: bool = False,
@@ -59,7 +59,7 @@ def carry_out_as_taken(
     """
     plan = _as_known(node, plan)
 
-    def run(one: Plan, found: Found | None) -> None:
+    def run(one: Plan, found: InitialState | None) -> None:
         carry_out(node, one, findings, found=found, done=lambda boot_ups: done(one, boot_ups), is_kept=is_kept)
 
     if _wants_pre_operational(node, plan) and present_state(node.access) is NmtState.OPERATIONAL:
@@ -76,7 +76,7 @@ def carry_out_as_taken(
 
 
 #: carries a plan out; None: the node is claimed anew
-_Run = Callable[[Plan, "Found | None"], None]
+_Run = Callable[[Plan, "InitialState | None"], None]
 
 
 def _carry_out_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> tuple[Plan, Finding]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dvtcli.device.nmt_gate import Access
+from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.drive_state import drive_state
@@ -36,7 +36,7 @@ _LISTEN_S = 10.0
 _LATE_S = 0.5
 
 
-def seen_state(access: Access, wanted: NmtState) -> NmtState | None:
+def seen_state(access: NodeAccess, wanted: NmtState) -> NmtState | None:
     """The state that a node just commanded to *wanted* is seen in; None where it cannot be seen.
 
     By boot-up, heartbeat or the family's state object; a heartbeat that is slow (0x1017) is waited for. By node
@@ -46,7 +46,7 @@ def seen_state(access: Access, wanted: NmtState) -> NmtState | None:
     return _settled(access, wanted, access.confirmed(wanted, CONFIRM_S))
 
 
-def _settled(access: Access, wanted: NmtState, state: NmtState | None) -> NmtState | None:
+def _settled(access: NodeAccess, wanted: NmtState, state: NmtState | None) -> NmtState | None:
     """What is seen after *state* was heard (or nothing, None) for `CONFIRM_S`."""
     if state is wanted or (state is None and wanted is NmtState.STOPPED):
         return state  # a stopped node answers no SDO: it cannot be asked how it could be seen
@@ -57,7 +57,7 @@ def _settled(access: Access, wanted: NmtState, state: NmtState | None) -> NmtSta
     return _guarded(access) if state is None and period_s == 0 else state
 
 
-def present_state(access: Access) -> NmtState | None:
+def present_state(access: NodeAccess) -> NmtState | None:
     """The state that a node is in, which was not commanded; None if nothing tells it.
 
     If it was not heard yet, and no object tells it, the next heartbeat is waited for (0x1017 says how long), or the
@@ -72,7 +72,7 @@ def present_state(access: Access) -> NmtState | None:
     return _guarded(access) if period_s == 0 else None
 
 
-def _heartbeat_s(access: Access) -> float | None:
+def _heartbeat_s(access: NodeAccess) -> float | None:
     """Time between two heartbeats (s), 0 for none; None where the node does not answer."""
     try:
         return (read_optional(access.bus.sdo(access.node_id), HEARTBEAT_TIME, 0, 2) or 0) / 1000
@@ -80,7 +80,7 @@ def _heartbeat_s(access: Access) -> float | None:
         return None  # not to be asked is no state either: the caller says "not confirmed"
 
 
-def _guarded(access: Access) -> NmtState | None:
+def _guarded(access: NodeAccess) -> NmtState | None:
     """What the node answers to one node guarding request; None where it must not be asked, or is silent."""
     bus, sdo = access.bus, access.bus.sdo(access.node_id)
     try:
@@ -96,7 +96,7 @@ def _guarded(access: Access) -> NmtState | None:
     return state
 
 
-def seen_states(accesses: Mapping[int, Access], wanted: NmtState) -> dict[int, NmtState | None]:
+def seen_states(accesses: Mapping[int, NodeAccess], wanted: NmtState) -> dict[int, NmtState | None]:
     """As `seen_state`, of many nodes that were commanded at once; they are waited for together."""
     if not accesses:
         return {}

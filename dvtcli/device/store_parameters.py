@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.nmt_gate import Access
+from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
@@ -38,7 +38,7 @@ class Signed:
 
 
 def sign(
-    access: Access,
+    access: NodeAccess,
     policy: StorePolicy,
     index: int,
     sub_index: int | None,
@@ -84,7 +84,7 @@ def sign(
 
 
 def chosen(
-    access: Access, policy: StorePolicy, index: int, sub_index: int | None, dictionary: ObjectDictionary | None
+    access: NodeAccess, policy: StorePolicy, index: int, sub_index: int | None, dictionary: ObjectDictionary | None
 ) -> tuple[int, int | None]:
     """The sub-index that would take the signature, and what it reads (None: unknown); writes nothing.
 

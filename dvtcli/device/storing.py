@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.access_level import level_finding
 from dvtcli.device.applied import refuse
+from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.unstored import held_unstored
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal

@@ -13,12 +13,12 @@ from dvtcli.errors import InputFileError, SdoAborted, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.change_history import ChangeHistory
     from dvtcli.device.known_pdos import KnownPdos
-    from dvtcli.device.past import Past
     from dvtcli.domain.plan import Change
 
 
-def held_unstored(node: KnownPdos, past: Past, identity: Identity) -> Mapping[str, int]:
+def held_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> Mapping[str, int]:
     """Labels of changes that *node* holds and no store is known to have taken, each with its index.
 
     *past* remembers them of the device of this *identity* (0x1018). It is read for that: what a restart took, or
@@ -31,12 +31,12 @@ def held_unstored(node: KnownPdos, past: Past, identity: Identity) -> Mapping[st
     }
 
 
-def is_remembered(node: KnownPdos, past: Past) -> bool:
+def is_remembered(node: KnownPdos, past: ChangeHistory) -> bool:
     """Whether *past* has a change of *node* that no store is known to have taken; nothing of it is read for that."""
     return bool(last_unstored(node, past, node.identity()))
 
 
-def last_unstored(node: KnownPdos, past: Past, identity: Identity) -> dict[str, Change]:
+def last_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> dict[str, Change]:
     """The last remembered change of each PDO and object, where it was not stored; oldest first."""
     try:
         entries = past.all_of(node.node_id, identity)

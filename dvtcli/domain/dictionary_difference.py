@@ -16,7 +16,7 @@ _SCALE = {"factor": "1", "offset": "0"}
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class DictionaryDifference:
     """One thing that differs: of which object (*place*, `6041:00`; empty: the device), *what*, *before* and *after*.
 
     *what* is a name of `OdEntry`, `OdObject` or `DeviceInfo`, or `object` where it is in one of them only.
@@ -28,14 +28,14 @@ class Difference:
     after: Any
 
 
-def differences(before: ObjectDictionary, after: ObjectDictionary) -> Iterator[Difference]:
+def differences(before: ObjectDictionary, after: ObjectDictionary) -> Iterator[DictionaryDifference]:
     """Everything that *after* says otherwise than *before*, or not at all."""
     yield from _unlike("", _bare(before.info), _bare(after.info))
     yield from _unlike("", before.info.commissioning, after.info.commissioning)
     for index in sorted(before.keys() | after.keys()):
         held, left = before.get(index), after.get(index)
         if held is None or left is None:
-            yield Difference(f"{index:04X}", "object", held and held.name, left and left.name)
+            yield DictionaryDifference(f"{index:04X}", "object", held and held.name, left and left.name)
         else:
             yield from _in_object(held, left)
 
@@ -44,22 +44,22 @@ def _bare(info: DeviceInfo) -> DeviceInfo:
     return replace(info, commissioning=Commissioning())
 
 
-def _in_object(held: OdObject, left: OdObject) -> Iterator[Difference]:
+def _in_object(held: OdObject, left: OdObject) -> Iterator[DictionaryDifference]:
     yield from _unlike(f"{held.index:04X}", held, left)
     for sub_index in sorted(held.entries.keys() | left.entries.keys()):
         one, other = held.entries.get(sub_index), left.entries.get(sub_index)
         name = f"{held.index:04X}:{sub_index:02X}"
         if one is None or other is None:
-            yield Difference(name, "object", one and one.name, other and other.name)
+            yield DictionaryDifference(name, "object", one and one.name, other and other.name)
         else:
             yield from _unlike(name, one, other)
 
 
-def _unlike(name: str, one: Any, other: Any) -> Iterator[Difference]:
+def _unlike(name: str, one: Any, other: Any) -> Iterator[DictionaryDifference]:
     for field in fields(one):
         before, after = getattr(one, field.name), getattr(other, field.name)
         if field.name not in _NOT_SAID and before != after and not _same_number(field.name, before, after):
-            yield Difference(name, field.name, before, after)
+            yield DictionaryDifference(name, field.name, before, after)
 
 
 def _same_number(name: str, before: Any, after: Any) -> bool:

@@ -31,7 +31,7 @@ class Period:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class LatestFrame:
     """The last frame of a CAN-ID: its *data*, when it came (s, of the clock that `LastFrames.take` was given)."""
 
     data: bytes
@@ -44,7 +44,7 @@ class LastFrames:
     """Remembers the last data frame of each CAN-ID, at most `MOST` of them."""
 
     def __init__(self) -> None:
-        self._heard: OrderedDict[tuple[int, bool], Heard] = OrderedDict()
+        self._heard: OrderedDict[tuple[int, bool], LatestFrame] = OrderedDict()
         #: when a PDO parameter was written last, by node-ID and index, and when the node booted (index 0)
         self._set_s: dict[tuple[int, int], float] = {}
 
@@ -56,7 +56,7 @@ class LastFrames:
         if not frame.extended and frame.data:
             self._note_setting(frame.can_id, frame.data, now_s)
         before = self._heard.pop(key, None)
-        self._heard[key] = Heard(frame.data, now_s, None if before is None else _period(before, now_s))
+        self._heard[key] = LatestFrame(frame.data, now_s, None if before is None else _period(before, now_s))
         if len(self._heard) > MOST:
             self._heard.popitem(last=False)
 
@@ -78,12 +78,12 @@ class LastFrames:
         """When one of the PDO parameters *indices* of *node_id* was written last, or the node booted, as was heard."""
         return max(self._set_s.get((node_id, index), _NEVER) for index in (0, *indices))
 
-    def last(self, can_id: int, *, extended: bool = False) -> Heard | None:
+    def last(self, can_id: int, *, extended: bool = False) -> LatestFrame | None:
         """What was last heard with *can_id* (11 bits, 29 where *extended*), None where nothing was."""
         return self._heard.get((can_id, extended))
 
 
-def _period(before: Heard, now_s: float) -> Period:
+def _period(before: LatestFrame, now_s: float) -> Period:
     gap_s, known = now_s - before.at_s, before.period
     if known is None:
         return Period(gap_s, gap_s, gap_s)

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.unit import parse_factor, parse_offset, parse_scale
 
 #: what is known of an object that nobody describes
-NOTHING = Physical()
+NOTHING = Scaling()
 #: the device type, whose lower half is the number of a device profile (CiA 301, 7.5.2.1)
 _DEVICE_TYPE = 0x1000
 #: objects up to here have the types that CiA 301 gives them, whatever file there is
@@ -51,11 +51,11 @@ class Meaning:
     With *numbered* the bits of sub-index k are called `NAME n`, counted through from sub-index 1, *per* of them each.
     """
 
-    physical: Physical
+    physical: Scaling
     numbered: str = ""
     per: int = 8
 
-    def at(self, sub_index: int) -> Physical:
+    def at(self, sub_index: int) -> Scaling:
         """What the object at *sub_index* means."""
         if not self.numbered:
             return self.physical
@@ -64,11 +64,11 @@ class Meaning:
 
 
 @dataclass(frozen=True, slots=True)
-class Understood:
+class ScaledValue:
     """What the bytes of one object mean: its type, and its physical meaning."""
 
     data_type: DataType
-    meaning: Physical
+    meaning: Scaling
 
     def value(self, data: bytes | None) -> Value | None:
         """The raw value in *data*; None where there is none, or it does not fit the type."""
@@ -93,7 +93,7 @@ class Standard:
     rules: Rules
     names: Mapping[int, str] = field(default_factory=dict)
 
-    def rule(self, index: int, sub_index: int, dictionary: ObjectDictionary | None) -> Physical | None:
+    def rule(self, index: int, sub_index: int, dictionary: ObjectDictionary | None) -> Scaling | None:
         """What it says of *index*:*sub_index* of the device that *dictionary* describes, None for nothing."""
         told = _profile_number(dictionary)
         if self.number == 301 or told in (None, self.number):
@@ -114,7 +114,7 @@ def _profile_number(dictionary: ObjectDictionary | None) -> int | None:
     return None if data is None else int.from_bytes(data, "little") & 0xFFFF
 
 
-def best(rules: Rules, index: int, sub_index: int) -> Physical | None:
+def best(rules: Rules, index: int, sub_index: int) -> Scaling | None:
     """The meaning of the narrowest range that holds *index*:*sub_index*, None where none does."""
     fitting = [(place.size, meaning) for place, meaning in rules.items() if place.holds(index, sub_index)]
     return min(fitting, key=lambda one: one[0])[1].at(sub_index) if fitting else None
@@ -139,16 +139,16 @@ class Meanings:
         self._own = own
         self._standards = standards
         self._dictionary = dictionary
-        self._found: dict[tuple[int, int], Physical] = {}
+        self._found: dict[tuple[int, int], Scaling] = {}
 
-    def of(self, index: int, sub_index: int) -> Physical:
+    def of(self, index: int, sub_index: int) -> Scaling:
         """What *index*:*sub_index* means; `NOTHING` where nobody says."""
         place = index, sub_index
         if place not in self._found:
             self._found[place] = self._look_up(index, sub_index)
         return self._found[place]
 
-    def _look_up(self, index: int, sub_index: int) -> Physical:
+    def _look_up(self, index: int, sub_index: int) -> Scaling:
         entry = self._dictionary.entry(index, sub_index) if self._dictionary else None
         found = self._said(index, sub_index, entry)
         if self._only_described and entry is None and index > _LAST_OF_CIA_301 and found.has_number:
@@ -156,7 +156,7 @@ class Meanings:
             return replace(found, unit="", factor=NOTHING.factor, offset=NOTHING.offset)
         return found
 
-    def _said(self, index: int, sub_index: int, entry: OdEntry | None) -> Physical:
+    def _said(self, index: int, sub_index: int, entry: OdEntry | None) -> Scaling:
         for rules in self._own:
             if (found := best(rules, index, sub_index)) is not None:
                 return found
@@ -169,7 +169,7 @@ class Meanings:
         return told
 
 
-def _of_file(entry: OdEntry) -> Physical:
+def _of_file(entry: OdEntry) -> Scaling:
     """What a file says: `Unit` and `Factor` of an EDS, which are no standard's keys, or an XDD's unit and scale.
 
     A limit is never an offset.
@@ -178,4 +178,4 @@ def _of_file(entry: OdEntry) -> Physical:
     with suppress(ValueError):  # there is none, or it is none
         factor *= parse_factor(entry.factor)
     offset = parse_offset(entry.offset) if entry.offset else Fraction(0)
-    return Physical(unit, factor, offset * factor)
+    return Scaling(unit, factor, offset * factor)

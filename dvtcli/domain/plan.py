@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.several import few_bytes
+from dvtcli.domain.several import hex_preview
 
 #: Verify configuration (CiA 301): date and time that stand for what a device holds (`stamp`).
 STAMP = 0x1020
@@ -54,7 +54,7 @@ class Step:
         value = int.from_bytes(data, "little")
         if self.names_object:
             return f"0x{value:04X}"
-        return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else few_bytes(data)
+        return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else hex_preview(data)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,13 +10,13 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def several(names: Iterable[str]) -> str:
+def join_some(names: Iterable[str]) -> str:
     """Names for one line: all of a few, else the first ones and how many more there are."""
     found = list(names)
     return ", ".join(found) if len(found) <= 4 else f"{', '.join(found[:3])} and {len(found) - 3} more"
 
 
-def few_bytes(data: bytes) -> str:
+def hex_preview(data: bytes) -> str:
     """The first of many bytes, and how many there are: a line beside others has room for few."""
     most = 16
     return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"
@@ -26,4 +26,4 @@ def value_text(data: bytes) -> str:
     """An object's value in words: a number where it has a number's length, else its bytes, of many the first."""
     if len(data) in (1, 2, 4, 8):
         return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
-    return few_bytes(data) or "empty"
+    return hex_preview(data) or "empty"

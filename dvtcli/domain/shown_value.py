@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.meanings import NOTHING, Understood
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.meanings import NOTHING, ScaledValue
+from dvtcli.domain.scaling import Scaling
 
 if TYPE_CHECKING:
     from dvtcli.domain.plan import Step
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 MOST_SHOWN, _WIDEST = 128, 24
 
 
-def value_text(value: Value | None, meaning: Physical = NOTHING, bits: int = 0, *, hexed: bool = False) -> str:
+def value_text(value: Value | None, meaning: Scaling = NOTHING, bits: int = 0, *, hexed: bool = False) -> str:
     """*value*, of *bits* bits, as a person reads it: `48.0 V (768)`, `operation enabled (0x0637)`; `-` for None.
 
     With *hexed* a number that nothing is known of is followed by its hex digits: its bits may mean something.
@@ -32,7 +32,7 @@ def value_text(value: Value | None, meaning: Physical = NOTHING, bits: int = 0, 
     return text or str(value)
 
 
-def step_text(step: Step, data: bytes | None, known: Understood | None) -> str:
+def step_text(step: Step, data: bytes | None, known: ScaledValue | None) -> str:
     """*data* of the object of *step* with what it means, where that is *known*; else as the field writes it."""
     value = None if known is None else known.value(data)
     if known is None or value is None or isinstance(value, bytes):

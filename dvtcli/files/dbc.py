@@ -14,7 +14,7 @@ from typing import Any
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.bounded_process import BoundedProcess, child_command
 from dvtcli.files.dbc_child import MOST_CPU_S, MOST_MEMORY
@@ -118,7 +118,7 @@ def _hint(path: Path) -> Hint:
 def _layout(said: Mapping[str, Any], file: str) -> Layout:
     """The layout of the message that *said* describes; its unit only, as its values are scaled when they are read."""
     signals = tuple(
-        Signal(one["name"], one["name"], "", Physical(one["unit"]),
+        Signal(one["name"], one["name"], "", Scaling(one["unit"]),
                place=SignalPlace(one["start"], one["bits"], one["big_endian"]))
         for one in said["signals"]
     )  # fmt: skip

@@ -28,7 +28,7 @@ _TRUTH = {"true": True, "yes": True, "on": True, "false": False, "no": False, "o
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class MappingWord:
     """A mapping entry as it was written, and its line (1 and up)."""
 
     text: str
@@ -47,7 +47,7 @@ class PdoText:
     inhibit_time: int | None = None
     event_timer: int | None = None
     sync_start_value: int | None = None
-    mapping: tuple[Word, ...] | None = None
+    mapping: tuple[MappingWord, ...] | None = None
 
 
 def write_pdo_yaml(pdo: Pdo, config: PdoConfig, names: Sequence[str], title: str) -> str:
@@ -202,11 +202,11 @@ def _number(node: Node, low: int, high: int, unit_ms: float) -> int:
     return round(value)
 
 
-def _mapping(node: Node) -> tuple[Word, ...]:
+def _mapping(node: Node) -> tuple[MappingWord, ...]:
     from ruamel.yaml.nodes import ScalarNode, SequenceNode
 
     if isinstance(node, ScalarNode) and str(node.value) in ("", "~", "null"):
         return ()
     if not isinstance(node, SequenceNode):
         raise wrong_at(node.start_mark.line + 1, "the mapping is a list: one `- OBJECT/BITS` a line")
-    return tuple(Word(*_text(entry)) for entry in node.value)
+    return tuple(MappingWord(*_text(entry)) for entry in node.value)

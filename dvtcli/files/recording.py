@@ -29,7 +29,7 @@ _MOST_TRIED = 50_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class RecordedFrame:
     """One frame of a recording, with the name of the *channel* it came from; an *error* frame, or one of CAN *fd*."""
 
     frame: Frame
@@ -43,7 +43,7 @@ def read_recording(path: Path) -> Iterator[Frame]:
     return (one.frame for one in read_recorded(path) if not one.error)
 
 
-def read_recorded(path: Path) -> Iterator[Recorded]:
+def read_recorded(path: Path) -> Iterator[RecordedFrame]:
     """All that is in *path*, in its order.
 
     UsageError where the file is missing or its format unknown; InputFileError, with the line where it is known, where
@@ -63,7 +63,7 @@ def read_recorded(path: Path) -> Iterator[Recorded]:
         raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {kind.suffix} file?", place=str(path))
 
 
-def _all_in(kind: RecordingFormat, source: Any) -> Iterator[Recorded]:
+def _all_in(kind: RecordingFormat, source: Any) -> Iterator[RecordedFrame]:
     """All that is in *source*; an error that *kind* knows where it is damaged."""
     for message in kind.reader(source):
         if isinstance(source, LeftLines):
@@ -74,7 +74,7 @@ def _all_in(kind: RecordingFormat, source: Any) -> Iterator[Recorded]:
             _refuse_other_length(message)
         channel = "" if message.channel is None else str(message.channel)
         fd = message.is_fd or len(message.data) > _MOST_BYTES
-        yield Recorded(frame_of(message), channel, message.is_error_frame, fd)
+        yield RecordedFrame(frame_of(message), channel, message.is_error_frame, fd)
 
 
 def _refuse_no_date(time_s: float) -> None:

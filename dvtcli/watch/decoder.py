@@ -14,8 +14,8 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import NOTHING, Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.watch.service import Service, service_of
 
 #: A frame's identity on the bus: CAN-ID and whether it has 29 bits.
@@ -46,7 +46,7 @@ class Signal:
     key: str
     name: str = ""
     object: str = ""
-    meaning: Physical = NOTHING
+    meaning: Scaling = NOTHING
     bits: int = 0
     data_type: DataType | None = None
     place: SignalPlace | None = None

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.watch.decoder import Address
 from dvtcli.watch.service import Service, service_of
 
@@ -80,9 +80,9 @@ def _of_pdos(address: Address, service: Service, parties: Parties) -> Iterator[s
         else:
             consumers = [*consumers, presumed]
     if consumers:
-        yield f"taken by {several(consumers)}"
+        yield f"taken by {join_some(consumers)}"
     if producers:
-        yield f"sent by {several(producers)}: others may take this for it"
+        yield f"sent by {join_some(producers)}: others may take this for it"
 
 
 def _of_service(frame: Frame, service: Service) -> str:

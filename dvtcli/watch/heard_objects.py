@@ -56,7 +56,7 @@ class HeardValues(ToldValues):
 
 
 @dataclass(frozen=True, slots=True)
-class _Transfer:
+class _ObservedTransfer:
     """The bytes that came so far of an object's value; *whole* once all are there."""
 
     place: Place
@@ -70,8 +70,8 @@ class _Heard:
 
     values: dict[Place, bytes] = field(default_factory=dict)
     stored: dict[Place, bytes] = field(default_factory=dict)
-    down: _Transfer | None = None
-    up: _Transfer | None = None
+    down: _ObservedTransfer | None = None
+    up: _ObservedTransfer | None = None
     block: _Block = _Block.NONE
     #: the indices that are followed; empty: all
     only: frozenset[int] = frozenset()
@@ -112,11 +112,11 @@ class _Heard:
         self._hold(done, written=command in (_TAKEN, _SEGMENT_TAKEN))
         return done.place
 
-    def _first(self, data: bytes) -> _Transfer | None:
+    def _first(self, data: bytes) -> _ObservedTransfer | None:
         """The transfer that begins with *data*; None for an object that is not followed."""
         return _first(data) if not self.only or _place(data)[0] in self.only else None
 
-    def _hold(self, done: _Transfer, *, written: bool) -> None:
+    def _hold(self, done: _ObservedTransfer, *, written: bool) -> None:
         index, sub_index = done.place
         if written and index in (_STORE, _RESTORE):
             if sub_index in _WITH_PDOS:
@@ -180,14 +180,14 @@ def _place(data: bytes) -> Place:
     return int.from_bytes(data[1:3], "little"), data[3]
 
 
-def _first(data: bytes) -> _Transfer:
+def _first(data: bytes) -> _ObservedTransfer:
     """The first frame of a transfer, which carries up to four bytes where it is expedited."""
     expedited, sized = bool(data[0] & 2), bool(data[0] & 1)
     unused = data[0] >> 2 & 3 if expedited and sized else 0
-    return _Transfer(_place(data), data[4 : _SDO_BYTES - unused] if expedited else b"", expedited)
+    return _ObservedTransfer(_place(data), data[4 : _SDO_BYTES - unused] if expedited else b"", expedited)
 
 
-def _longer(transfer: _Transfer | None, data: bytes) -> _Transfer | None:
+def _longer(transfer: _ObservedTransfer | None, data: bytes) -> _ObservedTransfer | None:
     """*transfer* with a segment more; None where nobody knows of what."""
     if transfer is None or transfer.whole:
         return None

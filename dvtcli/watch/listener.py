@@ -27,7 +27,7 @@ GATHER_S = 0.01
 FOREIGN_CLOCK_S = 60.0
 
 
-class Listened(Protocol):
+class ListenedBus(Protocol):
     """What listening needs of a bus."""
 
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
@@ -55,7 +55,7 @@ class Listener:
     nobody had read, does not count. Times of its frames are seconds since 1970.
     """
 
-    def __init__(self, bus: Listened, secret: SdoValues, waiting: int = WAITING) -> None:
+    def __init__(self, bus: ListenedBus, secret: SdoValues, waiting: int = WAITING) -> None:
         self._bus = bus
         self._secret = secret
         self._frames: deque[Frame] = deque()

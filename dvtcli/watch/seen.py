@@ -15,7 +15,7 @@ from dvtcli.watch.heartbeats import HEARTBEATS, HeartbeatTimes
 from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.recent_load import BusLoad
 from dvtcli.watch.service import Service, event_of, state_in
-from dvtcli.watch.statistics import Course, Rhythm
+from dvtcli.watch.statistics import Rhythm, ValueHistory
 
 #: events that are kept
 EVENTS = 100
@@ -35,7 +35,7 @@ class Event:
 
 
 @dataclass(slots=True)
-class Row:
+class SeenFrame:
     """A frame as it came last, how often it came, and when each of its bytes changed."""
 
     layout: Layout
@@ -48,7 +48,7 @@ class Row:
     last_s: float = 0.0
     rhythm: Rhythm = field(default_factory=Rhythm)
     changed_s: list[float] = field(default_factory=list)
-    courses: list[Course] = field(default_factory=list)
+    courses: list[ValueHistory] = field(default_factory=list)
     #: whether it was said that its length is not that of the layout, and that nobody said that layout of its node
     is_misfit: bool = False
     is_guess: bool = False
@@ -67,7 +67,7 @@ class FrameStore:
         self.load = BusLoad(bitrate)
         self._bitrate = bitrate
         self._heartbeat_times = HeartbeatTimes()
-        self.rows: dict[Address, Row] = {}
+        self.rows: dict[Address, SeenFrame] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.states: dict[int, NmtState] = {}
         self.frames = 0
@@ -111,16 +111,16 @@ class FrameStore:
         if row is not None:
             row.rhythm = Rhythm()
 
-    def _row(self, frame: Frame) -> Row | None:
+    def _row(self, frame: Frame) -> SeenFrame | None:
         address = frame.can_id, frame.extended
         row = self.rows.get(address)
         if row is None and len(self.rows) < ROWS:
             layout = self.decoder.layout(frame)
-            row = Row(layout, frame.can_id, frame.extended, courses=[Course() for _ in layout.signals])
+            row = SeenFrame(layout, frame.can_id, frame.extended, courses=[ValueHistory() for _ in layout.signals])
             self.rows[address] = row
         return row
 
-    def _note_doubts(self, row: Row, frame: Frame) -> bool:
+    def _note_doubts(self, row: SeenFrame, frame: Frame) -> bool:
         """Whether *frame* cannot be what the row's layout says, or that is a guess, and it was not said before."""
         guessed = "" if row.is_guess else guess(frame, row.layout)
         wrong = "" if row.is_misfit else misfit(frame, row.layout)
@@ -130,7 +130,7 @@ class FrameStore:
                 self.events.append(Event(frame.timestamp_s, text, bad=True))
         return bool(guessed or wrong)
 
-    def _note_bytes(self, row: Row, data: bytes, time_s: float) -> bool:
+    def _note_bytes(self, row: SeenFrame, data: bytes, time_s: float) -> bool:
         """Whether *data* differs from what the row held; notes when each byte changed."""
         if data == row.data:
             return False
@@ -168,7 +168,7 @@ class FrameStore:
             if layout.service == row.service and layout.signals == row.layout.signals:
                 row.layout = layout
                 continue
-            row.layout, row.courses = layout, [Course() for _ in layout.signals]
+            row.layout, row.courses = layout, [ValueHistory() for _ in layout.signals]
             row.is_misfit = row.is_guess = False
             if not row.remote:
                 self._note_doubts(row, Frame(row.can_id, row.data, row.extended, timestamp_s=row.last_s))
@@ -184,7 +184,7 @@ class FrameStore:
         self.load = BusLoad(self._bitrate)
         self.events.append(Event(time_s, text, bad=True))
 
-    def sorted_rows(self) -> list[Row]:
+    def sorted_rows(self) -> list[SeenFrame]:
         """The rows in the order of their CAN-IDs, 29-bit ones behind them, SDO, of which most is dvtcli's own, last."""
         return sorted(self.rows.values(), key=lambda row: (row.service.kind == "sdo", row.extended, row.can_id))
 

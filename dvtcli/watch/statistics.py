@@ -13,7 +13,7 @@ from statistics import fmean, pstdev
 from typing import NamedTuple
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 
 #: frames that rate and jitter are taken from
 LATELY = 64
@@ -63,7 +63,7 @@ class Point(NamedTuple):
     last: float
 
 
-def physical_points(points: Iterable[Point], meaning: Physical) -> list[Point]:
+def physical_points(points: Iterable[Point], meaning: Scaling) -> list[Point]:
     """*points* of raw values in their physical unit."""
     if not meaning.is_scaled:
         return list(points)
@@ -76,7 +76,7 @@ def physical_points(points: Iterable[Point], meaning: Physical) -> list[Point]:
     return [scaled(point) for point in points]
 
 
-class Course:
+class ValueHistory:
     """How one signal moved: its value now, the least and the most, and the last minute as points."""
 
     __slots__ = ("changed_s", "high", "last", "low", "points")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.watch.decoder import Signal
-from dvtcli.watch.statistics import Course
+from dvtcli.watch.statistics import ValueHistory
 
 
 @dataclass(slots=True)
@@ -18,7 +18,7 @@ class WatchedObject:
 
     node: int
     signal: Signal
-    course: Course = field(default_factory=Course)
+    course: ValueHistory = field(default_factory=ValueHistory)
     read_s: float | None = None
     problem: str = ""
 

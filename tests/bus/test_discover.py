@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.bus.discover import Found, adapters, find_interfaces, serial_ports
+from dvtcli.bus.discover import FoundInterface, adapters, find_interfaces, serial_ports
 from dvtcli.bus.opening import open_bus
 from tests.sample import heavy
 
@@ -37,7 +37,7 @@ def test_a_driver_may_print_what_it_likes(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "noisy-1.dist-info" / "METADATA").write_text("Name: noisy\nVersion: 1\n")
     (tmp_path / "noisy-1.dist-info" / "entry_points.txt").write_text("[can.interface]\nnoisy = noisy:Bus\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    assert adapters(["noisy"], patience_s=60) == [Found("noisy", "\u00e9")]
+    assert adapters(["noisy"], patience_s=60) == [FoundInterface("noisy", "\u00e9")]
 
 
 def test_a_driver_that_takes_too_long_finds_nothing() -> None:

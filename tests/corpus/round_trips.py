@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from dvtcli.domain.dictionary_difference import Difference, differences
+from dvtcli.domain.dictionary_difference import DictionaryDifference, differences
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.device_file import device_file_bytes, parse_device_file, read_device_file
 
@@ -23,7 +23,7 @@ class RoundTrip:
     name: str
     objects: int
     entries: int
-    lost: dict[str, list[Difference]]
+    lost: dict[str, list[DictionaryDifference]]
 
     @property
     def wrong(self) -> int:

@@ -6,7 +6,7 @@ import pytest
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
-from dvtcli.device.nmt_gate import CONFIRM_TIMEOUT_S, Access, Gate
+from dvtcli.device.nmt_gate import CONFIRM_TIMEOUT_S, Gate, NodeAccess
 from dvtcli.device.seen_state import why_it_may_move
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import DeviceRefused, NoAnswer, SafetyRefusal, SdoAborted
@@ -52,7 +52,7 @@ class Silent(DirectSdo):
 def test_a_state_object_is_read_where_nothing_is_heard() -> None:
     device = booted("gen4")
     bus = Unheard(device, DirectSdo(device))
-    access = Access(bus, NODE, profile("gen4"))
+    access = NodeAccess(bus, NODE, profile("gen4"))
     assert access.state() is NmtState.PRE_OPERATIONAL
     assert access.confirmed(NmtState.PRE_OPERATIONAL, 1.0) is NmtState.PRE_OPERATIONAL
     assert bus.slept_s == 0
@@ -63,7 +63,7 @@ def test_a_state_object_is_read_where_nothing_is_heard() -> None:
 def test_without_a_state_object_a_state_is_only_heard() -> None:
     device = booted()
     bus = Unheard(device, DirectSdo(device))
-    access = Access(bus, NODE, profile("generic"))
+    access = NodeAccess(bus, NODE, profile("generic"))
     assert access.state() is None
     assert access.confirmed(NmtState.PRE_OPERATIONAL, 1.0) is None
     assert (bus.slept_s >= 1.0, bus.channel.reads) == (True, [])  # type: ignore[attr-defined]
@@ -72,7 +72,7 @@ def test_without_a_state_object_a_state_is_only_heard() -> None:
 def test_a_node_that_says_another_state_has_so_long_to_change_it() -> None:
     device = booted()
     bus = Stubborn(device, DirectSdo(device))
-    access = Access(bus, NODE, profile("generic"))
+    access = NodeAccess(bus, NODE, profile("generic"))
     assert access.confirmed(NmtState.PRE_OPERATIONAL, 1.0) is NmtState.OPERATIONAL
     before_s = bus.slept_s
     with pytest.raises(DeviceRefused, match="did not reach PRE-OPERATIONAL"):
@@ -85,12 +85,12 @@ def test_a_node_that_says_another_state_has_so_long_to_change_it() -> None:
 def test_only_a_general_abort_has_a_reason_of_the_device_s_own() -> None:
     device = booted("gen4")
     bus = DirectBus.of(device)
-    access = Access(bus, NODE, profile("gen4"))
+    access = NodeAccess(bus, NODE, profile("gen4"))
     other = SdoAborted(0x1800, 1, 0x0609_0030, node=NODE)
     access.explain(other)
     assert (other.why, bus.channel.reads) == (None, [])  # type: ignore[attr-defined]
     general = SdoAborted(0x1800, 1, 0x0800_0000, node=NODE)
-    Access(bus, NODE, profile("generic")).explain(general)
+    NodeAccess(bus, NODE, profile("generic")).explain(general)
     assert (general.why, bus.channel.reads) == (None, [])  # type: ignore[attr-defined]
     access.explain(general)
     assert (general.why or "").startswith("the device says 0 at 0x5310:00: ")
@@ -101,7 +101,7 @@ def test_a_reason_that_cannot_be_read_is_said() -> None:
     channel = Silent(device)
     channel.until = 99
     aborted = SdoAborted(0x1800, 1, 0x0800_0000, node=NODE)
-    Access(DirectBus(device, channel), NODE, profile("gen4")).explain(aborted)
+    NodeAccess(DirectBus(device, channel), NODE, profile("gen4")).explain(aborted)
     assert aborted.why == "the device's reason at 0x5310:00 could not be read: silent"
 
 
@@ -110,7 +110,7 @@ def test_a_node_that_is_silent_is_asked_again_for_a_while() -> None:
     channel = Silent(device)
     channel.until = 4
     bus = DirectBus(device, channel)
-    Access(bus, NODE, profile("gen4")).insist(NmtState.OPERATIONAL)
+    NodeAccess(bus, NODE, profile("gen4")).insist(NmtState.OPERATIONAL)
     assert device.state is NmtState.OPERATIONAL
     assert bus.slept_s == pytest.approx(3 * RETRY_S)
 
@@ -121,7 +121,7 @@ def test_a_node_that_stays_silent_is_given_up() -> None:
     channel.until = 10_000
     bus = DirectBus(device, channel)
     with pytest.raises(NoAnswer):
-        Access(bus, NODE, profile("gen4")).insist(NmtState.OPERATIONAL)
+        NodeAccess(bus, NODE, profile("gen4")).insist(NmtState.OPERATIONAL)
     assert bus.slept_s == pytest.approx(PATIENCE_S, abs=RETRY_S)
 
 
@@ -129,7 +129,7 @@ def test_the_gate_asks_goes_there_and_back_and_can_be_entered_again() -> None:
     bus = DirectBus.of(booted("gen4"))
     bus.device.nmt(NmtCommand.START)
     asked: list[str] = []
-    gate = Gate(Access(bus, NODE, profile("gen4")), asked.append)
+    gate = Gate(NodeAccess(bus, NODE, profile("gen4")), asked.append)
     for times in (1, 2):
         gate.enter()
         gate.enter()
@@ -146,7 +146,7 @@ def test_the_gate_asks_goes_there_and_back_and_can_be_entered_again() -> None:
 
 def test_the_gate_leaves_a_pre_operational_node_where_it_was() -> None:
     bus = DirectBus.of(booted("gen4"))
-    gate = Gate(Access(bus, NODE, profile("gen4")), lambda _question: pytest.fail("asked for nothing"))
+    gate = Gate(NodeAccess(bus, NODE, profile("gen4")), lambda _question: pytest.fail("asked for nothing"))
     gate.enter()
     gate.leave()
     assert (bus.commands, bus.device.state) == ([], NmtState.PRE_OPERATIONAL)
@@ -156,7 +156,7 @@ def test_a_stopped_node_is_not_worked_on() -> None:
     bus = DirectBus.of(booted("gen4"))
     bus.device.nmt(NmtCommand.STOP)
     with pytest.raises(SafetyRefusal, match="is STOPPED"):
-        Gate(Access(bus, NODE, profile("gen4")), lambda _question: None).enter()
+        Gate(NodeAccess(bus, NODE, profile("gen4")), lambda _question: None).enter()
 
 
 def test_a_cancellation_is_active_only_inside() -> None:

@@ -11,7 +11,7 @@ import pytest
 from dvtcli.device.backups import Backup, backups, in_order, way_to
 from dvtcli.device.change.backing_up import BackingUp
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.past import Past
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -113,7 +113,7 @@ def held(text: str, event_timer: int) -> tuple[Pdo, PdoConfig]:
 @pytest.fixture
 def kept(tmp_path: Path) -> BackingUp:
     """Backups of node 5, of which there is one, with TPDO1 and TPDO2 at 10 ms."""
-    past = Past(tmp_path / "state" / "changes", "can0")
+    past = ChangeHistory(tmp_path / "state" / "changes", "can0")
     backing_up = BackingUp(tmp_path / "state" / "backups", "can0", 5, past)
     assert backing_up.needed(IDENTITY, {}), "there is none yet"
     backing_up.make(IDENTITY, dict([held("tpdo1", 10), held("tpdo2", 10)]), ())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.device.came_up import CameUp
+from dvtcli.device.boot_snapshot import BootSnapshot
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from tests.laws.bench import DirectSdo, booted
@@ -14,57 +14,57 @@ BOTH = {TPDO1: FIRST, TPDO2: SECOND}
 
 
 def test_without_a_boot_up_nobody_knows_what_was_written_before() -> None:
-    came_up = CameUp()
-    came_up.read(0, BOTH)
-    assert came_up.why_not(0, BOTH) == "no boot-up of the node was heard"
-    assert CameUp().why_not(1, BOTH) == "its PDOs were not read after its last boot-up"
+    boot_snapshot = BootSnapshot()
+    boot_snapshot.read(0, BOTH)
+    assert boot_snapshot.why_not(0, BOTH) == "no boot-up of the node was heard"
+    assert BootSnapshot().why_not(1, BOTH) == "its PDOs were not read after its last boot-up"
 
 
 def test_what_was_read_after_the_boot_up_counts_until_the_next() -> None:
-    came_up = CameUp()
-    came_up.read(1, BOTH)
-    assert came_up.why_not(1, BOTH) == ""
-    assert came_up.why_not(2, BOTH) == "its PDOs were not read after its last boot-up"
+    boot_snapshot = BootSnapshot()
+    boot_snapshot.read(1, BOTH)
+    assert boot_snapshot.why_not(1, BOTH) == ""
+    assert boot_snapshot.why_not(2, BOTH) == "its PDOs were not read after its last boot-up"
 
 
 def test_parts_of_it_may_be_read_one_after_the_other() -> None:
-    came_up = CameUp()
-    came_up.read(1, {TPDO1: FIRST})
-    assert came_up.why_not(1, BOTH) == "not all its PDOs were read after its last boot-up"
-    assert came_up.why_not(1, {TPDO1: FIRST}) == ""
-    came_up.read(1, BOTH)
-    assert came_up.why_not(1, BOTH) == ""
+    boot_snapshot = BootSnapshot()
+    boot_snapshot.read(1, {TPDO1: FIRST})
+    assert boot_snapshot.why_not(1, BOTH) == "not all its PDOs were read after its last boot-up"
+    assert boot_snapshot.why_not(1, {TPDO1: FIRST}) == ""
+    boot_snapshot.read(1, BOTH)
+    assert boot_snapshot.why_not(1, BOTH) == ""
 
 
 def test_a_pdo_that_is_gone_is_not_as_it_came_up() -> None:
-    came_up = CameUp()
-    came_up.read(1, BOTH)
-    assert came_up.why_not(1, {TPDO1: FIRST}) == "TPDO2 came up with it and cannot be read any more"
-    assert came_up.why_not(1, {}) == "TPDO1, TPDO2 came up with it and cannot be read any more"
+    boot_snapshot = BootSnapshot()
+    boot_snapshot.read(1, BOTH)
+    assert boot_snapshot.why_not(1, {TPDO1: FIRST}) == "TPDO2 came up with it and cannot be read any more"
+    assert boot_snapshot.why_not(1, {}) == "TPDO1, TPDO2 came up with it and cannot be read any more"
 
 
 def test_the_first_reading_counts_and_not_what_somebody_else_made_of_it() -> None:
-    came_up = CameUp()
-    came_up.read(1, BOTH)
+    boot_snapshot = BootSnapshot()
+    boot_snapshot.read(1, BOTH)
     now = BOTH | {TPDO2: FIRST}
-    came_up.read(1, now)
-    assert came_up.why_not(1, now) == "it is not what came up"
+    boot_snapshot.read(1, now)
+    assert boot_snapshot.why_not(1, now) == "it is not what came up"
 
 
 def test_what_was_written_is_over_with_the_next_boot_up() -> None:
-    came_up = CameUp()
-    came_up.read(1, BOTH)
-    came_up.wrote(1)
-    came_up.read(1, BOTH)
-    assert came_up.why_not(1, BOTH) == "it was written since its last boot-up"
-    came_up.read(2, BOTH)
-    assert came_up.why_not(2, BOTH) == ""
+    boot_snapshot = BootSnapshot()
+    boot_snapshot.read(1, BOTH)
+    boot_snapshot.wrote(1)
+    boot_snapshot.read(1, BOTH)
+    assert boot_snapshot.why_not(1, BOTH) == "it was written since its last boot-up"
+    boot_snapshot.read(2, BOTH)
+    assert boot_snapshot.why_not(2, BOTH) == ""
 
 
 def test_what_is_written_before_anything_was_read_counts_too() -> None:
-    came_up = CameUp()
-    came_up.wrote(1)
-    came_up.read(1, BOTH)
-    assert came_up.why_not(1, BOTH) == "it was written since its last boot-up"
-    came_up.wrote(2)
-    assert came_up.why_not(2, BOTH) == "it was written since its last boot-up"
+    boot_snapshot = BootSnapshot()
+    boot_snapshot.wrote(1)
+    boot_snapshot.read(1, BOTH)
+    assert boot_snapshot.why_not(1, BOTH) == "it was written since its last boot-up"
+    boot_snapshot.wrote(2)
+    assert boot_snapshot.why_not(2, BOTH) == "it was written since its last boot-up"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.canary import Canary, Place, choose_canary, harmless_places
+from dvtcli.device.canary import Canary, CanaryParameter, choose_canary, harmless_places
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.node import Node
 from dvtcli.device.storing import prepare_store
@@ -86,7 +86,7 @@ def test_what_a_device_keeps_by_itself_shows_nothing() -> None:
     assert changes(one, off(one, RPDO1), pdo=RPDO1) != []
 
 
-def place(one: Node) -> Place:
+def place(one: Node) -> CanaryParameter:
     one.bus.sdo(NODE).download(0x1800, 1, (0x8000_0181).to_bytes(4, "little"))
     found = next(harmless_places(one, one.pdos()))
     assert (found.pdo, found.field) == (TPDO1, "event_timer")

@@ -10,12 +10,12 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.failed_change import BRING_BACK
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
-from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.node import Node
-from dvtcli.device.observe import Found
+from dvtcli.device.observe import InitialState
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
@@ -80,7 +80,7 @@ class Bench:
         self.device.nmt(NmtCommand.START)
         self.channel = Channel(self.device)
         self.bus = self.channel.bus = Bus(self.device, self.channel)
-        self.keeper = Keeper(folder / "state", folder / "locks", "direct", NODE)
+        self.keeper = ChangeGuard(folder / "state", folder / "locks", "direct", NODE)
         self.journal = self.channel.journal = self.keeper.journals.path(NODE)
         self.node = Node(self.bus, NODE, dictionary(family), profile(family), keeper=self.keeper)
 
@@ -88,14 +88,14 @@ class Bench:
         before = self.device.upload(*HEARTBEAT)
         return Plan(NODE, (ValueChange(Step(*HEARTBEAT, before, number.to_bytes(2, "little"), "heartbeat")),))
 
-    def found(self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, upsets: int = 0) -> Found:
+    def found(self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, upsets: int = 0) -> InitialState:
         """How it was found; with -1 *boot_ups* it restarted since then, and the change is a way back all the same."""
-        return Found(state, boot_ups, upsets, whatever_happened=boot_ups < 0)
+        return InitialState(state, boot_ups, upsets, whatever_happened=boot_ups < 0)
 
     def fault(self, what: str, at: int = 1) -> None:
         self.channel.what, self.channel.at = what, at
 
-    def failed(self, found: Found | None = None, *, keep_journal: bool = False) -> DvtcliError:
+    def failed(self, found: InitialState | None = None, *, keep_journal: bool = False) -> DvtcliError:
         with pytest.raises(DvtcliError) as caught:
             carry_out(self.node, self.plan(), found=found, keep_journal=keep_journal)
         return caught.value

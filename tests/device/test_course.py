@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dvtcli.device.change.course import Course, combine_plans
-from dvtcli.device.change.whole import Whole
+from dvtcli.device.change.change_group import ChangeGroup
+from dvtcli.device.change.course import JournalContents, combine_plans
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
@@ -71,7 +71,7 @@ def test_but_for_an_entry_behind_the_count_of_a_mapping_that_was_empty() -> None
 
 
 def test_what_stands_alone_is_put_back_alone_and_ids_are_nobody_else_s() -> None:
-    course, alone = Course(), Whole()
+    course, alone = JournalContents(), ChangeGroup()
     first = course.begin(alone, timed(TPDO1, 0, 5), 5)
     course.carried_out()
     second = course.begin(alone, timed(TPDO2, 0, 5), 127)
@@ -80,7 +80,7 @@ def test_what_stands_alone_is_put_back_alone_and_ids_are_nobody_else_s() -> None
 
 
 def test_of_a_whole_each_change_that_was_carried_out_counts_once() -> None:
-    course, whole = Course(), Whole()
+    course, whole = JournalContents(), ChangeGroup()
     whole.begin("a script")
     assert len(whole.id or "") == 32
     for pdo in (TPDO1, TPDO2):

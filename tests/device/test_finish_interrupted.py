@@ -51,13 +51,13 @@ def test_it_is_as_before_and_nothing_of_it_is_left(bench: Bench) -> None:
     journal = interrupted(bench)
     bench.node.pending.suspicions[CHANGE] = "it was interrupted"
     bench.node.pdos()
-    bench.node.came_up.written = False
+    bench.node.boot_snapshot.written = False
     plan, findings = recover(bench.node, journal)
     assert ([step.after for step in plan.steps], findings) == ([before], ())
     assert bench.device.upload(*HEARTBEAT) == before
     assert (bench.journal.exists(), bench.node.pending.suspicions) == (False, {})
     assert bench.node.last_read == {}, "what was read before counts no longer"
-    assert bench.node.came_up.written
+    assert bench.node.boot_snapshot.written
     assert bench.node.pending.boot_ups == bench.bus.boot_ups(NODE)
 
 

@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.device.change.change_group import ChangeGroup
+from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.safekeeping import Keeper
-from dvtcli.device.change.whole import Whole
-from dvtcli.device.past import Past
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import JournalKept, SafetyRefusal
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
 IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 TOO_LARGE = os.strerror(errno.EFBIG)
-Keep = Callable[..., Keeper]
+Keep = Callable[..., ChangeGuard]
 
 
 def plan(index: int = 0x1017) -> Plan:
@@ -49,10 +49,12 @@ def warned() -> list[str]:
 @pytest.fixture
 def keep(tmp_path: Path, warned: list[str]) -> Iterator[Keep]:
     """Keepers of node 5, which warn into `warned`; what they hold is let go at the end."""
-    kept: list[Keeper] = []
+    kept: list[ChangeGuard] = []
 
-    def make(name: str = "state", whole: Whole | None = None) -> Keeper:
-        keeper = Keeper(tmp_path / name, tmp_path / "locks", "can0", 5, warn=warned.append, whole=whole or Whole())
+    def make(name: str = "state", whole: ChangeGroup | None = None) -> ChangeGuard:
+        keeper = ChangeGuard(
+            tmp_path / name, tmp_path / "locks", "can0", 5, warn=warned.append, whole=whole or ChangeGroup()
+        )
         kept.append(keeper)
         return keeper
 
@@ -61,19 +63,19 @@ def keep(tmp_path: Path, warned: list[str]) -> Iterator[Keep]:
         keeper.lock.release()
 
 
-def begin(keeper: Keeper, index: int = 0x1017) -> None:
+def begin(keeper: ChangeGuard, index: int = 0x1017) -> None:
     keeper.begin(plan(index), IDENTITY, None, dict)
 
 
-def after_one_change(keeper: Keeper) -> None:
+def after_one_change(keeper: ChangeGuard) -> None:
     """A whole of which one change was made."""
     begin(keeper)
     keeper.own_journal.carried_out()
     keeper.own_journal.end()
 
 
-def whole_of(name: str = "set-up.dvt") -> Whole:
-    whole = Whole()
+def whole_of(name: str = "set-up.dvt") -> ChangeGroup:
+    whole = ChangeGroup()
     whole.begin(name)
     return whole
 
@@ -156,7 +158,7 @@ def test_a_whole_that_cannot_be_ended_is_said_with_the_file_in_the_way(keep: Kee
 
 def test_a_store_that_cannot_be_remembered_is_said(tmp_path: Path) -> None:
     said: list[str] = []
-    past = Past(tmp_path / "state" / "changes", "can0", said.append)
+    past = ChangeHistory(tmp_path / "state" / "changes", "can0", said.append)
     past.add(plan(), IDENTITY)
     with files_end_at(0):
         past.was_stored(5, IDENTITY, ["1017:00"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.device.nmt_gate import Access, Gate
+from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.node import Node
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
@@ -17,7 +17,7 @@ TPDO1 = Pdo.parse("tpdo1")
 
 def gate(family: str = "gen4") -> tuple[Gate, DirectBus]:
     bus = DirectBus.of(booted(family))
-    return Gate(Access(bus, NODE, profile(family)), lambda _question: None), bus
+    return Gate(NodeAccess(bus, NODE, profile(family)), lambda _question: None), bus
 
 
 def test_a_node_that_fell_out_of_the_gate_is_led_back_in() -> None:

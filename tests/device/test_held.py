@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.held import Held
+from dvtcli.device.snapshot import Snapshot
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from tests.device.test_carry_out import HEARTBEAT, Bench
 from tests.laws.bench import NODE
@@ -28,7 +28,7 @@ def test_what_an_earlier_process_wrote_counts_but_for_parts_of_pdos_and_what_can
     identity = bench.node.identity()
     for plan in (written(*HEARTBEAT), written(0x1800, 5), written(0x1A00, 5), written(0x2005, 1, before=None)):
         bench.keeper.past.add(plan, identity)
-    held = Held.now(bench.node)
+    held = Snapshot.now(bench.node)
     assert held.values == {HEARTBEAT: bench.device.upload(*HEARTBEAT)}
     assert held.pdos == bench.node.pdos()
 
@@ -38,5 +38,5 @@ def test_what_saves_settings_is_none_of_them(tmp_path: Path) -> None:
     saved_by = bench.node.profile.store.saved_by
     assert saved_by is not None
     bench.keeper.past.add(written(*saved_by), bench.node.identity())
-    assert Held.now(bench.node).values == {}
+    assert Snapshot.now(bench.node).values == {}
     bench.keeper.lock.release()

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.journal import MOST_BYTES, Journals, read_journal
 from dvtcli.device.change.private_file import file_name, sync_folder
-from dvtcli.device.change.whole import Part
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
@@ -170,14 +170,14 @@ def test_what_a_journal_belongs_to_is_words(tmp_path: Path, part: dict[str, Any]
 
 
 def test_what_a_journal_belongs_to_reads_back_and_need_not_be_said(tmp_path: Path) -> None:
-    part = Part("5f", "set-up.dvt", ("one", "two"), "store")
+    part = GroupMember("5f", "set-up.dvt", ("one", "two"), "store")
     path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5, part)
     assert read_journal(path).part == part
     document = journal_document(path)
     path.write_text(
         json.dumps({key: document[key] for key in document if key not in ("whole", "name", "entries", "final")})
     )
-    assert read_journal(path).part == Part()
+    assert read_journal(path).part == GroupMember()
 
 
 def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:

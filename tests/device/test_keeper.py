@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.device.change.change_group import GroupMember
+from dvtcli.device.change.change_guard import ChangeGuard, who_else
 from dvtcli.device.change.journal import read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.safekeeping import Keeper, who_else
-from dvtcli.device.change.whole import Part
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
@@ -29,16 +29,16 @@ IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 PLAN = Plan(5, (ValueChange(Step(0x1017, 0, b"\0\0", b"\1\0", "write")),))
 
 
-Keep = Callable[..., Keeper]
+Keep = Callable[..., ChangeGuard]
 
 
 @pytest.fixture
 def keep(tmp_path: Path) -> Iterator[Keep]:
     """Keepers with one folder of locks; what they hold is let go at the end."""
-    kept: list[Keeper] = []
+    kept: list[ChangeGuard] = []
 
-    def make(name: str = "state") -> Keeper:
-        kept.append(Keeper(tmp_path / name, tmp_path / "locks", "socketcan:can0", 5))
+    def make(name: str = "state") -> ChangeGuard:
+        kept.append(ChangeGuard(tmp_path / name, tmp_path / "locks", "socketcan:can0", 5))
         return kept[-1]
 
     yield make
@@ -306,7 +306,7 @@ def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does
     found = second.interrupted()
     assert found is not None
     second.lock.take()
-    second.journals.write(PLAN, IDENTITY, None, Part("5f"))  # of a whole that is complete
+    second.journals.write(PLAN, IDENTITY, None, GroupMember("5f"))  # of a whole that is complete
     second.forget(found)
     assert second.journals.path(5).exists()
     assert (second.lock.noted(), second.open_journal()) == (None, None)

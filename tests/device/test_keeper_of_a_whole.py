@@ -10,21 +10,21 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
+from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.journal import Journal, read_journal
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.safekeeping import Keeper
-from dvtcli.device.change.whole import Part, Storing, Whole
-from dvtcli.device.past import Past
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import JournalKept, SafetyRefusal
 from tests.device.test_full_disk import files_end_at
 from tests.journals import journal_document
 
 IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
-Keep = Callable[..., Keeper]
+Keep = Callable[..., ChangeGuard]
 
 
-def let_go(keeper: Keeper) -> None:
+def let_go(keeper: ChangeGuard) -> None:
     keeper.lock.release()
 
 
@@ -35,12 +35,12 @@ def plan(node_id: int, index: int) -> Plan:
 @pytest.fixture
 def keep(tmp_path: Path) -> Iterator[Keep]:
     """Keepers of nodes that share one whole, which has begun; what they hold is let go at the end."""
-    kept: list[Keeper] = []
-    whole = Whole()
+    kept: list[ChangeGuard] = []
+    whole = ChangeGroup()
     whole.begin("set-up.dvt")
 
-    def make(node_id: int = 5, name: str = "state", whole: Whole = whole) -> Keeper:
-        keeper = Keeper(tmp_path / name, tmp_path / "locks", "can0", node_id, whole=whole)
+    def make(node_id: int = 5, name: str = "state", whole: ChangeGroup = whole) -> ChangeGuard:
+        keeper = ChangeGuard(tmp_path / name, tmp_path / "locks", "can0", node_id, whole=whole)
         kept.append(keeper)
         return keeper
 
@@ -49,7 +49,7 @@ def keep(tmp_path: Path) -> Iterator[Keep]:
         keeper.lock.release()
 
 
-def make(keeper: Keeper, index: int, nmt_state: int | None = 5) -> None:
+def make(keeper: ChangeGuard, index: int, nmt_state: int | None = 5) -> None:
     """Begin a change, carry it out, and end it."""
     one = plan(keeper.node_id, index)
     keeper.begin(one, IDENTITY, nmt_state, dict)
@@ -58,16 +58,16 @@ def make(keeper: Keeper, index: int, nmt_state: int | None = 5) -> None:
     keeper.own_journal.end()
 
 
-def journal(keeper: Keeper) -> Journal:
+def journal(keeper: ChangeGuard) -> Journal:
     return read_journal(keeper.journals.path(keeper.node_id))
 
 
-def indices(keeper: Keeper) -> list[int]:
+def indices(keeper: ChangeGuard) -> list[int]:
     """What the journal has to put back."""
     return [step.index for step in journal(keeper).plan.steps]
 
 
-def markers(keeper: Keeper) -> int:
+def markers(keeper: ChangeGuard) -> int:
     return len(list(keeper.journals.folder.glob("*.whole")))
 
 
@@ -186,7 +186,7 @@ def test_what_is_recovered_is_forgotten_and_so_is_what_undo_knew_of_it(keep: Kee
     one = keep()
     make(one, 0x2000)
     make(one, 0x2001)
-    past = Past(tmp_path / "changes", "can0")
+    past = ChangeHistory(tmp_path / "changes", "can0")
     assert len(past.entries(5, IDENTITY)) == 2
     one.forget(journal(one))
     assert past.entries(5, IDENTITY) == []
@@ -227,7 +227,7 @@ def test_the_lock_is_kept_only_where_there_is_a_journal(keep: Keep) -> None:
 
 
 def test_a_change_alone_is_over_with_its_end(keep: Keep) -> None:
-    one = keep(whole=Whole())
+    one = keep(whole=ChangeGroup())
     make(one, 0x2000)
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
@@ -269,7 +269,7 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
     make(one, 0x2000)
     old = journal(one)
     let_go(one)
-    second = keep(name="elsewhere", whole=Whole())
+    second = keep(name="elsewhere", whole=ChangeGroup())
     second.hold()
     own = second.journals.write(plan(5, 0x2007), IDENTITY, 5)
     second.forget(old)
@@ -280,16 +280,16 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
     assert own.exists(), "whatever it is, it was not recovered"
 
 
-ENDS = Part(final="set-up.dvt: store on node 5", stores=(Storing(5, "all", identity=IDENTITY),))
+ENDS = GroupMember(final="set-up.dvt: store on node 5", stores=(Storing(5, "all", identity=IDENTITY),))
 
 
-def prepared(keeper: Keeper, *indices: int) -> None:
+def prepared(keeper: ChangeGuard, *indices: int) -> None:
     """Prepare the journal of changes of these objects, before the first of them."""
     changes = tuple(change for index in indices for change in plan(keeper.node_id, index).changes)
     keeper.prepare(Plan(keeper.node_id, changes), IDENTITY, 5, dict, {}, ENDS)
 
 
-def part(keeper: Keeper, index: int) -> None:
+def part(keeper: ChangeGuard, index: int) -> None:
     """Carry one part of them out, which is not remembered by itself."""
     keeper.begin(plan(keeper.node_id, index), IDENTITY, 5, dict, is_kept=False)
     assert index in indices(keeper)

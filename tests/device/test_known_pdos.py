@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from dvtcli.device.looking import Looking
 from dvtcli.device.neighbours import producers
 from dvtcli.device.node import Node
+from dvtcli.device.read_progress import ReadProgress
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import U16, VISIBLE_STRING
 from dvtcli.domain.nmt import NmtState
@@ -93,15 +93,15 @@ def test_a_length_is_the_files_and_read_only_where_it_does_not_say() -> None:
 
 
 def test_whoever_follows_a_look_is_told_how_far_it_is_and_no_count_where_there_is_none() -> None:
-    seen: list[Looking] = []
+    seen: list[ReadProgress] = []
     drive = Drive.of()
     drive.node.on_look = seen.append
     total = len(drive.node.present())
     drive.node.known_pdos()
-    assert seen[0] == Looking(NODE, 0x1800, 1, 0, total)
+    assert seen[0] == ReadProgress(NODE, 0x1800, 1, 0, total)
     assert {one.done for one in seen} == set(range(total))
     drive.node.upload(0x1017, 0)
-    assert seen[-1] == Looking(NODE, 0x1017, 0, 0, 0)
+    assert seen[-1] == ReadProgress(NODE, 0x1017, 0, 0, 0)
 
 
 def test_what_was_read_is_not_asked_again_and_pdos_asks_all_the_same() -> None:
@@ -131,7 +131,7 @@ def test_what_it_came_up_with_is_read_for_a_store_that_asks_whether_it_is_needed
     drive = Drive.of()
     drive.bus.heard_boot_ups = 1
     held = drive.node.pdos()
-    assert drive.node.came_up.why_not(1, held) == ""
+    assert drive.node.boot_snapshot.why_not(1, held) == ""
 
 
 @pytest.mark.parametrize("what", ["commanded", "begin_change", "forget", "read_anew"])

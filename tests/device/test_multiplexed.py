@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.journal import read_journal
-from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.compare import differences
 from dvtcli.device.node import Node
 from dvtcli.domain.mapping import PdoMappingEntry
@@ -57,13 +57,13 @@ class Bench:
         self.sdo = DirectSdo(self.device)
         self.bus = DirectBus(self.device, self.sdo)
         self.folder = folder
-        self.keeper: Keeper | None = None
+        self.keeper: ChangeGuard | None = None
         self.node = self.another()
 
     def another(self) -> Node:
         """A node as the next process meets it."""
         self.let_go()
-        self.keeper = Keeper(self.folder / "state", self.folder / "locks", "direct", NODE)
+        self.keeper = ChangeGuard(self.folder / "state", self.folder / "locks", "direct", NODE)
         return Node(self.bus, NODE, dictionary("generic"), keeper=self.keeper)
 
     def let_go(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from dvtcli.device.access_level import log_in
-from dvtcli.device.nmt_gate import Access, Gate
+from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import DeviceRefused, SdoAborted, SdoProtocolError
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -16,7 +16,7 @@ from tests.device.test_reading_and_storing import Table
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile
 
 
-def driven(*, master: bool, family: str = "gen4") -> tuple[Access, DirectBus]:
+def driven(*, master: bool, family: str = "gen4") -> tuple[NodeAccess, DirectBus]:
     """A vehicle that is being driven: it stays OPERATIONAL whatever it is asked."""
     behaviour = replace(load_family(family), stays_operational=True)
     device = StrictDevice(dictionary("gen4"), behaviour, NODE)
@@ -25,7 +25,7 @@ def driven(*, master: bool, family: str = "gen4") -> tuple[Access, DirectBus]:
     device.nmt(NmtCommand.START)
     device.set_value(0x5800, 0, bytes([master]))
     bus = DirectBus.of(device)
-    return Access(bus, NODE, profile("gen4")), bus
+    return NodeAccess(bus, NODE, profile("gen4")), bus
 
 
 @pytest.mark.parametrize("master", [True, False])
@@ -70,7 +70,7 @@ def test_firmware_that_aborts_the_user_id_is_logged_in_all_the_same() -> None:
             super().download(index, sub_index, data)
 
     bus = DirectBus(device, Choosy(device))
-    access = Access(bus, NODE, profile("gen4"))
+    access = NodeAccess(bus, NODE, profile("gen4"))
     assert log_in(access, 4, lambda: 0x4444) == 4
     assert log_in(access, 4, lambda: pytest.fail("asked for a passcode that is not needed")) == 4
     assert log_in(access, 0, lambda: pytest.fail("logging out needs no passcode")) == 0
@@ -83,7 +83,7 @@ def test_who_one_is_and_the_passcode_are_two_bytes_each_and_logging_out_is_nobod
     device = StrictDevice(dictionary("gen4"), load_family("gen4-locked"), NODE)
     device.boot_up()
     channel = DirectSdo(device)
-    access = Access(DirectBus(device, channel), NODE, profile("gen4"))
+    access = NodeAccess(DirectBus(device, channel), NODE, profile("gen4"))
     assert log_in(access, 4, lambda: 0x4444, user) == 4
     assert channel.writes == [(0x5000, 3, sent), (0x5000, 2, b"\x44\x44")]
     channel.writes.clear()
@@ -92,7 +92,7 @@ def test_who_one_is_and_the_passcode_are_two_bytes_each_and_logging_out_is_nobod
 
 
 def test_whether_a_node_is_a_master_is_one_byte() -> None:
-    access = Access(DirectBus(booted("gen4"), Table({(0x5800, 0): b"\0\1"})), NODE, profile("gen4"))
+    access = NodeAccess(DirectBus(booted("gen4"), Table({(0x5800, 0): b"\0\1"})), NODE, profile("gen4"))
     with pytest.raises(SdoProtocolError, match="0x5800:00 answered 2 bytes"):
         access.request(NmtState.PRE_OPERATIONAL)
 
@@ -100,7 +100,9 @@ def test_whether_a_node_is_a_master_is_one_byte() -> None:
 def test_a_gate_that_was_agreed_to_is_entered_whatever_the_profile_says_and_left_again() -> None:
     device = booted()
     device.nmt(NmtCommand.START)
-    gate = Gate(Access(DirectBus.of(device), NODE, profile("generic")), lambda _question: pytest.fail("asked again"))
+    gate = Gate(
+        NodeAccess(DirectBus.of(device), NODE, profile("generic")), lambda _question: pytest.fail("asked again")
+    )
     gate.enter()
     assert not gate.entered
     gate.enter_agreed()
@@ -120,10 +122,10 @@ class Late(DirectBus):
 @pytest.mark.parametrize("family", ["generic", "gen4"])
 def test_a_state_that_only_heartbeats_tell_is_waited_for(family: str) -> None:
     """Also of a device that lacks the object in which its family tells it."""
-    access = Access(Late(booted(), Table({})), NODE, profile(family))
+    access = NodeAccess(Late(booted(), Table({})), NODE, profile(family))
     assert access.state() is None
     assert access.state(1.0) is NmtState.PRE_OPERATIONAL
-    heard = Access(DirectBus(booted(), Table({})), NODE, profile(family))
+    heard = NodeAccess(DirectBus(booted(), Table({})), NODE, profile(family))
     assert heard.state() is NmtState.PRE_OPERATIONAL
 
 
@@ -131,7 +133,7 @@ def test_a_node_of_which_nobody_knows_whether_it_is_a_master_takes_nmt_commands(
     device = booted("gen4")
     device.nmt(NmtCommand.START)
     bus = DirectBus.of(device)
-    Access(bus, NODE, replace(profile("gen4"), master_object=None)).request(NmtState.PRE_OPERATIONAL)
+    NodeAccess(bus, NODE, replace(profile("gen4"), master_object=None)).request(NmtState.PRE_OPERATIONAL)
     assert device.state is NmtState.PRE_OPERATIONAL
     assert bus.sdo(NODE).writes == []  # type: ignore[attr-defined]
 
@@ -151,10 +153,10 @@ class Odd(DirectBus):
             self.heard_boot_ups += 1
 
 
-def odd(obeys: int, *, restarts: bool) -> tuple[Access, Odd]:
+def odd(obeys: int, *, restarts: bool) -> tuple[NodeAccess, Odd]:
     device = booted()
     bus = Odd(device, DirectSdo(device), obeys=obeys, restarts=restarts)
-    return Access(bus, NODE, profile("generic")), bus
+    return NodeAccess(bus, NODE, profile("generic")), bus
 
 
 def test_one_that_stays_where_it_is_is_not_asked_again() -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from dvtcli.device.change.other_pdos import cob_ids_beside
+from dvtcli.device.change.untouched_pdos import cob_ids_beside
 from dvtcli.device.known_pdos import PASSING_S
 from dvtcli.device.node import Node
 from dvtcli.domain.cob_id import CobId

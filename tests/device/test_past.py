@@ -12,7 +12,7 @@ import pytest
 
 from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.past import Past
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import InputFileError
 
@@ -28,7 +28,7 @@ def plan(node_id: int = 5, value: int = 1, size: int = 2) -> Plan:
 BACK = Plan(5, (ValueChange(Step(0x2000, 0, bytes([1, 1]), bytes(2), "write")),))
 
 
-def values(past: Past, selected: int | None = None, node_id: int = 5) -> list[int]:
+def values(past: ChangeHistory, selected: int | None = None, node_id: int = 5) -> list[int]:
     """The first byte of what each remembered change of the node wrote, oldest first."""
     return [one.plan.steps[0].after[0] for one in past.entries(node_id, IDENTITY, selected)]
 
@@ -49,7 +49,7 @@ Spoil = Callable[[dict[str, Any]], object]
     ],
 )
 def test_a_damaged_file_says_where_and_why(tmp_path: Path, spoil: Spoil, why: str) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     past.add(plan(), IDENTITY)
     path = past.path(5, IDENTITY)
     document = json.loads(path.read_text("utf-8"))
@@ -63,14 +63,14 @@ def test_a_damaged_file_says_where_and_why(tmp_path: Path, spoil: Spoil, why: st
 
 @pytest.mark.parametrize("text", ["[]", "7", "null", "{", '{"schema": "dvtcli.past/1"}', "[" * 100_000])
 def test_what_is_no_such_file_is_said_and_not_used(tmp_path: Path, text: str) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     past.path(5, IDENTITY).write_text(text, "utf-8")
     with pytest.raises(InputFileError, match="does not tell what was changed"):
         past.entries(5, IDENTITY)
 
 
 def test_a_file_that_cannot_be_opened_is_said(tmp_path: Path) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     past.path(5, IDENTITY).mkdir()
     with pytest.raises(InputFileError) as caught:
         past.newest(5, IDENTITY)
@@ -79,16 +79,16 @@ def test_a_file_that_cannot_be_opened_is_said(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("selected", [None, 1, 127])
 def test_the_node_that_a_change_was_made_from_is_remembered(tmp_path: Path, selected: int | None) -> None:
-    Past(tmp_path, "can0", selected=selected).add(plan(), IDENTITY)
-    newest = Past(tmp_path, "can0").newest(5, IDENTITY)
+    ChangeHistory(tmp_path, "can0", selected=selected).add(plan(), IDENTITY)
+    newest = ChangeHistory(tmp_path, "can0").newest(5, IDENTITY)
     assert newest is not None
     assert newest.selected == selected
 
 
 def test_a_change_is_meant_from_its_own_node_and_from_where_it_was_made_as_far_back_as_all_are(tmp_path: Path) -> None:
     for value, selected in enumerate((7, None, 7, 7), 1):
-        Past(tmp_path, "can0", selected=selected).add(plan(value=value), IDENTITY)
-    past = Past(tmp_path, "can0")
+        ChangeHistory(tmp_path, "can0", selected=selected).add(plan(value=value), IDENTITY)
+    past = ChangeHistory(tmp_path, "can0")
     assert values(past) == values(past, 5) == [1, 2, 3, 4]
     assert values(past, 7) == [3, 4], "what lies behind one that was not made from there would be put back out of turn"
     assert values(past, 9) == []
@@ -98,8 +98,8 @@ def test_a_change_is_meant_from_its_own_node_and_from_where_it_was_made_as_far_b
 def test_the_newest_of_each_device_of_this_bus_comes_first(tmp_path: Path) -> None:
     """A bus whose name begins like another one's is another bus."""
     for bus, node_id in (("can0", 5), ("can0", 9), ("can0-b", 7), ("can0", 5), ("can0", 8)):
-        Past(tmp_path, bus).add(plan(node_id), IDENTITY)
-    past = Past(tmp_path, "can0")
+        ChangeHistory(tmp_path, bus).add(plan(node_id), IDENTITY)
+    past = ChangeHistory(tmp_path, "can0")
     assert [one.plan.node_id for one in past.tops(None)] == [8, 5, 9]
     newest = past.newest_of_all()
     assert newest is not None
@@ -110,7 +110,7 @@ def test_the_newest_of_each_device_of_this_bus_comes_first(tmp_path: Path) -> No
 
 
 def test_what_is_put_back_is_forgotten_and_nothing_else(tmp_path: Path) -> None:
-    first, second = Past(tmp_path, "can0"), Past(tmp_path, "can0")
+    first, second = ChangeHistory(tmp_path, "can0"), ChangeHistory(tmp_path, "can0")
     first.add(plan(value=1), IDENTITY, "one")
     second.add(plan(value=2), IDENTITY)
     second.add(plan(9, 3), IDENTITY)
@@ -127,7 +127,7 @@ def test_what_is_put_back_is_forgotten_and_nothing_else(tmp_path: Path) -> None:
 
 
 def test_dropping_makes_no_file(tmp_path: Path) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     past.drop(5, IDENTITY, ["one"])
     assert list(tmp_path.iterdir()) == []
     past.add(plan(), IDENTITY)
@@ -137,7 +137,7 @@ def test_dropping_makes_no_file(tmp_path: Path) -> None:
 
 
 def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     past.add(plan(), IDENTITY)
     path = past.path(5, IDENTITY)
     text = path.read_text("utf-8")
@@ -161,21 +161,23 @@ def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path)
 def test_what_would_be_too_large_to_be_read_loses_its_older_half(
     tmp_path: Path, sizes: tuple[int, ...], left: list[int]
 ) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     for value, size in enumerate(sizes, 1):
         past.add(plan(value=value, size=size), IDENTITY)
     assert values(past) == left
 
 
 def test_fifty_changes_are_remembered(tmp_path: Path) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     for value in range(52):
         past.add(plan(value=value), IDENTITY)
     assert values(past) == list(range(2, 52))
 
 
 def test_a_file_is_named_by_bus_identity_and_node(tmp_path: Path) -> None:
-    path = Past(tmp_path, "can0").path(5, {"vendor": 0x19A, "product": 2, "revision": None, "serial": 0xFFFF_FFFE})
+    path = ChangeHistory(tmp_path, "can0").path(
+        5, {"vendor": 0x19A, "product": 2, "revision": None, "serial": 0xFFFF_FFFE}
+    )
     assert path == tmp_path / "can0-0000019A-00000002-none-FFFFFFFE-node5.json"
 
 
@@ -185,14 +187,14 @@ def test_a_file_is_named_by_bus_identity_and_node(tmp_path: Path) -> None:
 def test_a_device_with_another_node_id_is_known_by_a_serial_number_of_its_own(
     tmp_path: Path, serial: int | None, known: bool
 ) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     past.add(plan(9), IDENTITY | {"serial": serial})
     assert (past.moved(5, IDENTITY | {"serial": serial}) is not None) == known
 
 
 def test_a_damaged_file_is_kept_aside_and_said_and_the_next_change_is_remembered(tmp_path: Path) -> None:
     said: list[str] = []
-    past = Past(tmp_path, "can0", said.append)
+    past = ChangeHistory(tmp_path, "can0", said.append)
     past.path(5, IDENTITY).write_text("rubbish", "utf-8")
     past.add(plan(value=7), IDENTITY)
     assert values(past) == [7]
@@ -204,7 +206,7 @@ def test_a_damaged_file_is_kept_aside_and_said_and_the_next_change_is_remembered
 def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_changes(tmp_path: Path) -> None:
     said: list[str] = []
     folder = tmp_path / "changes"
-    past = Past(folder, "can0", said.append)
+    past = ChangeHistory(folder, "can0", said.append)
     past.add(plan(value=1), IDENTITY)
     held = past.entries(5, IDENTITY)
     folder.rename(tmp_path / "away")
@@ -225,7 +227,7 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
 
 
 def test_what_is_put_back_after_it_was_stored_is_remembered_for_the_next_store_only(tmp_path: Path) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     for value in (1, 2):
         past.add(plan(value=value), IDENTITY)
     past.was_stored(5, IDENTITY, ["2000:00"])
@@ -246,7 +248,7 @@ def test_what_is_put_back_after_it_was_stored_is_remembered_for_the_next_store_o
 
 
 def test_what_is_put_back_under_another_node_id_is_remembered_there(tmp_path: Path) -> None:
-    past = Past(tmp_path, "can0")
+    past = ChangeHistory(tmp_path, "can0")
     past.add(plan(), IDENTITY)
     past.was_stored(5, IDENTITY, ["2000:00"])
     past.forget(past.entries(5, IDENTITY), Plan(7, BACK.changes))
@@ -254,7 +256,7 @@ def test_what_is_put_back_under_another_node_id_is_remembered_there(tmp_path: Pa
     assert [one.undoes for one in past.all_of(7, IDENTITY)] == [True]
 
 
-def clock_set(past: Past, node_id: int, when: str) -> None:
+def clock_set(past: ChangeHistory, node_id: int, when: str) -> None:
     """What the file of a node says was made when the computer's clock showed *when*."""
     path = past.path(node_id, IDENTITY)
     document = json.loads(path.read_text("utf-8"))
@@ -268,7 +270,7 @@ def test_the_order_of_changes_is_no_clock_s(tmp_path: Path, seed: int) -> None:
     random, made = Random(seed), list[int]()
     for _ in range(12):
         node_id = random.choice((5, 9, 12))
-        past = Past(tmp_path / "changes", "can0")  # another process each
+        past = ChangeHistory(tmp_path / "changes", "can0")  # another process each
         past.add(plan(node_id), IDENTITY)
         clock_set(past, node_id, f"20{random.randrange(70):02}-01-01T00:00:00+00:00")
         made.append(node_id)
@@ -280,7 +282,7 @@ def test_the_order_of_changes_is_no_clock_s(tmp_path: Path, seed: int) -> None:
 
 @pytest.mark.parametrize("said", [None, "", "7", "x" * 19 + "\n"])
 def test_a_counter_that_is_gone_or_damaged_goes_on_from_what_is_remembered(tmp_path: Path, said: str | None) -> None:
-    past = Past(tmp_path / "changes", "can0")
+    past = ChangeHistory(tmp_path / "changes", "can0")
     for node_id in (5, 9, 5):
         past.add(plan(node_id), IDENTITY)
     (count,) = past.folder.glob("*.count")
@@ -293,7 +295,7 @@ def test_a_counter_that_is_gone_or_damaged_goes_on_from_what_is_remembered(tmp_p
 
 
 def test_what_an_earlier_version_kept_without_a_number_came_first(tmp_path: Path) -> None:
-    past = Past(tmp_path / "changes", "can0")
+    past = ChangeHistory(tmp_path / "changes", "can0")
     for node_id in (5, 9):
         past.add(plan(node_id), IDENTITY)
         path = past.path(node_id, IDENTITY)

@@ -12,8 +12,8 @@ from dvtcli.device.canary import choose_canary
 from dvtcli.device.change.proven import prepare_proof, prove_store
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.change.proving import Restart
-from dvtcli.device.held import Held
 from dvtcli.device.node import Node
+from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.store_parameters import RESTORE, STORE, Signed
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
@@ -48,7 +48,7 @@ class Bench:
         self.bus.heard_boot_ups += 1
         self.bus.device.nmt(NmtCommand.START)
 
-    def prove(self, before: Held, restart: Restart) -> Proof:
+    def prove(self, before: Snapshot, restart: Restart) -> Proof:
         """Store nothing more, restart, and compare with *before*."""
         place = choose_canary(self.node, before.pdos)
         return prove_store(self.node, before, STORED, restart, place)
@@ -61,7 +61,7 @@ def test_a_store_that_stored_is_proved_by_what_the_restart_took() -> None:
     bench = Bench()
     bench.node.wanted_values[HEARTBEAT] = bench.node.sdo.upload(*HEARTBEAT)
     bench.node.profile = replace(GENERIC, store=StorePolicy(covers=(0x1000, 0xFFFF)))
-    before = Held.now(bench.node)
+    before = Snapshot.now(bench.node)
     bench.store()
     bench.bus.device.nmt(NmtCommand.START)
     proof = bench.prove(before, bench.restart(bench.reset))
@@ -73,7 +73,7 @@ def test_a_store_that_stored_is_proved_by_what_the_restart_took() -> None:
 
 def test_a_store_that_stored_nothing_is_told_by_what_is_not_there() -> None:
     bench = Bench()
-    before = Held.now(bench.node)
+    before = Snapshot.now(bench.node)
     proof = bench.prove(before, bench.restart(bench.reset))
     assert proof.differences
     assert not proof.holds
@@ -84,7 +84,7 @@ def test_a_store_that_stored_nothing_is_told_by_what_is_not_there() -> None:
 @pytest.mark.parametrize("certain", [False, True])
 def test_a_canary_that_survived_is_put_back_and_nothing_is_proved(family: str, certain: bool) -> None:
     bench = Bench(family)
-    before = Held.now(bench.node)
+    before = Snapshot.now(bench.node)
     bench.store()
     proof = bench.prove(before, bench.restart(bench.keep_ram, certain=certain))
     assert (proof.differences, bool(proof.unproved)) == ((), True)
@@ -106,7 +106,7 @@ def test_after_a_restart_it_is_led_back_to_where_it_may_be_written() -> None:
 @heavy
 def test_nor_does_a_device_that_starts_itself_end_the_gate() -> None:
     bench = Bench("gen4")
-    before = Held.now(bench.node)
+    before = Snapshot.now(bench.node)
     bench.store()
     bench.node.gate.enter()
 
@@ -120,7 +120,7 @@ def test_nor_does_a_device_that_starts_itself_end_the_gate() -> None:
 
 def test_what_goes_wrong_says_first_that_the_store_was_acknowledged() -> None:
     bench = Bench()
-    before = Held.now(bench.node)
+    before = Snapshot.now(bench.node)
     bench.store()
 
     def silent() -> None:
@@ -137,7 +137,7 @@ def test_what_goes_wrong_says_first_that_the_store_was_acknowledged() -> None:
 
 def test_a_pdo_that_is_gone_after_the_restart_is_no_proof() -> None:
     bench = Bench()
-    held = Held.now(bench.node)
+    held = Snapshot.now(bench.node)
     before = replace(held, pdos={**held.pdos, Pdo.parse("tpdo400"): held.pdos[TPDO1]})
     bench.store()
     proof = bench.prove(before, bench.restart(bench.reset))
@@ -148,7 +148,7 @@ def test_what_cannot_be_proved_is_refused_ahead_of_the_store() -> None:
     """Where the device keeps all of it by itself, nothing is in RAM only."""
     bench = Bench()
     bench.node.profile = replace(GENERIC, store=StorePolicy(covers=(0x2000, 0xFFFF)))
-    held, restart = Held.now(bench.node), bench.restart(bench.reset)
+    held, restart = Snapshot.now(bench.node), bench.restart(bench.reset)
     with pytest.raises(DeviceRefused) as caught:
         prepare_proof(bench.node, held, 1, restart)
     assert "lets nothing be changed harmlessly" in (caught.value.why or "")
@@ -164,7 +164,7 @@ def test_the_gate_is_asked_for_ahead_of_the_store_where_the_proof_needs_it(off: 
     if not off:
         bench.reset()
     bench.bus.device.nmt(NmtCommand.START)
-    held = Held.now(bench.node)
+    held = Snapshot.now(bench.node)
     held = held if off else replace(held, pdos={pdo: one for pdo, one in held.pdos.items() if one.enabled})
     assert prepare_proof(bench.node, held, 1, bench.restart(bench.reset)) is not None
     state = NmtState.PRE_OPERATIONAL if family == "gen4" else NmtState.OPERATIONAL
@@ -178,6 +178,6 @@ def test_the_gate_is_asked_for_ahead_of_the_store_where_the_proof_needs_it(off: 
 def test_a_restore_without_a_file_says_what_would_prove_it(group: int, hint: str) -> None:
     bench = Bench()
     bench.node.dictionary = None
-    before = Held.now(bench.node)
+    before = Snapshot.now(bench.node)
     proof = prove_restore(bench.node, Signed(RESTORE, group, 0.0), bench.restart(bench.keep_ram), before)
     assert (proof.holds, typed(proof.hint)) == (False, hint)

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.nmt_gate import Access, Gate
+from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.read_pdos import exists, read_pdo
 from dvtcli.device.resets import reset_and_wait
 from dvtcli.device.store_parameters import RESTORE, STORE, sign
@@ -106,9 +106,9 @@ def test_other_aborts_are_not_taken_for_absence() -> None:
     assert not exists(Table({}), TPDO1)
 
 
-def access(family: str) -> tuple[Access, DirectBus]:
+def access(family: str) -> tuple[NodeAccess, DirectBus]:
     bus = DirectBus.of(booted(family))
-    return Access(bus, NODE, profile(family)), bus
+    return NodeAccess(bus, NODE, profile(family)), bus
 
 
 @pytest.mark.parametrize("family", ["generic", "gen4", "espac", "tmcm"])

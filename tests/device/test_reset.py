@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.device.nmt_gate import Access
+from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.resets import (
     BOOT_TIMEOUT_S,
     QUIET_S,
@@ -35,7 +35,7 @@ def test_an_older_boot_up_is_not_the_reset_s() -> None:
     """A node that rules the network itself ignores the reset: its boot-ups of before confirm nothing."""
     master = booted("gen4")
     bus = VirtualTimeBus([master])
-    access = Access(bus, NODE, GENERIC)
+    access = NodeAccess(bus, NODE, GENERIC)
     reset_and_wait(access, NmtCommand.RESET_NODE)
     reset_and_wait(access, NmtCommand.RESET_NODE)
     seen = bus.boot_ups(NODE)
@@ -51,7 +51,7 @@ def test_an_older_boot_up_is_not_the_reset_s() -> None:
 @pytest.mark.parametrize("polled", [False, True])
 def test_any_answer_ends_the_wait_for_a_node_that_sends_no_boot_up_message(polled: bool) -> None:
     bus = VirtualTimeBus([booted("no-boot-up")])
-    sent = send_reset(Access(bus, NODE, GENERIC), NmtCommand.RESET_NODE)
+    sent = send_reset(NodeAccess(bus, NODE, GENERIC), NmtCommand.RESET_NODE)
     if polled:
         while not sent.is_over():
             bus.sleep(0.1)
@@ -67,7 +67,7 @@ def test_a_node_that_answers_nothing_is_waited_for_to_the_end(heartbeat_ms: int)
     device = booted("no-boot-up")
     device.set_value(0x1017, 0, heartbeat_ms.to_bytes(2, "little"))
     bus = WithoutSdo([device])
-    sent = send_reset(Access(bus, NODE, GENERIC), NmtCommand.RESET_NODE)
+    sent = send_reset(NodeAccess(bus, NODE, GENERIC), NmtCommand.RESET_NODE)
     with pytest.raises(NoAnswer, match="no boot-up message within 10 s after its reset, nor any answer") as caught:
         sent.wait()
     assert caught.value.state == "unknown"
@@ -88,7 +88,7 @@ def test_of_all_that_are_reset_those_without_a_boot_up_message_are_named() -> No
 def test_an_older_boot_up_is_no_power_cycle() -> None:
     device = booted()
     bus = VirtualTimeBus([device])
-    access = Access(bus, NODE, GENERIC)
+    access = NodeAccess(bus, NODE, GENERIC)
     reset_and_wait(access, NmtCommand.RESET_NODE)
     with pytest.raises(NoAnswer, match="not switched off and on"):
         await_power_cycle(access, 30, lambda: None)
@@ -114,7 +114,7 @@ class SwitchedOff(VirtualTimeBus):
 def test_a_node_without_boot_up_message_is_back_from_a_power_cycle_with_any_answer() -> None:
     bus = SwitchedOff([booted("no-boot-up")])
     bus.off = (5.0, 9.0)
-    await_power_cycle(Access(bus, NODE, GENERIC), 30, lambda: None)
+    await_power_cycle(NodeAccess(bus, NODE, GENERIC), 30, lambda: None)
     assert 9.0 <= bus.now_s() < 10.0
 
 
@@ -122,25 +122,25 @@ def test_a_lost_answer_is_no_power_cycle() -> None:
     bus = SwitchedOff([booted("no-boot-up")])
     bus.off = (5.0, 5.15)
     with pytest.raises(NoAnswer, match=r"not switched off and on: no boot-up message within 20 s$"):
-        await_power_cycle(Access(bus, NODE, GENERIC), 20, lambda: None)
+        await_power_cycle(NodeAccess(bus, NODE, GENERIC), 20, lambda: None)
 
 
 def test_a_node_that_stays_off_is_said_to_answer_nothing() -> None:
     bus = SwitchedOff([booted()])
     bus.off = (5.0, 99.0)
     with pytest.raises(NoAnswer, match="within 20 s, and it answers no SDO"):
-        await_power_cycle(Access(bus, NODE, GENERIC), 20, lambda: None)
+        await_power_cycle(NodeAccess(bus, NODE, GENERIC), 20, lambda: None)
 
 
 def test_the_seconds_of_a_reset_are_its_own() -> None:
     bus = VirtualTimeBus([booted()])
     bus.sleep(50)
-    assert 0 <= reset_and_wait(Access(bus, NODE, GENERIC), NmtCommand.RESET_NODE) < 10
+    assert 0 <= reset_and_wait(NodeAccess(bus, NODE, GENERIC), NmtCommand.RESET_NODE) < 10
 
 
 def test_whoever_stops_the_waiting_for_a_power_cycle_is_heard_and_it_ends_in_time() -> None:
     bus = VirtualTimeBus([booted()])
-    access = Access(bus, NODE, GENERIC)
+    access = NodeAccess(bus, NODE, GENERIC)
 
     def stop() -> None:
         raise Interrupted("enough")

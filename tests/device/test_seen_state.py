@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.device.nmt_gate import Access
+from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.seen_state import CONTROLWORDS, seen_state, seen_states, why_it_may_move
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -50,7 +50,7 @@ def seen(bus: Asked, wanted: NmtState = OPERATIONAL, node_id: int = NODE) -> tup
     """The state that is seen after the command to it, and how long that took."""
     bus.send_nmt(NmtCommand.STOP if wanted is STOPPED else NmtCommand.START, node_id)
     started_s = bus.now_s()
-    return seen_state(Access(bus, node_id, profile("generic")), wanted), bus.now_s() - started_s
+    return seen_state(NodeAccess(bus, node_id, profile("generic")), wanted), bus.now_s() - started_s
 
 
 @pytest.mark.parametrize("period_ms", [100, 1000, 4000, 60_000])
@@ -109,7 +109,7 @@ def test_a_node_that_was_heard_is_not_asked() -> None:
     device.restart()
     device.boot_up()
     device.set_value(0x1017, 0, b"\0\0")
-    assert seen_state(Access(bus, NODE, profile("generic")), OPERATIONAL) is PRE_OPERATIONAL
+    assert seen_state(NodeAccess(bus, NODE, profile("generic")), OPERATIONAL) is PRE_OPERATIONAL
     assert bus.requests == []
 
 
@@ -144,7 +144,7 @@ def test_several_nodes_are_waited_for_together() -> None:
     assert seen_states({}, OPERATIONAL) == {}
     quick, slow = with_heartbeat(100), with_heartbeat(1200, node_id=5)
     bus = Asked(quick, slow)
-    accesses = {node_id: Access(bus, node_id, profile("generic")) for node_id in (NODE, 5)}
+    accesses = {node_id: NodeAccess(bus, node_id, profile("generic")) for node_id in (NODE, 5)}
     bus.send_nmt(NmtCommand.START, 0)
     started_s = bus.now_s()
     assert seen_states(accesses, OPERATIONAL) == {NODE: OPERATIONAL, 5: OPERATIONAL}
@@ -162,7 +162,7 @@ def test_a_node_with_a_state_object_is_asked_for_it() -> None:
     bus = Asked(device)
     bus.send_nmt(NmtCommand.START, NODE)
     started_s = bus.now_s()
-    assert seen_states({NODE: Access(bus, NODE, profile("gen4"))}, OPERATIONAL) == {NODE: OPERATIONAL}
+    assert seen_states({NODE: NodeAccess(bus, NODE, profile("gen4"))}, OPERATIONAL) == {NODE: OPERATIONAL}
     assert bus.now_s() - started_s < 0.1
     assert bus.requests == []
 

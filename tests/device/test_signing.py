@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.nmt_gate import Access
+from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_identity, service_ids
 from dvtcli.device.store_parameters import RESTORE, STORE, sign
 from dvtcli.domain.abort import Abort
@@ -41,8 +41,8 @@ class Memory(Table):
         self.taken.append((index, sub_index, bytes(data)))
 
 
-def access(memory: Memory) -> Access:
-    return Access(DirectBus(booted(), memory), NODE, GENERIC)
+def access(memory: Memory) -> NodeAccess:
+    return NodeAccess(DirectBus(booted(), memory), NODE, GENERIC)
 
 
 def refusal(memory: Memory, index: int = STORE, sub_index: int | None = None, **policy: object) -> DeviceRefused:

@@ -11,9 +11,9 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.failed_change import step_text
-from dvtcli.device.change.other_pdos import OtherPdos
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.transaction import Transaction
+from dvtcli.device.change.untouched_pdos import UntouchedPdos
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
@@ -281,7 +281,7 @@ def test_another_pdo_that_the_device_moves_along_is_told_and_put_back(sdo: Direc
     wholes = {TPDO2: read_pdo(sdo, TPDO2)}
     others = {TPDO2: wholes[TPDO2].communication.cob_id}
     note: Callable[[Sequence[Change]], None] = lambda changes: told.append([one.label for one in changes])  # noqa: E731
-    error = failed(altering(sdo, 1), change, others=OtherPdos(others, wholes), on_altered=note)
+    error = failed(altering(sdo, 1), change, others=UntouchedPdos(others, wholes), on_altered=note)
     assert str(error) == f"node {NODE} took TPDO1, but altered TPDO2 with it"
     assert (error.place, error.state, error.state_text) == ("1801:01", "rolled_back", None)
     assert error.why == f"0x1801:01 was 0x{others[TPDO2].raw:08X}, is 0x40000281"
@@ -291,7 +291,7 @@ def test_another_pdo_that_the_device_moves_along_is_told_and_put_back(sdo: Direc
 
 def test_of_one_that_was_not_read_whole_the_cob_id_is_put_back_and_that_is_said(sdo: DirectSdo) -> None:
     change, before = enabled(sdo), read_pdo(sdo, TPDO2)
-    error = failed(altering(sdo, 1), change, others=OtherPdos({TPDO2: before.communication.cob_id}))
+    error = failed(altering(sdo, 1), change, others=UntouchedPdos({TPDO2: before.communication.cob_id}))
     assert (error.state, read_pdo(sdo, TPDO1), read_pdo(sdo, TPDO2)) == ("rolled_back", change.before, before)
     assert error.state_text == (
         "rolled back: TPDO1 is as it was, and TPDO2 has its COB-ID again, read back equal; what else it held was not "
@@ -303,22 +303,24 @@ def test_one_that_is_only_in_the_way_is_not_looked_at(sdo: DirectSdo) -> None:
     """A plan that writes no COB-ID moves none."""
     others = {TPDO2: read_cob_id(sdo, TPDO2)}
     sdo.reads.clear()
-    run(sdo, value(sdo, 1000), others=OtherPdos(others))
+    run(sdo, value(sdo, 1000), others=UntouchedPdos(others))
     assert (0x1801, 1) not in sdo.reads
     change = enabled(sdo)
-    run(altering(sdo, 1), change, others=OtherPdos())
+    run(altering(sdo, 1), change, others=UntouchedPdos())
     assert read_pdo(sdo, TPDO1) == change.after
 
 
 def test_after_a_restart_nobody_knows_whether_others_were_altered(sdo: DirectSdo) -> None:
     """Nothing is laid to the device then; and nothing is called done."""
     change = enabled(sdo)
-    error = failed(altering(sdo, 1), change, others=OtherPdos({TPDO2: read_cob_id(sdo, TPDO2)}), witness=Restarts(1))
+    error = failed(
+        altering(sdo, 1), change, others=UntouchedPdos({TPDO2: read_cob_id(sdo, TPDO2)}), witness=Restarts(1)
+    )
     assert str(error) == f"node {NODE} restarted while TPDO1 was changed"
     assert error.state == "rolled_back"
     assert read_pdo(sdo, TPDO1) == change.before
-    run(sdo, value(sdo, 1000), others=OtherPdos({TPDO2: read_cob_id(sdo, TPDO2)}), witness=Restarts(1))
-    run(sdo, change, others=OtherPdos(), witness=Restarts(1))
+    run(sdo, value(sdo, 1000), others=UntouchedPdos({TPDO2: read_cob_id(sdo, TPDO2)}), witness=Restarts(1))
+    run(sdo, change, others=UntouchedPdos(), witness=Restarts(1))
     assert read_pdo(sdo, TPDO1) == change.after
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.device.node import Node
-from dvtcli.device.past import Past
 from dvtcli.device.unstored import held_unstored
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
@@ -24,7 +24,7 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         self.node = Node(DirectBus.of(booted()), NODE, dictionary("generic"))
-        self.past = Past(folder, "can0")
+        self.past = ChangeHistory(folder, "can0")
 
     def timed(self, pdo: Pdo, timer_ms: int) -> PdoConfig:
         now = self.node.pdo(pdo)

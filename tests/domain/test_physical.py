@@ -10,14 +10,14 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.physical import Physical, State
+from dvtcli.domain.scaling import Scaling, State
 from dvtcli.domain.unit import parse_factor, parse_scale, scale_text, spelled, times
 
-SIXTEENTH, VOLT = Physical("V", Fraction(1, 16)), Physical("V", Fraction(1, 256))
-CELSIUS = Physical("°C", Fraction(1, 2), Fraction(-40))
-MODE = Physical(values={1: "profile position", 3: "profile velocity"})
-WORD = Physical(states=(State(0x6F, 0x27, "operation enabled"),), bits={0: "ready", 2: "enabled"})
-ERRORS = Physical(values={0: "no error"}, bits={1: "current", 3: "temperature"})
+SIXTEENTH, VOLT = Scaling("V", Fraction(1, 16)), Scaling("V", Fraction(1, 256))
+CELSIUS = Scaling("°C", Fraction(1, 2), Fraction(-40))
+MODE = Scaling(values={1: "profile position", 3: "profile velocity"})
+WORD = Scaling(states=(State(0x6F, 0x27, "operation enabled"),), bits={0: "ready", 2: "enabled"})
+ERRORS = Scaling(values={0: "no error"}, bits={1: "current", 3: "temperature"})
 
 factors = st.one_of(
     st.sampled_from(["1/256", "1/16", "1/32767", "0.1", "0.001", "100", "100/255", "-1/4", "3"]).map(Fraction),
@@ -30,7 +30,7 @@ raws = st.integers(-(1 << 31), (1 << 32) - 1)
 
 @given(raws, factors, offsets, units)
 def test_what_is_shown_can_be_typed_back(raw: int, factor: Fraction, offset: Fraction, unit: str) -> None:
-    meaning = Physical(spelled(unit), factor, offset)
+    meaning = Scaling(spelled(unit), factor, offset)
     assert meaning.to_raw(meaning.text(raw)) == raw
     assert meaning.to_raw(meaning.quantity(raw)) == raw
     assert meaning.to_physical(raw) == raw * factor + offset
@@ -44,7 +44,7 @@ def test_what_is_shown_can_be_typed_back(raw: int, factor: Fraction, offset: Fra
 )
 def test_prefixes_of_the_same_unit(count: int, names: tuple[str, str, int | Fraction]) -> None:
     unit, other, ratio = names
-    meaning = Physical(unit, Fraction(1, 10))
+    meaning = Scaling(unit, Fraction(1, 10))
     number = count * Fraction(1, 10) * ratio
     text = f"{number.numerator}" if number.denominator == 1 else f"{float(number):.4f}"
     assert meaning.to_raw(f"{text} {other}") == count
@@ -58,21 +58,21 @@ def test_prefixes_of_the_same_unit(count: int, names: tuple[str, str, int | Frac
         (VOLT, 6000, "23.438 V (6000)"),
         (VOLT, -3, "-0.012 V (-3)"),
         (CELSIUS, 0, "-40.0 °C (0)"),
-        (Physical("ms"), 1000, "1000 ms"),
-        (Physical("µs", Fraction(100)), 5, "500 µs (5)"),
-        (Physical(factor=Fraction(1, 32767)), 16384, "0.50002 (16384)"),
+        (Scaling("ms"), 1000, "1000 ms"),
+        (Scaling("µs", Fraction(100)), 5, "500 µs (5)"),
+        (Scaling(factor=Fraction(1, 32767)), 16384, "0.50002 (16384)"),
         (MODE, 3, "profile velocity (3)"),
         (MODE, 9, ""),
         (WORD, 0x0237, "operation enabled (0x0237)"),
         (WORD, 0, ""),
         (ERRORS, 0, "no error (0x0000)"),
         (ERRORS, 0x4A, "current, temperature, bit 6 (0x004A)"),
-        (Physical("V"), 1.5, "1.5 V"),
-        (Physical(), 5, ""),
+        (Scaling("V"), 1.5, "1.5 V"),
+        (Scaling(), 5, ""),
         (SIXTEENTH, b"\1\2", ""),
     ],
 )
-def test_what_a_person_reads(meaning: Physical, raw: int, text: str) -> None:
+def test_what_a_person_reads(meaning: Scaling, raw: int, text: str) -> None:
     assert meaning.text(raw, 16) == text
 
 
@@ -84,18 +84,18 @@ def test_what_a_person_reads(meaning: Physical, raw: int, text: str) -> None:
         (SIXTEENTH, "48", None), (SIXTEENTH, "0x30", None), (SIXTEENTH, "-0x30", None), (SIXTEENTH, "high", None),
         (VOLT, "23.4 V", 5990), (CELSIUS, "25 degC", 130), (CELSIUS, "-40°C", 0),
         (MODE, "Profile_Velocity", 3), (MODE, "profile velocity (3)", 3), (MODE, "3", None), (MODE, "homing", None),
-        (Physical("ms"), "1s", 1000), (Physical("µs"), "20 ms", 20_000), (Physical("us"), "1 us", None),
-        (Physical(factor=Fraction(1, 4)), "0.5 (2)", 2), (Physical(), "5 V", None),
+        (Scaling("ms"), "1s", 1000), (Scaling("µs"), "20 ms", 20_000), (Scaling("us"), "1 us", None),
+        (Scaling(factor=Fraction(1, 4)), "0.5 (2)", 2), (Scaling(), "5 V", None),
     ],
 )  # fmt: skip
-def test_what_a_person_types(meaning: Physical, text: str, raw: int | None) -> None:
+def test_what_a_person_types(meaning: Scaling, text: str, raw: int | None) -> None:
     if meaning.unit == "us":
-        meaning = Physical(spelled(meaning.unit))
+        meaning = Scaling(spelled(meaning.unit))
         raw = 1
     assert meaning.to_raw(text) == raw
 
 
-SIGNS = Physical(values={500: "+10 V", 1000: "-10 V", 7: "500", 8: "0x1F4", 9: "0500", 3: "< 5", 4: "> 5"})
+SIGNS = Scaling(values={500: "+10 V", 1000: "-10 V", 7: "500", 8: "0x1F4", 9: "0500", 3: "< 5", 4: "> 5"})
 
 
 @pytest.mark.parametrize(
@@ -111,14 +111,14 @@ def test_a_word_keeps_its_sign_and_a_number_alone_is_raw(text: str, raw: int | N
 
 
 def test_the_sign_of_the_only_word_counts_too() -> None:
-    one = Physical("V", values={500: "+10 V"})
+    one = Scaling("V", values={500: "+10 V"})
     assert (one.to_raw("-10 V"), one.to_raw("+10 V")) == (-10, 500)
-    assert Physical(values={7: "1.5"}).to_raw("1.5", whole=False) is None
-    assert Physical(values={0: "+1,", 2: "-1."}).to_raw("+1") is None
+    assert Scaling(values={7: "1.5"}).to_raw("1.5", whole=False) is None
+    assert Scaling(values={0: "+1,", 2: "-1."}).to_raw("+1") is None
 
 
 def test_words_that_are_one_but_for_their_spelling_are_told_apart_by_it() -> None:
-    twins = Physical(values={1: "quick stop", 2: "Quick-Stop", 3: "off", 4: "off"})
+    twins = Scaling(values={1: "quick stop", 2: "Quick-Stop", 3: "off", 4: "off"})
     assert (twins.to_raw("quick stop"), twins.to_raw("Quick-Stop"), twins.to_raw("QUICK STOP (2)")) == (1, 2, 2)
     for text, says in (("QUICK STOP", "'quick stop' (1) or 'Quick-Stop' (2)"), ("off", "'off' (3) or 'off' (4)")):
         with pytest.raises(ValueError, match=re.escape(says)):
@@ -128,7 +128,7 @@ def test_words_that_are_one_but_for_their_spelling_are_told_apart_by_it() -> Non
 @given(st.dictionaries(st.integers(0, 99), st.text("+-<>1 aA_.,", max_size=4), max_size=6), st.integers(0, 99))
 @example({0: "+1,"}, 1)
 def test_a_word_never_writes_another_ones_value(values: dict[int, str], raw: int) -> None:
-    meaning = Physical(values=values)
+    meaning = Scaling(values=values)
     word = values.get(raw, "+1")
     with suppress(ValueError):
         found = meaning.to_raw(word)
@@ -153,7 +153,7 @@ def test_what_is_refused(text: str, says: str) -> None:
 
 
 def test_a_real_number_needs_no_counts() -> None:
-    assert Physical("V", Fraction(1, 10)).to_raw("0.123 V", whole=False) == pytest.approx(1.23)
+    assert Scaling("V", Fraction(1, 10)).to_raw("0.123 V", whole=False) == pytest.approx(1.23)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_any_text_is_a_unit_or_a_factor_or_refused(text: str) -> None:
     assert factor > 0
     with suppress(ValueError):
         assert parse_factor(text)
-    for meaning in (SIXTEENTH, MODE, WORD, Physical()):
+    for meaning in (SIXTEENTH, MODE, WORD, Scaling()):
         with suppress(ValueError):
             assert isinstance(meaning.to_raw(text), int | None)
 

@@ -11,8 +11,8 @@ import pytest
 from dvtcli.cli.dvt.tcl_process import TclProcess
 from dvtcli.cli.dvt.tcl_script import LIMITS, TclScript
 from dvtcli.cli.dvt.tcl_wire import (  # fmt: skip
-    Answer,
     Call,
+    CallResult,
     End,
     Frame,
     Go,
@@ -161,7 +161,8 @@ def test_terminal_sequences_in_what_it_says_are_not_printed(tmp_path: Path) -> N
     "frame",
     [
         Setup("/x/ü.tcl", ("puts", "exit"), 0.5, 3, 1 << 30), Ready("no Tcl", 0), Ready("", 17), Go(),
-        Call("puts", ("", "a\nb\0", "\ud800", "\U0001f600"), 3, "/x/y.tcl"), Answer(True, "no\nway"), Answer(False, ""),
+        Call("puts", ("", "a\nb\0", "\ud800", "\U0001f600"), 3, "/x/y.tcl"), CallResult(True, "no\nway"),
+        CallResult(False, ""),
         End("failed", "because", 3, "/x"),
     ],
 )  # fmt: skip

@@ -18,8 +18,8 @@ from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
+from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_identity, read_pdo
 from dvtcli.domain.hint import Hint
@@ -146,7 +146,7 @@ class Run:
     def node(self) -> Node:
         """The node as a session that has just started sees it."""
         node = Node(self.bus, NODE, dictionary(self.family), profile(self.family))
-        node.keeper = Keeper(self.folder, self.folder / "locks", "matrix", NODE)
+        node.keeper = ChangeGuard(self.folder, self.folder / "locks", "matrix", NODE)
         if not node.keeper._backing_up.folder.exists():  # reading every PDO first would take a third of the time
             node.keeper._backing_up.make(*_identity_and_pdos(self.device), ())
         return node

@@ -19,10 +19,10 @@ from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.files.dbc_text import LONGEST_NAME, DbcMessage, DbcSignal, Names, dbc_bytes, decimal
-from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.network_messages import NetworkMessages, network_messages
 from dvtcli.operations.exchange.service_messages import SERVICES
 from dvtcli.watch.decoder import Decoder, pdo_layouts
@@ -62,9 +62,9 @@ def nodes(draw: st.DrawFn) -> tuple[NodeState, Meanings]:
         index = 0x2000 + number
         factor = draw(st.sampled_from(["1", "1/256", "0.1", "-0.25", "1/3", "1000"]))
         offset = draw(st.sampled_from(["0", "-40", "0.5"]))
-        physical = Physical(draw(st.sampled_from(["", "V", "\u00b0C", ODD])), Fraction(factor), Fraction(offset))
+        physical = Scaling(draw(st.sampled_from(["", "V", "\u00b0C", ODD])), Fraction(factor), Fraction(offset))
         words = draw(st.dictionaries(st.integers(-3, 3), st.text(max_size=8), max_size=3))
-        rules[ObjectRange(index, index)] = Meaning(Physical(physical.unit, physical.factor, physical.offset, words))
+        rules[ObjectRange(index, index)] = Meaning(Scaling(physical.unit, physical.factor, physical.offset, words))
         mapping.append(PdoMappingEntry(index, 0, bits))
         known = draw(st.integers(0, 9)) > 0
         name = draw(st.sampled_from([f"Signal {number}", "Speed", ODD, "VERSION", "7", "\u901f\u5ea6", "long " * 12]))
@@ -126,7 +126,7 @@ def test_a_message_of_64_bits() -> None:
 def test_limits_are_scaled_and_never_an_offset() -> None:
     kind = BY_SHORT_NAME["i16"]
     entry = OdEntry(0x2000, 0, "Torque", kind, low=-1500, high=1000)
-    rules = {ObjectRange(0x2000, 0x2000): Meaning(Physical("Nm", Fraction(-1, 10), Fraction(5)))}
+    rules = {ObjectRange(0x2000, 0x2000): Meaning(Scaling("Nm", Fraction(-1, 10), Fraction(5)))}
     node = NodeState(5, "", {TPDO1: config((PdoMappingEntry(0x2000, 0, 16),))}, {}, described(entry), title="Drive")
     text = bytes_of(network_messages(NetworkState((node,)), {5: Meanings([rules])})).decode()
     assert ' SG_ Torque : 0|16@1- (-0.1,5) [-95|155] "Nm" Vector__XXX\r\n' in text
@@ -140,11 +140,11 @@ BITS = {0: "ready", 3: "fault", 5: "ready", 9: ODD}
 def test_the_bits_of_a_word_are_its_value(before: int, short: str, data: bytes) -> None:
     kind = BY_SHORT_NAME[short]
     entry = OdEntry(0x2000, 0, "Status", kind)
-    rules = {ObjectRange(0x2000, 0x2000): Meaning(Physical(bits=BITS))}
+    rules = {ObjectRange(0x2000, 0x2000): Meaning(Scaling(bits=BITS))}
     gap = (PdoMappingEntry(5, 0, before),) if before else ()
     sent = config((*gap, PdoMappingEntry(0x2000, 0, kind.bits or 0)))
     node = NodeState(5, "io", {TPDO1: sent}, {}, described(entry))
-    found = network_messages(NetworkState((node,)), {5: Meanings([rules])}, DbcWishes(split_bits=True))
+    found = network_messages(NetworkState((node,)), {5: Meanings([rules])}, DbcOptions(split_bits=True))
     (message,) = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc").messages
     decoded = message.decode(data[: message.length])
     assert {"Status_ready", "Status_fault", "Status_ready_2", "Status_bit_1"} <= decoded.keys()
@@ -181,7 +181,7 @@ def test_pdos_that_are_off_are_in_it_where_that_is_wanted() -> None:
                     strict=True))  # fmt: skip
     state = NetworkState((NodeState(5, "io", pdos, {}, described(*entries)),))
     assert [one.name for one in network_messages(state, {5: Meanings()}).messages] == ["io_TPDO2"]
-    found = network_messages(state, {5: Meanings()}, DbcWishes(everything=True))
+    found = network_messages(state, {5: Meanings()}, DbcOptions(everything=True))
     assert [(one.name, one.comment) for one in found.messages] == [
         ("io_TPDO2", "TPDO2 of node 5, TPDO1 of node 5 (off)"), ("io_TPDO4", "TPDO4 of node 5 (off)"),
     ]  # fmt: skip
@@ -230,7 +230,7 @@ def test_other_services_have_the_ids_and_times_of_the_nodes() -> None:
         (0x1016, 1): 0x2_0300,
     }
     state = NetworkState((NodeState(1, "a", {}, numbers), NodeState(2, "b", {TPDO1: config((), 0x701)}, {})))
-    found = network_messages(state, dict.fromkeys((1, 2), Meanings()), DbcWishes(SERVICES))
+    found = network_messages(state, dict.fromkeys((1, 2), Meanings()), DbcOptions(SERVICES))
     read = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc")
     assert found.left_out == ["a_Heartbeat: a PDO has its CAN-ID 0x701"]
     assert {one.frame_id for one in read.messages} == {0, 0x81, 0x91, 0x701, 0x702, 0x601, 0x602, 0x581, 0x582}

@@ -12,7 +12,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.errors import InputFileError
-from dvtcli.files.pdo_yaml import PdoText, Word, read_pdo_yaml, write_pdo_yaml
+from dvtcli.files.pdo_yaml import MappingWord, PdoText, read_pdo_yaml, write_pdo_yaml
 
 TPDO1 = Pdo(Direction.TPDO, 1)
 
@@ -47,7 +47,7 @@ def test_what_is_written_is_read_back(
 def test_values_are_read_as_they_stand() -> None:
     text = "mapping:\n  - 6041\n  - 606C:00/32\n  - 'velocity'\ncob_id: AUTO\ntype: 0x1\nenabled: off\n"
     read = read_pdo_yaml(text, TPDO1)
-    assert read.mapping == (Word("6041", 2), Word("606C:00/32", 3), Word("velocity", 4))
+    assert read.mapping == (MappingWord("6041", 2), MappingWord("606C:00/32", 3), MappingWord("velocity", 4))
     assert (read.cob_id, read.transmission_type, read.enabled) == ("auto", 1, False)
     assert read_pdo_yaml("type: 1\n", TPDO1) == PdoText(transmission_type=1)
     assert read_pdo_yaml("mapping:\n", TPDO1).mapping == ()

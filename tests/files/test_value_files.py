@@ -13,8 +13,8 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.unit import parse_scale
 from dvtcli.errors import InputFileError
 from dvtcli.files.values.csv_values import csv_text
@@ -29,7 +29,7 @@ SCALES = ("1/16 V", "rpm", "0.1 %", "1/32767", "0.01 °")
 MEANINGS = Meanings(
     [
         {
-            ObjectRange(0x2000 + number, 0x2000 + number): Meaning(Physical(unit, factor))
+            ObjectRange(0x2000 + number, 0x2000 + number): Meaning(Scaling(unit, factor))
             for number, (factor, unit) in enumerate(map(parse_scale, SCALES))
         }
     ]

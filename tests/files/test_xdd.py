@@ -15,7 +15,7 @@ from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.dictionary_difference import differences
 from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import device_file_bytes, parse_device_file
 from dvtcli.files.xdd.xdd_reader import XddFile, parse_xdd
@@ -266,7 +266,7 @@ def test_real_files(pytestconfig: pytest.Config) -> None:
         assert [entry for entry in file.dictionary.entries() if entry.data_type is None] == []
 
 
-def scaled(unit: str = "", more: str = "") -> Physical:
+def scaled(unit: str = "", more: str = "") -> Scaling:
     """What an object means whose parameter has *more* attributes and *unit*."""
     parameter = f'<parameter uniqueID="U1" access="read"{more}><label lang="en">x</label><INT/>{unit}</parameter>'
     file = read(xdd(OBJECTS + variable(0x2000, "x", "0003", uniqueIDRef="U1"), parameter))
@@ -279,14 +279,14 @@ def unit(multiplier: str, label: str = "V") -> str:
 
 def test_multiplier_and_offset_are_the_scale() -> None:
     """The engineering value is (value + offset) x multiplier (CiA 311, parameter element)."""
-    assert scaled(unit("1")) == Physical("V")
-    assert scaled(unit("0.1")) == scaled(unit("1"), ' multiplier="1e-1"') == Physical("V", Fraction(1, 10))
-    assert scaled(unit("1", "1/256 V")) == Physical("V", Fraction(1, 256))
+    assert scaled(unit("1")) == Scaling("V")
+    assert scaled(unit("0.1")) == scaled(unit("1"), ' multiplier="1e-1"') == Scaling("V", Fraction(1, 10))
+    assert scaled(unit("1", "1/256 V")) == Scaling("V", Fraction(1, 256))
     kelvin = scaled(unit("1", "degC"), ' multiplier="0.5" offset="-40"')
-    assert kelvin == Physical("\u00b0C", Fraction(1, 2), Fraction(-20))
+    assert kelvin == Scaling("\u00b0C", Fraction(1, 2), Fraction(-20))
     assert kelvin.to_physical(100) == 30
-    assert scaled(unit("0.5"), ' offset="3"') == Physical("V", Fraction(1, 2), Fraction(3, 2))
-    assert scaled("", ' multiplier="0.01"') == Physical("", Fraction(1, 100))
+    assert scaled(unit("0.5"), ' offset="3"') == Scaling("V", Fraction(1, 2), Fraction(3, 2))
+    assert scaled("", ' multiplier="0.01"') == Scaling("", Fraction(1, 100))
 
 
 @pytest.mark.parametrize(

@@ -45,12 +45,12 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_syntax import parse_cob_id, parse_object, resolve_entry, resolve_object
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.proof import POWER, Proof
 from dvtcli.domain.rules import Finding
+from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.device_file import parse_device_file
@@ -73,7 +73,7 @@ from dvtcli.operations.opening.device_files import DeviceFiles
 from dvtcli.operations.opening.open_network import Network
 from dvtcli.operations.user.options import node_id
 from dvtcli.operations.user.settings import File
-from dvtcli.operations.user.settings_search import Found
+from dvtcli.operations.user.settings_search import SettingsFile
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.sdo_server import SdoServer
@@ -177,7 +177,7 @@ def defaults(data: bytes) -> None:
     """Options for the start, or InputFileError."""
     Path("dvtcli.toml").write_bytes(data)
     try:
-        given = File(Found("dvtcli.toml"), users_own=False).layer
+        given = File(SettingsFile("dvtcli.toml"), users_own=False).layer
         session = _session()
         session.start({name: value for name, (value, _) in given.items()})
         with REGISTRY.make_context("dvtcli", ["pdo"], obj=session) as ctx:
@@ -405,13 +405,13 @@ def _shown(text: str) -> Iterator[Any]:
     yield RuleError(text, [finding, finding], node=1)
     described = dictionary("gen4")
     pdo, config = Pdo.parse("tpdo1"), read_pdo(FileValues(described, 1), Pdo.parse("tpdo1"))
-    names = tuple(results.MappedName(text, text, Physical(text)) for _ in config.mapping)
+    names = tuple(results.MappedName(text, text, Scaling(text)) for _ in config.mapping)
     row = results.PdoRow(pdo, config, names)
     yield results.PdoListing(1, text, (row,), show_all=True)
     yield results.PdoListing(1, text, (row,), detail=True)
     raw = text.encode("utf-8", "surrogateescape")
-    yield results.ValueRead(1, "1008:00", text, text, raw, text, Physical(text))
-    yield results.ValueRead(1, "2000:00", text, float("nan"), raw[:4], text, Physical(text))
+    yield results.ValueRead(1, "1008:00", text, text, raw, text, Scaling(text))
+    yield results.ValueRead(1, "2000:00", text, float("nan"), raw[:4], text, Scaling(text))
     plan = Plan(1, (ValueChange(Step(0x2000, 1, raw, raw, text)),))
     yield results.Changed(1, plan, (finding,), dry_run=False, seconds=0.1)
     for word, found in (("store", (text,)), ("store", ()), ("restore", (text,)), ("restore", ())):

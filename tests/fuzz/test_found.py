@@ -21,7 +21,7 @@ from dvtcli.files.eds.reader import parse_eds
 from dvtcli.files.profile.toml import read_profile
 from dvtcli.operations.results import ValueRead
 from dvtcli.operations.user.settings import File
-from dvtcli.operations.user.settings_search import Found
+from dvtcli.operations.user.settings_search import SettingsFile
 from tests.commands.bench import Bench
 from tests.fuzz.server import NODE, HostileLink
 from tests.sample import heavy
@@ -61,7 +61,7 @@ from tests.sample import heavy
 def test_a_setting_of_another_kind_is_an_error_in_the_file(text: str, tmp_path: Path) -> None:
     (tmp_path / "dvtcli.toml").write_text(text)
     with pytest.raises(InputFileError, match=r"dvtcli\.toml"):
-        File(Found(str(tmp_path / "dvtcli.toml")), users_own=False)
+        File(SettingsFile(str(tmp_path / "dvtcli.toml")), users_own=False)
 
 
 @pytest.mark.parametrize("value", ["0x" + "F" * 5000, "9" * 5000, "[" * 5000, "[0x" + "F" * 5000 + "]"])

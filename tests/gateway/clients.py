@@ -20,12 +20,12 @@ from dvtcli.domain.hint import Hint
 from dvtcli.operations.gateway.serve_gateway import Gateway, gateway
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from tests.process import PATIENCE_S
 from tests.virtual_time import VirtualTimeBus
 
 
-class Heard(Silent):
+class Heard(NullReporter):
     """Keeps what is said to the user."""
 
     def __init__(self) -> None:

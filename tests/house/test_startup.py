@@ -23,7 +23,7 @@ CHANGES = {
     "dvtcli.domain.rules",
     "dvtcli.device.proposal",
     "dvtcli.device.change.transaction",
-    "dvtcli.device.change.safekeeping",
+    "dvtcli.device.change.change_guard",
 }
 #: how many modules of ours a line may import, with a little room; each costs about a third of a percent of `--help`
 MOST = {"--help": 25, "": 49, "read": 178, "pdo": 178, "map": 217}

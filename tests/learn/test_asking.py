@@ -9,7 +9,7 @@ import pytest
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
-from dvtcli.domain.learning.probe import Probe, Stand, Subject, Write
+from dvtcli.domain.learning.probe import Probe, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted
@@ -58,12 +58,12 @@ def asking(cob_id: bytes = OFF, mapped: tuple[PdoMappingEntry, ...] = (), limit:
     held = read_pdo(channel, TPDO1)
     parameters = {sub: channel.upload(0x1800, sub) for sub in (2, 3, 5)}
     entries = tuple(int.from_bytes(channel.upload(0x1A00, number), "little") for number in (1, 2))
-    subject = Subject(TPDO1, held, parameters, entries, (STATUSWORD,), spare=(0x6DE, 0x6DF))
+    subject = ProbedPdo(TPDO1, held, parameters, entries, (STATUSWORD,), spare=(0x6DE, 0x6DF))
     return Asking(node, subject, limit), channel
 
 
 def probe(stand: Stand, *writes: tuple[tuple[int, int], bytes]) -> Probe:
-    return Probe(TPDO1, "it", "it", stand, tuple(Write(*place, data) for place, data in writes))
+    return Probe(TPDO1, "it", "it", stand, tuple(ProbeWrite(*place, data) for place, data in writes))
 
 
 TEN = (TIMER, b"\x0a\0")

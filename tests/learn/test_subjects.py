@@ -9,7 +9,7 @@ import pytest
 from dvtcli.device.learn.subjects import subjects
 from dvtcli.device.node import Node
 from dvtcli.domain.datatypes import U8, U16, U32
-from dvtcli.domain.learning.probe import Subject
+from dvtcli.domain.learning.probe import ProbedPdo
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.rules.can_id import FREE_POOL
@@ -35,7 +35,7 @@ def asked(
     described: ObjectDictionary | None = None,
     heard: Iterable[int] = (),
     neighbours: tuple[Node, ...] = (),
-) -> list[Subject]:
+) -> list[ProbedPdo]:
     node = Node(DirectBus(booted(), table), NODE, described, neighbours=lambda: neighbours)
     return subjects(node, node.pdos(), frozenset(heard))
 

@@ -16,15 +16,15 @@ from hypothesis import strategies as st
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.python_can import CanBus
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.looked_at import GRAPH, RAW, Moment, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, RAW, Moment, View
 from dvtcli.cli.monitor.screen import picture
 from dvtcli.cli.monitor.signal_lines import age
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meanings, ObjectRange
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import BusUnavailable
@@ -33,7 +33,7 @@ from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore
 from dvtcli.watch.service import service_of
-from dvtcli.watch.statistics import Course, Rhythm, spark
+from dvtcli.watch.statistics import Rhythm, ValueHistory, spark
 from dvtcli.watch.table import all_columns
 from dvtcli.watch.tracks import find_tracks
 from tests.serve.served import wait_for
@@ -98,7 +98,7 @@ def test_one_frame_has_no_rate() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 300), st.integers(-(2**31), 2**31)), min_size=1, max_size=80))
 def test_least_and_most_and_points_hold_every_value(samples: list[tuple[int, int]]) -> None:
-    course, time_s, values = Course(), 0.0, []
+    course, time_s, values = ValueHistory(), 0.0, []
     for gap_ms, value in samples:
         time_s += gap_ms / 1000
         values.append(value)
@@ -112,7 +112,7 @@ def test_least_and_most_and_points_hold_every_value(samples: list[tuple[int, int
 
 
 def test_what_is_no_number_is_not_counted() -> None:
-    course = Course()
+    course = ValueHistory()
     course.take(float("nan"), 0.0)
     course.take(b"ab", 1.0)
     assert course.low is None
@@ -135,7 +135,7 @@ def test_a_sparkline_has_a_character_for_each_value(values: list[float]) -> None
 def test_a_graph_has_its_size_whatever_it_shows(
     samples: list[tuple[int, int]], width: int, height: int, plain: bool
 ) -> None:
-    course, time_s = Course(), 0.0
+    course, time_s = ValueHistory(), 0.0
     for gap_ms, value in samples:
         time_s += gap_ms / 1000
         course.take(value, time_s)
@@ -365,7 +365,7 @@ def golden_store() -> FrameStore:
     names = ("Analogue input 1", "Velocity actual value", "Statusword")
     (address, layout), *_ = decoder().layouts.items()
     statusword = standards()[-1].rules[ObjectRange(0x6041, 0x6041)].physical
-    meanings = (Physical("V", Fraction(1, 256)), Physical("rpm"), statusword)
+    meanings = (Scaling("V", Fraction(1, 256)), Scaling("rpm"), statusword)
     known = Layout(
         layout.service,
         tuple(Signal(n, n, s.object, m, s.bits) for n, s, m in zip(names, layout.signals, meanings, strict=True)),

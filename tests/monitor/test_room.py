@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.monitor.looked_at import Moment, View
+from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.room import cut, filled, least_and_most
 from dvtcli.cli.monitor.screen import picture
 from dvtcli.cli.monitor.watch_screen import Board, watch_picture
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.watch.decoder import Decoder, Signal
 from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.watched_object import WatchedObject
@@ -53,8 +53,8 @@ def test_every_number_of_a_narrow_screen_is_whole_or_marked(values: list[int | f
         assert set(numbers) <= set(wide[number].split()), line
 
 
-@given(NUMBERS, NUMBERS, st.integers(1, 60), st.sampled_from([Physical(), Physical(unit="A", factor=Fraction(1, 16))]))
-def test_least_and_most_are_right_to_their_digits(one: float, other: float, width: int, meaning: Physical) -> None:
+@given(NUMBERS, NUMBERS, st.integers(1, 60), st.sampled_from([Scaling(), Scaling(unit="A", factor=Fraction(1, 16))]))
+def test_least_and_most_are_right_to_their_digits(one: float, other: float, width: int, meaning: Scaling) -> None:
     low, high = sorted((one, other))
     said = least_and_most(meaning, low, high, width)
     assert len(said) <= max(1, width)
@@ -72,7 +72,7 @@ def test_least_and_most_are_right_to_their_digits(one: float, other: float, widt
     [(24, "4294965796 .. 4294965796"), (23, "~4.29497e9 .. 4.29497e9"), (17, "~4.29e9 .. 4.29e9"), (14, "…")],
 )
 def test_less_room_is_fewer_digits(width: int, said: str) -> None:
-    assert least_and_most(Physical(), 4294965796, 4294965796, width) == said
+    assert least_and_most(Scaling(), 4294965796, 4294965796, width) == said
 
 
 def test_what_is_cut_ends_with_a_mark_in_ascii_too() -> None:

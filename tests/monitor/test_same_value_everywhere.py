@@ -17,8 +17,8 @@ from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.dbc_text import dbc_bytes
 from dvtcli.files.values.csv_values import csv_text
@@ -37,11 +37,11 @@ class Mapped:
     """One object of a mapping."""
 
     kind: str
-    physical: Physical
+    physical: Scaling
 
 
 mapped = st.builds(
-    Mapped, st.sampled_from(["u8", "i8", "u16", "i16", "i24"]), st.builds(Physical, st.just("V"), factors, offsets)
+    Mapped, st.sampled_from(["u8", "i8", "u16", "i16", "i24"]), st.builds(Scaling, st.just("V"), factors, offsets)
 )
 
 

@@ -805,11 +805,11 @@ class Judge:
 
     def _by_others(self, place: Place, after: bytes | None) -> bool:
         """Whether it was not ours to put back: lost by a restart, or written by another master."""
-        came_up = at_power_on(self.world.devices, [place]).get(place)
+        boot_snapshot = at_power_on(self.world.devices, [place]).get(place)
         restarted = any("reset" in word or "boot" in word for word in self.world.words)
         text = f"{place[1]:04X}:{place[2]}:"
         others = any("other-writes" in word and text in word for word in self.world.words)
-        return others or (restarted and after == came_up)
+        return others or (restarted and after == boot_snapshot)
 
     def _stored_nevertheless(self) -> list[str]:
         if any("saves-itself" in word for word in self.world.words):

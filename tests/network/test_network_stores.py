@@ -24,7 +24,7 @@ from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.recover.stores_begun import furthest, stores_of
 from dvtcli.operations.results import Changed, Facts
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.simulator.device.refusal import Refusal
 from tests.journals import journal_document
 from tests.network.bench import Chain
@@ -36,7 +36,7 @@ Act = Callable[[Chain], None]
 
 
 @dataclass
-class Said(Silent):
+class Said(NullReporter):
     """Keeps the notes."""
 
     notes: list[str] = field(default_factory=list)

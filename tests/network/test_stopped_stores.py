@@ -11,7 +11,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import Interrupted, LeftChanged
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from tests.network.bench import Chain
 from tests.network.killed import Watched
 from tests.network.test_network_stores import TYPE, file, stored_type, types, while_storing
@@ -19,7 +19,7 @@ from tests.sample import heavy
 
 
 @dataclass
-class Said(Silent):
+class Said(NullReporter):
     """Keeps the warnings."""
 
     warnings: list[str] = field(default_factory=list)

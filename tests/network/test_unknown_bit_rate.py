@@ -13,7 +13,7 @@ from dvtcli.operations.exchange.import_network import import_network
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.operations.whole_device.compare_pdos import verify
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
@@ -50,7 +50,7 @@ TAKES = {"saved": lambda session, file: applied(session, f"{file}.json")}
 SEVERAL = {"all": lambda session, file: [does(session, file) for name, does in DOES.items() if name != "import"]}
 
 
-class Listener(Silent):
+class Listener(NullReporter):
     """Keeps the notes about the bit rate."""
 
     def __init__(self) -> None:

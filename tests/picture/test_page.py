@@ -31,7 +31,7 @@ from dvtcli.domain.network.picture import (
 )
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.picture.frame_cards import frame_cards
 from dvtcli.files.picture.graphviz import graphviz
@@ -303,7 +303,7 @@ def any_pdo(draw: st.DrawFn, end: Endpoint) -> PicturePdo:
         if bits + size > 64:
             break
         entries.append(PdoMappingEntry(0x2000 + bits, 1, size))
-        meaning = Physical(draw(texts), values={0: draw(texts)}, bits={0: draw(texts)})
+        meaning = Scaling(draw(texts), values={0: draw(texts)}, bits={0: draw(texts)})
         fields.append(PictureField(bits, size, f"{0x2000 + bits:04X}:01", draw(texts), draw(texts), meaning))
         bits += size
     extended = draw(st.booleans())

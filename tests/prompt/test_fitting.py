@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dvtcli.cli.prompt.fitting import Part, fitted
+from dvtcli.cli.prompt.fitting import StatusPart, fitted
 
-PARTS = [Part(3, "", ("socketcan:can0", "can0")), Part(9, "bad", ("NO HEARTBEAT",)), Part(1, "", ("F1 help", ""))]
+PARTS = [
+    StatusPart(3, "", ("socketcan:can0", "can0")),
+    StatusPart(9, "bad", ("NO HEARTBEAT",)),
+    StatusPart(1, "", ("F1 help", "")),
+]
 
 
 def shown(width: int) -> list[str]:

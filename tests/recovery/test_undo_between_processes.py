@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.past import MOST_CHANGES, Past
+from dvtcli.device.change_history import MOST_CHANGES, ChangeHistory
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
@@ -201,7 +201,7 @@ def test_backups_are_listed_where_none_is_of_that_time(bench: Bench) -> None:
 
 
 def test_what_is_remembered_is_bounded_and_told_apart_by_identity(tmp_path: Path) -> None:
-    past = Past(tmp_path, "socketcan:can0")
+    past = ChangeHistory(tmp_path, "socketcan:can0")
     drive: dict[str, int | None] = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
     for value in range(MOST_CHANGES + 10):
         step = Step(0x1017, 0, bytes([value, 0]), bytes([value + 1, 0]), "write")
@@ -214,7 +214,7 @@ def test_what_is_remembered_is_bounded_and_told_apart_by_identity(tmp_path: Path
     assert past.moved(5, drive) is None
     assert past.moved(9, drive) == newest, "the serial number says that it is the same device with another node-ID"
     assert past.newest(5, drive | {"serial": 5}) is None
-    assert Past(tmp_path, "socketcan:can1").newest(5, drive) is None
+    assert ChangeHistory(tmp_path, "socketcan:can1").newest(5, drive) is None
     for nobody in (None, 0, 0xFFFF_FFFF):
         alike = drive | {"serial": nobody}
         past.add(newest.plan, alike)
@@ -227,7 +227,7 @@ def test_what_is_remembered_is_bounded_and_told_apart_by_identity(tmp_path: Path
 
 
 def test_what_grows_too_large_to_be_read_loses_its_oldest(tmp_path: Path) -> None:
-    past = Past(tmp_path, "socketcan:can0")
+    past = ChangeHistory(tmp_path, "socketcan:can0")
     drive: dict[str, int | None] = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
     for value in range(4):
         step = Step(0x2000, 0, bytes(600_000), bytes([value]) * 600_000, "write")

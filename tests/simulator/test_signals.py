@@ -11,7 +11,7 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.plant import DriveState, Plant, is_drive, next_state, state_of
 from dvtcli.simulator.device.signal_shapes import RowsError
-from dvtcli.simulator.device.signals import Signal
+from dvtcli.simulator.device.signals import SimulatedSignal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import Client, booted
@@ -19,7 +19,7 @@ from tests.virtual_time import VirtualTimeBus
 
 
 def at(text: str, *times_s: float) -> list[float]:
-    shape = Signal.parse(text).shape
+    shape = SimulatedSignal.parse(text).shape
     return [round(shape(time_s), 6) for time_s in times_s]
 
 
@@ -40,7 +40,7 @@ def test_shapes(text: str, times_s: tuple[float, ...], values: list[float]) -> N
 
 
 def test_an_object_is_named_in_hex() -> None:
-    signal = Signal.parse(" 6401:1F=const(0) ")
+    signal = SimulatedSignal.parse(" 6401:1F=const(0) ")
     assert (signal.index, signal.sub_index) == (0x6401, 0x1F)
 
 
@@ -72,7 +72,7 @@ def test_rows_of_a_file_hold_until_the_next(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_what_is_no_signal(text: str) -> None:
     with pytest.raises(ValueError, match=r"\w"):
-        Signal.parse(text)
+        SimulatedSignal.parse(text)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_files_without_rows(tmp_path: Path, body: bytes, place: str) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(body)
     with pytest.raises(RowsError) as raised:
-        Signal.parse(f"606C=csv({path},1)")
+        SimulatedSignal.parse(f"606C=csv({path},1)")
     assert raised.value.place == f"{path}{place}"
 
 
@@ -93,26 +93,26 @@ def test_columns_that_a_file_does_not_have(tmp_path: Path) -> None:
     path.write_text("time,speed\n0,1\n")
     assert at(f"606C=csv({path},speed)", 0) == [1]
     with pytest.raises(RowsError, match="it has speed"):
-        Signal.parse(f"606C=csv({path},current)")
+        SimulatedSignal.parse(f"606C=csv({path},current)")
     with pytest.raises(RowsError, match=r"no column '7' with values.*it has speed"):
-        Signal.parse(f"606C=csv({path},7)")
+        SimulatedSignal.parse(f"606C=csv({path},7)")
     with pytest.raises(FileNotFoundError):
-        Signal.parse("606C=csv(nowhere.csv,1)")
+        SimulatedSignal.parse("606C=csv(nowhere.csv,1)")
 
 
 def test_a_signal_may_name_its_node() -> None:
-    assert [Signal.parse(f"{node}606C:1=const(1)").node_id for node in ("", "5:", "0x7F:")] == [None, 5, 127]
+    assert [SimulatedSignal.parse(f"{node}606C:1=const(1)").node_id for node in ("", "5:", "0x7F:")] == [None, 5, 127]
 
 
 @pytest.mark.parametrize("place", ["5FFF", "1008", "606C:5", "1017", "1800:2"])
 def test_signals_need_an_object_that_holds_a_number(place: str) -> None:
     with pytest.raises(ValueError, match=r"has no object|from 2000 on"):
-        SimulatedNode(booted()).animate([Signal.parse(f"{place}=const(1)")])
+        SimulatedNode(booted()).animate([SimulatedSignal.parse(f"{place}=const(1)")])
 
 
 def test_values_are_rounded_and_clipped_to_the_type() -> None:
     node = SimulatedNode(booted())
-    node.animate([Signal.parse("6041=const(99999)"), Signal.parse("606C=const(-1.6)")])
+    node.animate([SimulatedSignal.parse("6041=const(99999)"), SimulatedSignal.parse("606C=const(-1.6)")])
     node.poll(0.0)
     assert node.device.value(0x6041) == b"\xff\xff"
     assert node.device.value(0x606C) == b"\xfe\xff\xff\xff"
@@ -123,7 +123,7 @@ def test_a_tpdo_on_change_follows_a_signal_within_its_inhibit_time() -> None:
     client = Client.on(device)
     for write in ((0x1800, 1, 0xC0000181, 4), (0x1800, 3, 1000, 2), (0x1800, 1, 0x40000181, 4)):
         client.write(*write)
-    bus = VirtualTimeBus([device], signals=[Signal.parse("6041=ramp(0,1000,1s)")])
+    bus = VirtualTimeBus([device], signals=[SimulatedSignal.parse("6041=ramp(0,1000,1s)")])
     bus.send(Frame(0, b"\x01\x01"))
     values = [int.from_bytes(frame.data, "little") for frame in bus.receive(0.95) if frame.can_id == 0x181]
     assert len(values) == 10
@@ -297,7 +297,7 @@ def test_a_drive_that_stands_wants_no_polls() -> None:
 
 def test_a_signal_wins_over_the_plant() -> None:
     device = booted()
-    bus = VirtualTimeBus([device], signals=[Signal.parse("606C=const(60)")])
+    bus = VirtualTimeBus([device], signals=[SimulatedSignal.parse("606C=const(60)")])
     bus.sdo(1).download(0x60FF, 0, bytes(4))
     bus.sdo(1).download(0x6040, 0, b"\x06\x00")
     before = velocity(device, 0x6064)
@@ -309,7 +309,7 @@ def test_a_signal_wins_over_the_plant() -> None:
 def test_virtual_time_is_the_same_every_time() -> None:
     seen = []
     for _ in range(2):
-        bus = VirtualTimeBus([booted()], signals=[Signal.parse("606C=walk(50,-500,500,20ms)")])
+        bus = VirtualTimeBus([booted()], signals=[SimulatedSignal.parse("606C=walk(50,-500,500,20ms)")])
         values = []
         for _ in range(20):
             bus.sleep(0.037)

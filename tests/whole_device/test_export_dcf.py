@@ -15,7 +15,7 @@ from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.profile.toml import builtin_path
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.operations.whole_device.export_dcf import export_dcf
 from tests.commands.bench import Bench
 from tests.small_eds import U8, U16, U32, plain, var
@@ -158,7 +158,7 @@ def test_the_eds_of_another_device_makes_no_dcf_of_this_one(tmp_path: Path) -> N
     assert not (tmp_path / "node.dcf").exists()
 
 
-class Follower(Silent):
+class Follower(NullReporter):
     """Keeps what it is told of progress."""
 
     def __init__(self) -> None:

@@ -14,7 +14,7 @@ from dvtcli.cli.params import TEXT
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+    from dvtcli.operations.exchange.dbc_options import DbcOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Conversion:
     """Which *node* of a network file, by name or node-ID, and how a DBC file is wanted."""
 
     node: str | None
-    wishes: DbcWishes
+    wishes: DbcOptions
 
     def refuse(self) -> None:
         """UsageError for any of them: another action was asked for."""
@@ -38,7 +38,7 @@ def convert_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @dbc_options
     @wraps(command)
-    def with_conversion(*values: Any, node: str | None, wishes: DbcWishes, **others: Any) -> Any:
+    def with_conversion(*values: Any, node: str | None, wishes: DbcOptions, **others: Any) -> Any:
         return command(*values, conversion=Conversion(node, wishes), **others)
 
     help_ = "convert: the node of a network file, name or node-ID."

@@ -16,10 +16,10 @@ def dbc_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def with_wishes(*values: Any, services: str | None, split_bits: bool, everything: bool, **others: Any) -> Any:
-        from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+        from dvtcli.operations.exchange.dbc_options import DbcOptions
         from dvtcli.operations.exchange.service_messages import services_of
 
-        return command(*values, wishes=DbcWishes(services_of(services), split_bits, everything), **others)
+        return command(*values, wishes=DbcOptions(services_of(services), split_bits, everything), **others)
 
     for option in (
         click.option("--all", "everything", is_flag=True, help="DBC: also PDOs that are off."),

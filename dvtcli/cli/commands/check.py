@@ -60,11 +60,11 @@ def command(
     check --live --for 1       the nodes on the bus
     check press.yaml --live    and whether they are those of the file
     """
-    from dvtcli.operations.network.check_networks import CheckWishes, check_networks
+    from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too
     rate = bit_rate or session.options.bitrate
-    wishes = CheckWishes(bit_rate=rate, as_findings=as_findings, for_s=for_s, **chosen)
+    wishes = CheckOptions(bit_rate=rate, as_findings=as_findings, for_s=for_s, **chosen)
     if files and not live:
         return check_networks(files, wishes)
     from dvtcli.operations.network.check_live import check_all

@@ -12,7 +12,7 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
-    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+    from dvtcli.operations.exchange.dbc_options import DbcOptions
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out what changed meanwhile.")
 @click.pass_obj
 @dbc_options
-def command(session: Session, /, file: str, twice: bool, wishes: DbcWishes) -> Facts:
+def command(session: Session, /, file: str, twice: bool, wishes: DbcOptions) -> Facts:
     """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf
     or .xdc).
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
 
 
-class Subject(TextType):
+class HelpTopic(TextType):
     """The name of a command or of a topic."""
 
     name = "subject"
@@ -32,7 +32,7 @@ class Subject(TextType):
 
 
 @click.command("help", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
-@click.argument("name", type=Subject(), required=False, metavar="[COMMAND|TOPIC]")
+@click.argument("name", type=HelpTopic(), required=False, metavar="[COMMAND|TOPIC]")
 @click.option("--all", "everything", is_flag=True, help="What each command does, and the global options.")
 @click.option("--man", "manual_page", is_flag=True, help="The manual page in roff: help --man > dvtcli.1")
 @click.pass_context

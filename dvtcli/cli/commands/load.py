@@ -50,9 +50,9 @@ def command(
     load line.yaml --inhibit io:tpdo1=40    a node by its name in the file
     load --for 5      what is on the bus, and what its nodes could send
     """
-    from dvtcli.operations.network.network_load import MEASURED_S, LoadWishes, network_load
+    from dvtcli.operations.network.network_load import MEASURED_S, LoadOptions, network_load
 
-    wishes = LoadWishes(
+    wishes = LoadOptions(
         MEASURED_S if for_s is None else for_s,
         bit_rate,
         sync_ms,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import HabitListing, ProfileListing, ProfileShown
 
 
-class Known(TextType):
+class ProfileName(TextType):
     """The name of a profile; after `forget`, of a device of which something is remembered."""
 
     name = "profile"
@@ -33,7 +33,7 @@ class Known(TextType):
 @click.argument(
     "action", type=click.Choice(["show", "habits", "forget"]), required=False, metavar="[show|habits|forget]"
 )
-@click.argument("name", type=Known(), required=False, metavar="[NAME]")
+@click.argument("name", type=ProfileName(), required=False, metavar="[NAME]")
 def command(action: str | None, name: str | None) -> ProfileListing | ProfileShown | HabitListing:
     """Show which device families dvtcli knows, and where each fact about one comes from.
 

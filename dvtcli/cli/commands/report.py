@@ -46,6 +46,6 @@ def command(
     report now.html press.yaml     and where they differ from FILE
     """
     from dvtcli.operations.picture.draw_network import draw_network
-    from dvtcli.operations.picture.gather import PictureWishes
+    from dvtcli.operations.picture.gather import PictureOptions
 
-    return draw_network(session, out, file, PictureWishes(title, bit_rate, for_s))
+    return draw_network(session, out, file, PictureOptions(title, bit_rate, for_s))

@@ -54,7 +54,7 @@ def command(
     sim gen4 -i socketcan -c vcan0
     """
     from dvtcli.operations.nodes.serve_nodes import serve
-    from dvtcli.operations.opening.serve import DEFAULT_PORT, LOOPBACK, Wanted, address, latency_of
+    from dvtcli.operations.opening.serve import DEFAULT_PORT, LOOPBACK, ServeRequest, address, latency_of
 
     session: Conversation = ctx.obj
     if _typed(ctx, "sim"):
@@ -62,7 +62,7 @@ def command(
     join = any(_typed(ctx, name) for name in ("bus", "interface", "channel"))
     where = address(listen) if listen is not None else None if join else (LOOPBACK, DEFAULT_PORT)
     kept = None if state is None else Path(state)
-    wanted = Wanted(nodes, where, join, kept, tuple(map(latency_of, latency)))
+    wanted = ServeRequest(nodes, where, join, kept, tuple(map(latency_of, latency)))
     ready = None if ready_file is None else Path(ready_file)
     serve(session, wanted, session.output.result, ready)
 

@@ -14,7 +14,7 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.ways import Ways, ways
 
 if TYPE_CHECKING:
-    from dvtcli.cli.commands._tour_steps import Step
+    from dvtcli.cli.commands._tour_steps import TourStep
     from dvtcli.cli.conversation import Conversation
 
 #: the family of the node that the tour shows
@@ -57,7 +57,7 @@ def command(ctx: click.Context, /) -> int:
     return 0
 
 
-def _guided(guide: Conversation, lines: Ways, step: Step) -> bool:
+def _guided(guide: Conversation, lines: Ways, step: TourStep) -> bool:
     """Let the user run the step's line, and others before it; False where the user leaves."""
     while True:
         _say(guide, f"  Enter runs:  {step.line}")
@@ -74,7 +74,7 @@ def _guided(guide: Conversation, lines: Ways, step: Step) -> bool:
             return True
 
 
-def _shown(guide: Conversation, lines: Ways, step: Step) -> bool:
+def _shown(guide: Conversation, lines: Ways, step: TourStep) -> bool:
     """Print the step's line and run it; AssertionError where it ends with another code than the tour says."""
     guide.output.stdout.flush()
     _say(guide, f"tour> {step.line}")

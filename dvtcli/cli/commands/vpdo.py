@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.object_params import ObjectType, ObjectWord
+from dvtcli.cli.object_params import ObjectParam, ObjectWord
 from dvtcli.cli.params import CanopenType, NumberType
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class PinType(CanopenType):
         return 0 if text.lower() == _NONE else int(NumberType(1, 254, "a pin").parse(text, ctx))
 
 
-class ObjectOrNone(ObjectType):
+class ObjectOrNone(ObjectParam):
     """An object, or the word `none`."""
 
     def parse(self, text: str, ctx: click.Context | None) -> ObjectWord:

@@ -12,14 +12,14 @@ from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, RuleError, SdoAb
 from dvtcli.operations.results import DvtAnswer
 
 if TYPE_CHECKING:
-    from dvtcli.cli.dvt.word import Word
+    from dvtcli.cli.dvt.word import DvtWord
     from dvtcli.operations.session.session import Session
 
 
 _NOT_THERE = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 
 
-def answer(word: Word, session: Session, values: Sequence[Any]) -> DvtAnswer:
+def answer(word: DvtWord, session: Session, values: Sequence[Any]) -> DvtAnswer:
     """Run *word*: what our rules or the device refuse is `Abort`, silence is `Timeout`; all else is raised on."""
     given = next((value for arg, value in zip(word.arguments, values, strict=False) if arg.name == "NODE"), None)
     node, dry_run = _node(session, given), session.dry_run
@@ -41,7 +41,7 @@ def _node(session: Session, given: int | None) -> int | None:
     return session.selected_id() if given is None else given
 
 
-def _meant(session: Session, word: Word, values: Sequence[Any]) -> str:
+def _meant(session: Session, word: DvtWord, values: Sequence[Any]) -> str:
     """What an object that is not there was meant to be, where its digits read as hexadecimal are one that is there."""
     named = {argument.name: value for argument, value in zip(word.arguments, values, strict=False)}
     if "INDEX" not in named:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class WordResult:
     """What a word brought: its text, and what the rules said of it."""
 
     text: str = "OK"

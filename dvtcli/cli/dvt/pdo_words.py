@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.dvt.done import Done
+from dvtcli.cli.dvt.done import WordResult
 from dvtcli.cli.dvt.notation import can_id
-from dvtcli.cli.dvt.word import MAYBE_NODE, NODE, OBJECT, Argument, Word
+from dvtcli.cli.dvt.word import MAYBE_NODE, NODE, OBJECT, Argument, DvtWord
 from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
@@ -15,27 +15,27 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-def map_in(session: Session, node_id: int, index: int, sub_index: int, given: int | None) -> Done:
+def map_in(session: Session, node_id: int, index: int, sub_index: int, given: int | None) -> WordResult:
     """Put an object into the first TPDO with room, or into one whose CAN-ID is *given*; see `first_tpdo`."""
     from dvtcli.operations.pdos.first_tpdo import map_in_tpdo
 
-    return Done(findings=map_in_tpdo(session, node_id, index, sub_index, given))
+    return WordResult(findings=map_in_tpdo(session, node_id, index, sub_index, given))
 
 
-def locate(session: Session, node_id: int, index: int, sub_index: int) -> Done:
+def locate(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
     """`TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled ones first; else `not mapped`."""
     from dvtcli.operations.pdos.first_tpdo import locate_tpdo
 
-    return Done(locate_tpdo(session, node_id, index, sub_index))
+    return WordResult(locate_tpdo(session, node_id, index, sub_index))
 
 
-def config(session: Session, node_id: int | None) -> Done:
+def config(session: Session, node_id: int | None) -> WordResult:
     """What every PDO of a node that carries something is set to, a line each, and how PDOs are set."""
     from dvtcli.operations.pdos.list_pdos import list_pdos
 
     listing = list_pdos(session, node_id)
     lines = [_one(row) for row in listing.rows if row.config.mapping or row.config.enabled]
-    return Done("\n".join(rows := (*lines, *_HOW)), rows=rows)
+    return WordResult("\n".join(rows := (*lines, *_HOW)), rows=rows)
 
 
 def _one(row: PdoRow) -> str:
@@ -47,11 +47,11 @@ def _one(row: PdoRow) -> str:
     return f"{row.pdo.label} {where} type {parameter.transmission_type}: {', '.join(mapped) or 'nothing'}"
 
 
-def clear(session: Session, node_id: int) -> Done:
+def clear(session: Session, node_id: int) -> WordResult:
     """Empty and disable every PDO whose mapping can be changed."""
     from dvtcli.operations.pdos.switch import clear_all
 
-    return Done(findings=clear_all(session, node_id).findings)
+    return WordResult(findings=clear_all(session, node_id).findings)
 
 
 #: Where the DVT has a script of this name, dvtcli has these.
@@ -61,15 +61,15 @@ _HOW = (
 )
 
 WORDS = (
-    Word(
+    DvtWord(
         "map_in_tpdo", (*OBJECT, Argument("COB-ID", can_id, required=False)),
         "put an object into the first TPDO with room", "map tpdo1 6041 --sync 1", Effect.CHANGES, map_in,
     ),
-    Word("locate_tpdo", OBJECT, "which TPDO holds an object", "pdo --all", Effect.READS, locate),
-    Word(
+    DvtWord("locate_tpdo", OBJECT, "which TPDO holds an object", "pdo --all", Effect.READS, locate),
+    DvtWord(
         "pdo_config", (MAYBE_NODE,), "what the PDOs are set to, and how they are set", "pdo", Effect.READS, config
     ),
-    Word(
+    DvtWord(
         "clear_all_pdos", (NODE,), "no mapping, and disabled, for every PDO", "clear all", Effect.CHANGES, clear
     ),
 )  # fmt: skip

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.dvt.done import Done
+from dvtcli.cli.dvt.done import WordResult
 from dvtcli.cli.dvt.notation import decimal
-from dvtcli.cli.dvt.word import OBJECT, VALUE, Word
+from dvtcli.cli.dvt.word import OBJECT, VALUE, DvtWord
 from dvtcli.cli.effect import Effect, Final, final_write
 
 if TYPE_CHECKING:
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 _MOST_NUMBER_BYTES = 8
 
 
-def read_hex(session: Session, node_id: int, index: int, sub_index: int) -> Done:
+def read_hex(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
     """An object as `0x…`, two digits a byte."""
     data = session.node(node_id).upload(index, sub_index)
-    return Done(_hex(data))
+    return WordResult(_hex(data))
 
 
-def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> Done:
+def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
     """An object in decimal; signed where the node's file says that it is signed, text where it is text."""
     from dvtcli.operations.meanings.object_values import value_result
 
     node = session.node(node_id)
-    return Done(decimal(value_result(node, index, sub_index, node.upload(index, sub_index), None).value))
+    return WordResult(decimal(value_result(node, index, sub_index, node.upload(index, sub_index), None).value))
 
 
-def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> Done:
+def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> WordResult:
     """Write *data* as `write` does: checked, journalled, read back, and put back where it does not read back."""
     from dvtcli.device.store_parameters import SIGNATURES
     from dvtcli.operations.objects.write_object import signature, write_bytes
@@ -39,8 +39,8 @@ def write(session: Session, node_id: int, index: int, sub_index: int, data: byte
     node = session.node(node_id)
     if index in SIGNATURES:
         signature(session, node, index, sub_index, f"0x{int.from_bytes(data, 'little'):x}")
-        return Done()
-    return Done(findings=write_bytes(session, node, index, sub_index, data).findings)
+        return WordResult()
+    return WordResult(findings=write_bytes(session, node, index, sub_index, data).findings)
 
 
 def _final(name: str) -> Callable[[Sequence[Any]], Final | None]:
@@ -54,8 +54,8 @@ def _hex(data: bytes) -> str:
 
 
 WORDS = (
-    Word("sdo_rnx", OBJECT, "read an object, in hex", "read 6041", Effect.READS, read_hex),
-    Word("sdo_rn", OBJECT, "read an object, in decimal", "read 6041", Effect.READS, read_decimal),
-    Word("sdo_wnx", VALUE, "write an object, in hex", "write 1800:2 1", Effect.CHANGES, write, _final("sdo_wnx")),
-    Word("sdo_wn", VALUE, "write an object, in decimal", "write 1017 1000", Effect.CHANGES, write, _final("sdo_wn")),
+    DvtWord("sdo_rnx", OBJECT, "read an object, in hex", "read 6041", Effect.READS, read_hex),
+    DvtWord("sdo_rn", OBJECT, "read an object, in decimal", "read 6041", Effect.READS, read_decimal),
+    DvtWord("sdo_wnx", VALUE, "write an object, in hex", "write 1800:2 1", Effect.CHANGES, write, _final("sdo_wnx")),
+    DvtWord("sdo_wn", VALUE, "write an object, in decimal", "write 1017 1000", Effect.CHANGES, write, _final("sdo_wn")),
 )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.dvt.done import Done
+from dvtcli.cli.dvt.done import WordResult
 from dvtcli.cli.dvt.notation import level
-from dvtcli.cli.dvt.word import MAYBE_NODE, Argument, Word
+from dvtcli.cli.dvt.word import MAYBE_NODE, Argument, DvtWord
 from dvtcli.cli.effect import Effect, Final
 from dvtcli.domain.nmt import NmtState
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 _STATES = {"pre": NmtState.PRE_OPERATIONAL, "op": NmtState.OPERATIONAL}
 
 
-def force(session: Conversation, node_id: int | None, state: str | None) -> Done:
+def force(session: Conversation, node_id: int | None, state: str | None) -> WordResult:
     """Bring a node to PRE-OPERATIONAL (or with `op` to OPERATIONAL), in the way its family wants, and confirm it."""
     node, wanted = session.node(node_id), state or "pre"
     node.commanded()
     node.access.request(_STATES[wanted])
     if not session.dry_run:
         session.record.add(node.node_id, [f"fpo {node.node_id} {wanted}"])
-    return Done()
+    return WordResult()
 
 
-def log_in_at(session: Conversation, node_id: int | None, asked: int | None) -> Done:
+def log_in_at(session: Conversation, node_id: int | None, asked: int | None) -> WordResult:
     """Log in at the level *asked*, None for the one that PDO work needs; the passcode is found as `login` finds it."""
     from dvtcli.cli.passcode import passcode
     from dvtcli.device.access_level import log_in, policy_of
@@ -37,15 +37,15 @@ def log_in_at(session: Conversation, node_id: int | None, asked: int | None) -> 
     log_in(node.access, wanted, lambda: passcode(session, node.node_id, wanted))
     if not session.dry_run:
         session.record.add(node.node_id, [f"login {wanted}"])
-    return Done()
+    return WordResult()
 
 
-def store(session: Conversation, node_id: int | None) -> Done:
+def store(session: Conversation, node_id: int | None) -> WordResult:
     """0x1010 "save", as the command `store`."""
     from dvtcli.operations.stores.store_restore import store_settings
 
     store_settings(session, session.node(node_id), None)
-    return Done()
+    return WordResult()
 
 
 def _final(values: Sequence[Any]) -> Final | None:
@@ -59,13 +59,13 @@ def _state(text: str) -> str:
 
 
 WORDS = (
-    Word(
+    DvtWord(
         "fpo", (MAYBE_NODE, Argument("pre|op", _state, required=False)),
         "force pre-operational (pre) or operational (op)", "nmt preop", Effect.COMMANDS, force, _final,
     ),
-    Word(
+    DvtWord(
         "lg", (MAYBE_NODE, Argument("LEVEL", level, required=False)),
         "log in at a level, 0 to log out", "login 4", Effect.COMMANDS, log_in_at,
     ),
-    Word("store", (MAYBE_NODE,), "keep what is set (in Tcl; elsewhere the command)", "store", Effect.KEEPS, store),
+    DvtWord("store", (MAYBE_NODE,), "keep what is set (in Tcl; elsewhere the command)", "store", Effect.KEEPS, store),
 )  # fmt: skip

@@ -13,7 +13,7 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.dvt.answered_words import answer
 from dvtcli.cli.dvt.notation import decimal, listed
 from dvtcli.cli.dvt.tcl_safe import Commands, refuse_beyond_nodes
-from dvtcli.cli.dvt.word import Word
+from dvtcli.cli.dvt.word import DvtWord
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.run_line import run_words
 from dvtcli.errors import DvtcliError, UsageError
@@ -33,7 +33,7 @@ class Ended(Exception):
         self.code = code
 
 
-class Calls:
+class TclCalls:
     """What *source*, a script or a line in *folder*, may call; *failures* are its refused words with their places."""
 
     def __init__(self, session: Conversation, source: str, folder: Path) -> None:
@@ -86,7 +86,7 @@ class Calls:
             raise Ended(code)
         return values[0] if values else "OK"
 
-    def _word(self, word: Word, texts: tuple[str, ...], place: str) -> str:
+    def _word(self, word: DvtWord, texts: tuple[str, ...], place: str) -> str:
         try:
             values = word.bind(texts)
         except ValueError as wrong:

@@ -10,7 +10,7 @@ import os
 from dvtcli.cli.dvt.tcl_child_run import Script
 from dvtcli.cli.dvt.tcl_interp import BareInterpreter
 from dvtcli.cli.dvt.tcl_parent import Parent
-from dvtcli.cli.dvt.tcl_wire import Ready, Setup, Typed
+from dvtcli.cli.dvt.tcl_wire import Ready, Setup, TclLine
 from dvtcli.files.bounded_child import die_of, limit
 
 
@@ -36,7 +36,7 @@ def _serve(parent: Parent) -> None:
     if not setup.path:
         parent.tell(Ready("", 0))
         script.register()
-        while isinstance(typed := parent.told(), Typed):
+        while isinstance(typed := parent.told(), TclLine):
             parent.tell(script.line(typed.text))
         return
     unclosed = script.unclosed()

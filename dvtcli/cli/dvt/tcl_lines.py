@@ -8,17 +8,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.cli.dvt.tcl_calls import Calls, Ended
+from dvtcli.cli.dvt.tcl_calls import Ended, TclCalls
 from dvtcli.cli.dvt.tcl_process import TclProcess
 from dvtcli.cli.dvt.tcl_run import LIMITS, TclRun
 from dvtcli.cli.dvt.tcl_safe import Exit
-from dvtcli.cli.dvt.tcl_wire import Answer, Call, Frame, Limits, Typed
+from dvtcli.cli.dvt.tcl_wire import Call, CallResult, Frame, Limits, TclLine
 from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-_OVER = Answer(True, "the line ended at the command before this one")
+_OVER = CallResult(True, "the line ended at the command before this one")
 
 
 class LineEnd(NamedTuple):
@@ -33,7 +33,7 @@ class TclLines(TclRun):
     """Tcl with what the lines so far have set, until `close`; started with the first line, and again where it died."""
 
     def __init__(self, session: Conversation, limits: Limits = LIMITS) -> None:
-        self._calls = Calls(session, "tcl", Path.cwd())
+        self._calls = TclCalls(session, "tcl", Path.cwd())
         self._began = False
         super().__init__(session, "tcl", TclProcess(), self._calls, limits)
         #: whether Tcl waits for a line: not where it was stopped from outside while it ran one
@@ -52,7 +52,7 @@ class TclLines(TclRun):
         if not self._began:
             self._begin("")
             self._began = True
-        said: Frame = Typed(text)
+        said: Frame = TclLine(text)
         try:
             while isinstance(heard := self._next(said), Call):
                 said = self._served(heard)
@@ -74,7 +74,7 @@ class TclLines(TclRun):
             self._session.output.said(heard.message.splitlines(), error=False)
         return LineEnd(self._calls.failures[0][1].exit_code if self._calls.failures else 0)
 
-    def _served(self, call: Call) -> Answer:
+    def _served(self, call: Call) -> CallResult:
         """The answer to a call; where it ends the line, a refusal to this call and to all behind it."""
         if self._end is None:
             try:

@@ -11,14 +11,14 @@ from queue import SimpleQueue
 from typing import IO
 
 from dvtcli.cli.dvt.tcl_wire import (
-    Answer,
     Call,
+    CallResult,
     End,
     Go,
     Gone,
     Ready,
     Setup,
-    Typed,
+    TclLine,
     WireError,
     receive,
     send,
@@ -37,19 +37,19 @@ class Parent:
         for stream in (0, 1):  # Tcl has channels of its own for these
             os.dup2(nothing, stream)
         os.close(nothing)
-        self._heard: SimpleQueue[Setup | Go | Typed | Answer] = SimpleQueue()
+        self._heard: SimpleQueue[Setup | Go | TclLine | CallResult] = SimpleQueue()
         threading.stack_size(_STACK_BYTES)
         threading.Thread(target=_hear, args=(self._answers, self._heard), daemon=True).start()
 
-    def told(self) -> Setup | Go | Typed | Answer:
+    def told(self) -> Setup | Go | TclLine | CallResult:
         """Wait for what it says next."""
         return self._heard.get()
 
-    def asked(self, call: Call) -> Answer:
+    def asked(self, call: Call) -> CallResult:
         """Its answer to *call*."""
         self.tell(call)
         answer = self.told()
-        assert isinstance(answer, Answer)  # noqa: S101 - calls and answers take turns
+        assert isinstance(answer, CallResult)  # noqa: S101 - calls and answers take turns
         return answer
 
     def tell(self, frame: Ready | Call | End) -> None:
@@ -57,9 +57,9 @@ class Parent:
         send(self._calls, frame)
 
 
-def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | Typed | Answer]) -> None:
+def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | TclLine | CallResult]) -> None:
     try:
         while True:
-            heard.put(receive(answers, Setup, Go, Typed, Answer))
+            heard.put(receive(answers, Setup, Go, TclLine, CallResult))
     except (Gone, WireError, MemoryError):
         os._exit(1)

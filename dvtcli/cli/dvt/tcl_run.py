@@ -8,9 +8,9 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.dvt.tcl_calls import Calls, modern
+from dvtcli.cli.dvt.tcl_calls import TclCalls, modern
 from dvtcli.cli.dvt.tcl_process import Late, TclProcess
-from dvtcli.cli.dvt.tcl_wire import Answer, Call, End, Frame, Gone, Limits, Ready, Setup, WireError
+from dvtcli.cli.dvt.tcl_wire import Call, CallResult, End, Frame, Gone, Limits, Ready, Setup, WireError
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class TclRun:
         session: Conversation,
         source: str,
         process: TclProcess,
-        calls: Calls,
+        calls: TclCalls,
         limits: Limits = LIMITS,
         start_s: float = START_S,
     ) -> None:
@@ -137,14 +137,14 @@ class TclRun:
             hint="; ".join(filter(None, [modern(end.message), self._ended_hint])),
         )  # fmt: skip
 
-    def _answered(self, call: Call) -> Answer:
+    def _answered(self, call: Call) -> CallResult:
         """Carry out a command of ours: its answer, or why not for an error that the script may catch."""
         self._session.place = self._last = place = self._place(call.file, call.line)
         try:
-            return Answer(False, self._calls.run(call.name, call.texts, place))
+            return CallResult(False, self._calls.run(call.name, call.texts, place))
         except UsageError as wrong:
             hint = wrong.hint and self._session.output.hints(wrong.node).text(wrong.hint)
-            return Answer(True, f"{wrong.text}; {hint}" if hint else wrong.text)
+            return CallResult(True, f"{wrong.text}; {hint}" if hint else wrong.text)
         finally:
             if self._session.script_changes is not None:
                 self._session.script_changes.note(place)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.dvt.tcl_calls import Calls, Ended
+from dvtcli.cli.dvt.tcl_calls import Ended, TclCalls
 from dvtcli.cli.dvt.tcl_process import TclProcess
 from dvtcli.cli.dvt.tcl_run import LIMITS, START_S, TclRun
 from dvtcli.cli.dvt.tcl_safe import Exit
@@ -61,7 +61,7 @@ class TclScript(TclRun):
         self, session: Conversation, source: str, process: TclProcess, limits: Limits, start_s: float = START_S
     ) -> None:
         self._path = Path(source).resolve()
-        super().__init__(session, source, process, Calls(session, source, self._path.parent), limits, start_s)
+        super().__init__(session, source, process, TclCalls(session, source, self._path.parent), limits, start_s)
         self._ended_hint = f"the script ended at this line; {self._ended_hint}"
         self._endless_hint += "; run --max-seconds N gives it more"
 

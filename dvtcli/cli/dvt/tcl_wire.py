@@ -52,7 +52,7 @@ class Go(NamedTuple):
     """The script may begin."""
 
 
-class Typed(NamedTuple):
+class TclLine(NamedTuple):
     """A line, or several, that Tcl is to run now, after those before it."""
 
     text: str
@@ -67,7 +67,7 @@ class Call(NamedTuple):
     file: str
 
 
-class Answer(NamedTuple):
+class CallResult(NamedTuple):
     """What a call brought, or with *failed* why not."""
 
     failed: bool
@@ -86,8 +86,8 @@ class End(NamedTuple):
     file: str
 
 
-Frame = Setup | Ready | Go | Typed | Call | Answer | End
-_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Setup, Ready, Go, Typed, Call, Answer, End)}
+Frame = Setup | Ready | Go | TclLine | Call | CallResult | End
+_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Setup, Ready, Go, TclLine, Call, CallResult, End)}
 #: What a field of each annotated type may be.
 _FITS: dict[str, Callable[[Any], bool]] = {
     "str": lambda value: isinstance(value, str),

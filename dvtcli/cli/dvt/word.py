@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.dvt import notation as numbers
 
 if TYPE_CHECKING:
-    from dvtcli.cli.dvt.done import Done
+    from dvtcli.cli.dvt.done import WordResult
     from dvtcli.cli.effect import Effect, Final
 
 
@@ -31,7 +31,7 @@ class Argument:
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class DvtWord:
     """One word; *modern* is the command line that does the same.
 
     *effect* is what it does to nodes. *run* carries it out with the session and the values that `bind` brought, and
@@ -44,7 +44,7 @@ class Word:
     summary: str
     modern: str
     effect: Effect
-    run: Callable[..., Done] | None
+    run: Callable[..., WordResult] | None
     final: Callable[[Sequence[Any]], Final | None] | None = None
 
     @property

@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.dvt.answered_words import answer
-from dvtcli.cli.dvt.word import Word
+from dvtcli.cli.dvt.word import DvtWord
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
 from dvtcli.cli.ways import ways
@@ -35,7 +35,7 @@ class NodeText(TextType):
 class WordCommand(DvtCommand):
     """One word: its arguments are read together, since a value's width may stand behind it."""
 
-    def __init__(self, word: Word) -> None:
+    def __init__(self, word: DvtWord) -> None:
         self.word = word
         kinds: dict[str, CanopenType] = {"NODE": NodeText(), "FILE": FILE}
         params: list[click.Parameter] = [

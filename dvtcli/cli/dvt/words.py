@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dvtcli.cli.dvt import pdo_words, single_sdos, state
-from dvtcli.cli.dvt.word import Argument, Word
+from dvtcli.cli.dvt.word import Argument, DvtWord
 from dvtcli.cli.effect import Effect
 
 #: done by whoever runs lines
-_SOURCE = Word("source", (Argument("FILE", str),), "run a script", "run setup.tcl", Effect.RUNS, None)
+_SOURCE = DvtWord("source", (Argument("FILE", str),), "run a script", "run setup.tcl", Effect.RUNS, None)
 
-WORDS: dict[str, Word] = {word.name: word for word in (*single_sdos.WORDS, *state.WORDS, *pdo_words.WORDS, _SOURCE)}
+WORDS: dict[str, DvtWord] = {word.name: word for word in (*single_sdos.WORDS, *state.WORDS, *pdo_words.WORDS, _SOURCE)}

@@ -10,8 +10,8 @@ from time import monotonic, time
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.monitor.gone_bus import GoneBus
-from dvtcli.cli.monitor.looked_at import Moment, View
 from dvtcli.cli.monitor.mapping_reader import MappingReader
+from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.screen import chosen_signals, picture
 from dvtcli.cli.monitor.signal_lines import Lines
 from dvtcli.errors import BusUnavailable

@@ -9,7 +9,7 @@ from prompt_toolkit.key_binding import KeyBindings
 
 from dvtcli.cli.monitor.app import Monitor
 from dvtcli.cli.monitor.full_screen import bind, bind_leaving, show
-from dvtcli.cli.monitor.looked_at import GRAPH, RAW, TABLE, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, RAW, TABLE, View
 
 if TYPE_CHECKING:
     from prompt_toolkit.key_binding import KeyPressEvent

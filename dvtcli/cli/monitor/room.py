@@ -11,8 +11,8 @@ from fractions import Fraction
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.glyphs import ascii_only
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.safe_text import safe
+from dvtcli.domain.scaling import Scaling
 
 #: significant digits that are tried, the most first, where all of a number's are too many
 _DIGITS = (6, 5, 4, 3, 2)
@@ -44,7 +44,7 @@ def filled(text: str, width: int, *, plain: bool) -> str:
     return kept + " " * (width - columns(kept))
 
 
-def least_and_most(meaning: Physical, low: float, high: float, width: int) -> str:
+def least_and_most(meaning: Scaling, low: float, high: float, width: int) -> str:
     """The least and the most of raw values in *width* columns: rounded behind a `~`, or `…`, where they do not fit."""
     whole = f"{meaning.number_text(low)} .. {meaning.number_text(high)}"
     if len(whole) <= width:

@@ -6,7 +6,7 @@ Pure. Does not know the terminal, the keys or the bus.
 from __future__ import annotations
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.looked_at import GRAPH, TABLE, Moment, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, TABLE, Moment, View
 from dvtcli.cli.monitor.node_line import node_line
 from dvtcli.cli.monitor.room import cut
 from dvtcli.cli.monitor.signal_lines import Lines, row_line, signal_line, title_of, value_of, with_more
@@ -16,8 +16,8 @@ from dvtcli.domain.several import plural
 from dvtcli.domain.wall_clock import local_clock
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.recent_load import HIGH_LOAD
-from dvtcli.watch.seen import Event, FrameStore, Row
-from dvtcli.watch.statistics import Course, physical_points
+from dvtcli.watch.seen import Event, FrameStore, SeenFrame
+from dvtcli.watch.statistics import ValueHistory, physical_points
 
 #: events that are shown, at most
 EVENTS = 4
@@ -45,7 +45,7 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     return [cut(line, width, plain=view.plain) for line in lines]
 
 
-def chosen_signals(store: FrameStore, view: View) -> list[tuple[Row, Signal, Course]]:
+def chosen_signals(store: FrameStore, view: View) -> list[tuple[SeenFrame, Signal, ValueHistory]]:
     """The signals that the filter shows, in the order of the screen."""
     return [
         (row, signal, course)
@@ -55,7 +55,7 @@ def chosen_signals(store: FrameStore, view: View) -> list[tuple[Row, Signal, Cou
     ]
 
 
-def _shown(row: Row, wanted: str) -> list[tuple[Signal, Course]]:
+def _shown(row: SeenFrame, wanted: str) -> list[tuple[Signal, ValueHistory]]:
     """The signals of *row* that the filter lets through: all where the frame's own name fits."""
     pairs = list(zip(row.layout.signals, row.courses, strict=True))
     if wanted in title_of(row).lower():

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dvtcli.cli.monitor.looked_at import Moment, View
+from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.room import filled, least_and_most
 from dvtcli.cli.view.columns import columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.shown_value import value_text
 from dvtcli.watch.decoder import Signal
-from dvtcli.watch.seen import FrameStore, Row
-from dvtcli.watch.statistics import Course, spark
+from dvtcli.watch.seen import FrameStore, SeenFrame
+from dvtcli.watch.statistics import ValueHistory, spark
 
 #: a change is bright for this long (s)
 FRESH_S = 0.5
@@ -27,13 +27,13 @@ SPARK, LONG_SPARK = 8, 60
 Lines = list[list[Cell]]
 
 
-def title_of(row: Row) -> str:
+def title_of(row: SeenFrame) -> str:
     """The CAN-ID of a row, what its frames are, and of which node."""
     node = f" node {row.service.node}" if row.service.node else ""
     return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
 
 
-def row_line(row: Row, store: FrameStore, moment: Moment, width: int) -> list[Cell]:
+def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int) -> list[Cell]:
     """A frame's line; the node's name where there is room behind the bytes."""
     rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
     title = title_of(row)
@@ -69,7 +69,7 @@ def age(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min" if seconds < 60000 else "long"
 
 
-def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
+def _bytes(row: SeenFrame, moment: Moment) -> Iterator[Cell]:
     if row.remote:
         yield Cell("remote request", "dim")
         return
@@ -77,7 +77,9 @@ def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
         yield Cell(f"{byte:02X} ", "yellow" if moment.now_s - changed_s < FRESH_S else "")
 
 
-def signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
+def signal_line(
+    signal: Signal, course: ValueHistory, view: View, moment: Moment, width: int, *, chosen: bool
+) -> list[Cell]:
     """A signal's line: object, name, value, sparkline, and what there is to say behind them; a mark where *chosen*."""
     value_width = VALUE if width < WIDE else LONG_VALUE
     name_width = max(10, min(40, width - 43 - value_width))
@@ -95,7 +97,7 @@ def signal_line(signal: Signal, course: Course, view: View, moment: Moment, widt
     )  # fmt: skip
 
 
-def value_of(signal: Signal, course: Course, width: int) -> str:
+def value_of(signal: Signal, course: ValueHistory, width: int) -> str:
     """A signal's value, without its raw one where that is too much for *width* columns; of a statusword raw."""
     meaning, last = signal.meaning, course.last
     if isinstance(last, int) and _words(signal, course):
@@ -104,7 +106,7 @@ def value_of(signal: Signal, course: Course, width: int) -> str:
     return meaning.quantity(last) if len(text) > width and isinstance(last, int | float) else text
 
 
-def with_more(line: list[Cell], signal: Signal, course: Course, width: int) -> list[Cell]:
+def with_more(line: list[Cell], signal: Signal, course: ValueHistory, width: int) -> list[Cell]:
     """*line* with the least and the most behind it, in *width* columns; of a statusword and the like what it says."""
     more = _words(signal, course)
     if not more and course.low is not None and course.high is not None:
@@ -113,7 +115,7 @@ def with_more(line: list[Cell], signal: Signal, course: Course, width: int) -> l
     return [*line, Cell(more, "dim")]
 
 
-def _words(signal: Signal, course: Course) -> str:
+def _words(signal: Signal, course: ValueHistory) -> str:
     """What a statusword and the like says; empty for a number."""
     meaning, last = signal.meaning, course.last
     return meaning.words(last) if isinstance(last, int) and not meaning.has_number else ""

@@ -11,8 +11,8 @@ from time import monotonic, time
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.monitor.gone_bus import GoneBus
-from dvtcli.cli.monitor.looked_at import Moment, View
 from dvtcli.cli.monitor.mapping_reader import MappingReader
+from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.object_reader import ObjectReader
 from dvtcli.cli.monitor.signal_lines import Lines
 from dvtcli.cli.monitor.watch_screen import Board, WatchedPdo, shown_values, watch_picture

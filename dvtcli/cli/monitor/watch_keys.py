@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from prompt_toolkit.key_binding import KeyBindings
 
 from dvtcli.cli.monitor.full_screen import bind, bind_leaving, show
-from dvtcli.cli.monitor.looked_at import GRAPH, TABLE, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, TABLE, View
 from dvtcli.cli.monitor.watch_app import WatchScreen
 
 if TYPE_CHECKING:

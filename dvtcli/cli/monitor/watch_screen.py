@@ -9,14 +9,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.looked_at import GRAPH, Moment, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, Moment, View
 from dvtcli.cli.monitor.room import cut, filled
 from dvtcli.cli.monitor.screen import GRAPH_S, head_line, scrolled
 from dvtcli.cli.monitor.signal_lines import FRESH_S, Lines, age, levels, value_of, with_more
 from dvtcli.cli.view.lines import Cell
 from dvtcli.watch.decoder import Signal
-from dvtcli.watch.seen import FrameStore, Row
-from dvtcli.watch.statistics import Course, physical_points, spark
+from dvtcli.watch.seen import FrameStore, SeenFrame
+from dvtcli.watch.statistics import ValueHistory, physical_points, spark
 from dvtcli.watch.watched_object import WatchedObject
 
 #: a PDO that is watched: its node-ID and its label (`TPDO1`)
@@ -33,7 +33,7 @@ class _Shown:
 
     node: int
     signal: Signal
-    course: Course
+    course: ValueHistory
     read_s: float | None
     problem: str = ""
 
@@ -47,7 +47,7 @@ class Board:
     store: FrameStore
     every_s: float
 
-    def row(self, pdo: WatchedPdo) -> Row | None:
+    def row(self, pdo: WatchedPdo) -> SeenFrame | None:
         """The frames of *pdo*, None where none came."""
         rows = self.store.rows.values()
         return next((row for row in rows if (row.service.node, row.service.label) == pdo), None)

@@ -17,7 +17,7 @@ from dvtcli.cli.catalogue import command_names, summary, with_a_swap
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX, global_options
 from dvtcli.cli.prompt.line import cut
-from dvtcli.cli.prompt.typed import Typed, last_line, quoted, typed
+from dvtcli.cli.prompt.typed import TypedLine, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.shell_completion import safe_items
 from dvtcli.errors import DvtcliError
@@ -55,20 +55,20 @@ class LineCompleter(Completer):
         for item, meta in zip(items, _aligned([item.help or "" for item in items]), strict=True):
             yield Completion(quoted(item.value), start, display=item.value, display_meta=meta)
 
-    def _taken_apart(self, before: str) -> tuple[Typed | None, str | None]:
+    def _taken_apart(self, before: str) -> tuple[TypedLine | None, str | None]:
         """The words of the line, an alias for what it stands for; or the file behind `>` and its sign."""
         command, destination = cut(before)
         if destination is not None:
             line = typed(before[len(command) + len(destination.sign) :])
             moved = len(command) + len(destination.sign)
-            return line and Typed([], line.incomplete, line.start + moved), destination.sign
+            return line and TypedLine([], line.incomplete, line.start + moved), destination.sign
         line = typed(before)
         if line is not None and line.words and line.words[0] in self._session.aliases:
             words = typed(self._session.aliases[line.words[0]] + " ")
-            line = Typed([*(words.words if words else []), *line.words[1:]], line.incomplete, line.start)
+            line = TypedLine([*(words.words if words else []), *line.words[1:]], line.incomplete, line.start)
         return line, None
 
-    def _items(self, line: Typed) -> list[CompletionItem]:
+    def _items(self, line: TypedLine) -> list[CompletionItem]:
         if not line.words:
             return [CompletionItem(name, help=text) for name, text in self._matching(line.incomplete)]
         command = REGISTRY.get_command(click.Context(REGISTRY), line.words[0].lower())
@@ -92,7 +92,7 @@ class LineCompleter(Completer):
                 if wanted in name and not name.startswith(wanted):
                     yield name, text
 
-    def _command_items(self, command: click.Command, line: Typed) -> Iterator[CompletionItem]:
+    def _command_items(self, command: click.Command, line: TypedLine) -> Iterator[CompletionItem]:
         name, *words = line.words
         root = click.Context(REGISTRY, info_name="", obj=self._session)
         bridge = ShellComplete(command, {"parent": root}, name, "")

@@ -17,7 +17,7 @@ from dvtcli.operations.user.settings_search import NAME, why_unusable
 from dvtcli.operations.user.trust_settings import trust_settings
 
 if TYPE_CHECKING:
-    from dvtcli.bus.discover import Found
+    from dvtcli.bus.discover import FoundInterface
     from dvtcli.cli.conversation import Conversation
 
 #: the simulated node that is always there to try things on
@@ -52,7 +52,7 @@ def first_start(session: Conversation) -> None:
     _keep(session, choice)
 
 
-def _choose(session: Conversation, found: list[Found]) -> Choice | None:
+def _choose(session: Conversation, found: list[FoundInterface]) -> Choice | None:
     """What the user takes, None where the terminal went away."""
     session.output.lines(_offer(found))
     usual = next((number for number, one in enumerate(found, 1) if one.problem is None), len(found) + 1)
@@ -69,7 +69,7 @@ def _choose(session: Conversation, found: list[Found]) -> Choice | None:
     return _bus(session, found[number - 1])
 
 
-def _offer(found: list[Found]) -> list[Line]:
+def _offer(found: list[FoundInterface]) -> list[Line]:
     """The numbered list, with what to do about what does not open as it is."""
     table = Table(indent=2)
     for number, one in enumerate(found, 1):
@@ -79,7 +79,7 @@ def _offer(found: list[Found]) -> list[Line]:
     return [head, *table.lines()]
 
 
-def _bus(session: Conversation, chosen: Found) -> Choice | None:
+def _bus(session: Conversation, chosen: FoundInterface) -> Choice | None:
     """The options for *chosen*; a SocketCAN link has its bit rate already, others are asked for."""
     choice: Choice = {"interface": chosen.interface, "channel": chosen.channel}
     while chosen.interface != "socketcan":

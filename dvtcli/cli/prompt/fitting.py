@@ -10,7 +10,7 @@ BETWEEN = " │ "
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class StatusPart:
     """A piece of a status line: *forms* from the longest to the shortest, `""` where it may be left out.
 
     Of two parts the one with the lower *weight* becomes shorter first.
@@ -21,7 +21,7 @@ class Part:
     forms: tuple[str, ...]
 
 
-def fitted(parts: Sequence[Part], width: int) -> list[tuple[str, str]]:
+def fitted(parts: Sequence[StatusPart], width: int) -> list[tuple[str, str]]:
     """(style, text) of the parts that fit *width* columns, each in the longest form that does."""
     forms = [0] * len(parts)
 

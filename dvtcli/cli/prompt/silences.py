@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 #: So many messages about one node in so much time (s); what it comes to is said afterwards.
 MOST, WITHIN_S = 2, 10.0
@@ -52,12 +52,12 @@ def _gone(node_ids: list[int], silences: Mapping[int, tuple[float, bool]]) -> li
     ages_s = sorted(silences[node_id][0] for node_id in node_ids)
     if len(node_ids) == 1:
         return [f"node {node_ids[0]}  no heartbeat any more: the last one came {ages_s[0]:.1f} s ago"]
-    ids = several([str(node_id) for node_id in sorted(node_ids)])
+    ids = join_some([str(node_id) for node_id in sorted(node_ids)])
     return [f"node {ids}  no heartbeat any more: the last ones came {ages_s[0]:.1f} to {ages_s[-1]:.1f} s ago"]
 
 
 def _back(node_ids: list[int]) -> list[str]:
     if not node_ids:
         return []
-    ids = several([str(node_id) for node_id in sorted(node_ids)])
+    ids = join_some([str(node_id) for node_id in sorted(node_ids)])
     return [f"node {ids}  heartbeat is back" if len(node_ids) == 1 else f"node {ids}  heartbeats are back"]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.prompt.fitting import BETWEEN, Part, fitted
+from dvtcli.cli.prompt.fitting import BETWEEN, StatusPart, fitted
 from dvtcli.cli.prompt.syntax import syntax
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.glyphs import ascii_only
@@ -89,57 +89,57 @@ class Status:
             return [(fragment[0], ascii_only(fragment[1])) for fragment in fragments]
         return fragments
 
-    def _bus_part(self) -> Part:
+    def _bus_part(self) -> StatusPart:
         if self._life.failure is not None:
-            return Part(9, "class:bad", (f"{self._bus_name()} {self._life.failure}", self._life.failure))
+            return StatusPart(9, "class:bad", (f"{self._bus_name()} {self._life.failure}", self._life.failure))
         name = "SIMULATED" if self._session.wire.simulated else self._bus_name()
-        return Part(7, "", (f"{name} (dry run)", "dry run") if self._session.dry_run else (name, name[-12:]))
+        return StatusPart(7, "", (f"{name} (dry run)", "dry run") if self._session.dry_run else (name, name[-12:]))
 
-    def _load_parts(self) -> list[Part]:
+    def _load_parts(self) -> list[StatusPart]:
         load = self._life.load()
         if load is None:
             return []
         text = f"load {load:.0%}"
-        return [Part(5, "class:bad", (text,)) if load > HIGH_LOAD else Part(3, "", (text, ""))]
+        return [StatusPart(5, "class:bad", (text,)) if load > HIGH_LOAD else StatusPart(3, "", (text, ""))]
 
-    def _node_parts(self) -> list[Part]:
+    def _node_parts(self) -> list[StatusPart]:
         node_id, node = self._session.selected_id(), self._node()
         if node_id is None:
-            return [Part(8, "", ("no node selected", "no node"))]
+            return [StatusPart(8, "", ("no node selected", "no node"))]
         title = f" {safe(node.title[:24])}" if node is not None and node.title else ""
-        parts = [Part(2, "", (f"node {node_id}{title}", f"node {node_id}"))]
+        parts = [StatusPart(2, "", (f"node {node_id}{title}", f"node {node_id}"))]
         silence = self._life.silence_s(node_id)
         state = self._state()
         if silence is not None and silence[1]:
-            parts.append(Part(9, "class:bad", (f"NO HEARTBEAT {silence[0]:.0f} s",)))
+            parts.append(StatusPart(9, "class:bad", (f"NO HEARTBEAT {silence[0]:.0f} s",)))
         elif state is None:
-            parts.append(Part(4, "", ("state unknown", "")))
+            parts.append(StatusPart(4, "", ("state unknown", "")))
         else:
             short = state.short
             beat = f"{short} HB {silence[0]:.1f} s" if silence is not None else short
-            parts.append(Part(4, _STATE_STYLES.get(state, "class:bad"), (beat, short)))
+            parts.append(StatusPart(4, _STATE_STYLES.get(state, "class:bad"), (beat, short)))
         return parts + self._emergency_parts(node_id)
 
-    def _emergency_parts(self, node_id: int) -> list[Part]:
+    def _emergency_parts(self, node_id: int) -> list[StatusPart]:
         count, code = self._life.emergencies.get(node_id, (0, 0))
         if not count:
             return []
         said = f"EMCY {count}: 0x{code:04X}"
-        return [Part(5, "class:bad" if code else "", (f"{said} {emergency_text(code)}", said))]
+        return [StatusPart(5, "class:bad" if code else "", (f"{said} {emergency_text(code)}", said))]
 
-    def _unstored_parts(self) -> list[Part]:
+    def _unstored_parts(self) -> list[StatusPart]:
         selected = self._session.selected_id()
         parts = []
         for node_id, labels in self.unstored().items():
             whose = "" if node_id == selected else f"node {node_id}: "
             forms = (f"{whose}{_listed(labels)} not stored", f"{whose}{len(labels)} not stored", "not stored")
-            parts.append(Part(6, "class:careful", forms))
+            parts.append(StatusPart(6, "class:careful", forms))
         return parts
 
-    def _hints(self) -> list[Part]:
+    def _hints(self) -> list[StatusPart]:
         from dvtcli.cli.catalogue import command_names
 
-        return [Part(1, "", ("F1 help", ""))] if "help" in command_names() else []
+        return [StatusPart(1, "", ("F1 help", ""))] if "help" in command_names() else []
 
     def _bus_name(self) -> str:
         """The name that `--bus` chose it by, else its channel."""

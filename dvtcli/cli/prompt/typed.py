@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Typed:
+class TypedLine:
     """The finished *words* before the cursor, and the one being typed: its text and where it starts in the line."""
 
     words: list[str]
@@ -17,7 +17,7 @@ class Typed:
     start: int
 
 
-def typed(text: str) -> Typed | None:
+def typed(text: str) -> TypedLine | None:
     """Take apart the text before the cursor; None inside a comment."""
     words: list[str] = []
     word: list[str] = []
@@ -41,7 +41,7 @@ def typed(text: str) -> Typed | None:
                 quote = char
             else:
                 word.append(char)
-    return Typed(words, "".join(word), start if inside else len(text))
+    return TypedLine(words, "".join(word), start if inside else len(text))
 
 
 def last_line(text: str) -> str:

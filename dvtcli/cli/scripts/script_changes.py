@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.restarts import held_plans, refuse_after_restarts
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class ScriptChanges:
                 raise DeviceRefused(
                     f"node {node.node_id} does not hold any more what the script set: {lost[0][0]} {lost[0][1]}",
                     node=node.node_id,
-                    why=several(f"{label} {text}" for label, text in lost[1:]) or None,
+                    why=join_some(f"{label} {text}" for label, text in lost[1:]) or None,
                     hint="a later line altered it with what it wrote, or the node restarted and nobody heard it",
                 )
 

@@ -11,7 +11,7 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.hint import Hint, next_step
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, InputFileError, LeftChanged, RuleError, State
 from dvtcli.operations.results.documents import Document, finding_document
 
@@ -134,7 +134,7 @@ def _left_rows(error: LeftChanged) -> Iterator[tuple[str, str]]:
     for row in error.left:
         texts.setdefault((row.node_id, row.label), []).append(row.text)
     for (node_id, label), some in texts.items():
-        yield "left", f"{label} of node {node_id}: {several(some)}"
+        yield "left", f"{label} of node {node_id}: {join_some(some)}"
 
 
 def _state(error: DvtcliError, at: str | None) -> str:
@@ -144,10 +144,10 @@ def _state(error: DvtcliError, at: str | None) -> str:
         text = _BY_THIS_LINE.get(error.state, text)
     if not error.stays:
         return text
-    stays = f"what {several(error.stays)} changed is not taken back"
+    stays = f"what {join_some(error.stays)} changed is not taken back"
     if error.stays_differing is not None:
         is_held = not error.stays_differing
-        stays += ", read back equal" if is_held else f", and is not as it was set: {several(error.stays_differing)}"
+        stays += ", read back equal" if is_held else f", and is not as it was set: {join_some(error.stays_differing)}"
     return f"{text}; {stays}"
 
 

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, part
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Result
@@ -34,7 +34,7 @@ def remarks(result: Result) -> Iterator[Line]:
         yield from map(finding_line, findings)
     lost = getattr(result, "lost", ())
     if lost:
-        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {several(lost)}")]
+        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {join_some(lost)}")]
     for number, reason in enumerate(getattr(result, "reasons", ())):
         yield [Cell("      " if number else "why:  ", "yellow"), part(reason)]
     if result.remark:

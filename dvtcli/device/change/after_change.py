@@ -14,19 +14,19 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import Plan
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, JournalKept, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules import Finding
 
 #: How long a heartbeat is waited for that tells whether a node restarted without a boot-up message, in seconds.
 HEARTBEAT_S = 1.2
 
 
-def restarted_since(node: Changeable, found: Found) -> bool:
+def restarted_since(node: Changeable, found: InitialState) -> bool:
     """Whether *node* may have restarted since it was *found*: its boot-up was heard, or an upload was repeated."""
     return node.bus.upsets(node.node_id) != found.upsets
 
@@ -65,13 +65,13 @@ def set_words(plan: Plan) -> str:
     """What became of *plan*, which was carried out: what was read back equal, and what could not be read back."""
     blind = [change.label for change in plan.unreadable]
     read = [change.label for change in plan.changes if change.label not in blind]
-    said = [f"{several(read)} was set and read back equal"] if read else []
-    return ", ".join([*said, *([f"{several(blind)} was written, which cannot be read back"] if blind else [])])
+    said = [f"{join_some(read)} was set and read back equal"] if read else []
+    return ", ".join([*said, *([f"{join_some(blind)} was written, which cannot be read back"] if blind else [])])
 
 
 def labels_of(plan: Plan) -> str:
     """What *plan* changes, in a few words."""
-    return several(change.label for change in plan.changes)
+    return join_some(change.label for change in plan.changes)
 
 
 def _close(node: Changeable, error: BaseException | None = None) -> None:
@@ -87,7 +87,7 @@ def _close(node: Changeable, error: BaseException | None = None) -> None:
             error.details.append(("journal", f"{kept.text}: {kept.why}; {kept.hint}"))
 
 
-def settle_after(node: Changeable, error: BaseException, found: Found) -> None:
+def settle_after(node: Changeable, error: BaseException, found: InitialState) -> None:
     """The device is as it was: forget the journal; what cannot be put right of its NMT state is added to *error*."""
     try:
         return_to_state(node, found)
@@ -133,11 +133,11 @@ def _hint_of_state(node: Changeable, error: DvtcliError) -> Hint | None:
     return pre_operational_first(node.node_id) if running else None
 
 
-def _rebooted(node: Changeable, found: Found) -> bool:
+def _rebooted(node: Changeable, found: InitialState) -> bool:
     return node.bus.boot_ups(node.node_id) != found.boot_ups
 
 
-def return_to_state(node: Changeable, found: Found) -> None:
+def return_to_state(node: Changeable, found: InitialState) -> None:
     """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end.
 
     A node that restarts without a boot-up message leaves an upload without an answer, and tells another NMT state.

@@ -15,7 +15,7 @@ from dvtcli.errors import BusUnavailable
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.plan import Change, Plan, ValueChange
     from dvtcli.domain.rules import Finding
 
@@ -40,7 +40,7 @@ class Applier(Changeable):
         *,
         force: bool = False,
         kept: bool = True,
-        found: Found | None = None,
+        found: InitialState | None = None,
         is_part: bool = False,
     ) -> Applied:
         """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
@@ -52,13 +52,15 @@ class Applier(Changeable):
         from dvtcli.device.applied import Applied, refuse
         from dvtcli.device.change.taken_back import with_way_back
         from dvtcli.device.second_try import carry_out_as_taken
-        from dvtcli.domain.several import several
+        from dvtcli.domain.several import join_some
 
         self.answered_otherwise = {}
         if len(plan):
             plan, warnings = with_way_back(self, plan if is_part else self._with_stamp_ended(plan))
             locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
-            refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
+            refuse(
+                locked, f"{join_some(change.label for change in plan.changes)} not changed", self.node_id, force=force
+            )
             findings += locked
             plan, findings = carry_out_as_taken(
                 self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept), is_kept=kept

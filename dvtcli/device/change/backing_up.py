@@ -14,7 +14,7 @@ from pathlib import Path
 from dvtcli.device.backups import backups
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import file_name, write_private
-from dvtcli.device.past import Past
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.device.trust import check_folder
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange
@@ -29,7 +29,7 @@ class BackingUp:
     folder: Path
     bus: str
     node_id: int
-    past: Past
+    past: ChangeHistory
 
     def needed(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> bool:
         """Whether there is no backup of this very device, or one of the PDOs *held* is as nothing that is kept says.

@@ -20,24 +20,24 @@ from dvtcli.device.change.after_change import (
     settle_after,
 )
 from dvtcli.device.change.failed_change import TRY_AGAIN
-from dvtcli.device.change.other_pdos import (
-    OtherPdos,
+from dvtcli.device.change.progress import Progress
+from dvtcli.device.change.put_back import first_difference
+from dvtcli.device.change.transaction import Transaction
+from dvtcli.device.change.untouched_pdos import (
+    UntouchedPdos,
     cob_ids_beside,
     is_of_pdo,
     present_beside,
     unlike_kept,
     wholes_beside,
 )
-from dvtcli.device.change.progress import Progress
-from dvtcli.device.change.put_back import first_difference
-from dvtcli.device.change.transaction import Transaction
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, Plan, Step
 from dvtcli.errors import DvtcliError, LeftChanged, Restarted, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules import Finding
 
 #: below it there is no control word
@@ -49,7 +49,7 @@ def carry_out(
     plan: Plan,
     findings: tuple[Finding, ...] = (),
     *,
-    found: Found | None = None,
+    found: InitialState | None = None,
     done: Callable[[int], None] = lambda _boot_ups: None,
     is_kept: bool = False,
     keep_journal: bool = False,
@@ -70,7 +70,7 @@ def _carry_out(
     node: Changeable,
     plan: Plan,
     findings: tuple[Finding, ...],
-    found: Found,
+    found: InitialState,
     done: Callable[[int], None],
     *,
     is_kept: bool,
@@ -94,7 +94,7 @@ def _carry_out(
         untold = any(config.lacking for config in node.last_read.values())
         enter(node, found)
         node.require_not_restarted(found)
-        others = OtherPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
+        others = UntouchedPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
         boot_ups = run(node, plan, others, found)
     except LeftChanged as left:
         left_open(node, left)
@@ -112,7 +112,7 @@ def _carry_out(
     end_change(node, plan, lambda: return_to_state(node, found), keep_journal=keep_journal)
 
 
-def enter(node: Changeable, found: Found) -> None:
+def enter(node: Changeable, found: InitialState) -> None:
     """Make PDO writes possible; a node that restarted since it was *found* OPERATIONAL goes back there at the end."""
     was_in = node.gate.entered
     node.gate.enter()
@@ -120,7 +120,7 @@ def enter(node: Changeable, found: Found) -> None:
         node.gate.found = found.state
 
 
-def look_again(node: Changeable, plan: Plan, found: Found) -> None:
+def look_again(node: Changeable, plan: Plan, found: InitialState) -> None:
     """Nothing of *plan* is to be written, and *node* may have restarted since it was *found*: is that still so?
 
     Restarted where it holds something else by now. It is brought back to the NMT state in which it was found.
@@ -145,7 +145,7 @@ def _is_watched(node: Changeable, plan: Plan) -> bool:
     return is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
 
 
-def run(node: Changeable, plan: Plan, others: OtherPdos, found: Found) -> int:
+def run(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState) -> int:
     """Run *plan*, made from what was read since *node* was *found*, as one transaction.
 
     The COB-IDs of *others* are looked at.

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.expected import Expected
 from dvtcli.device.change.pending import Pending
 from dvtcli.device.known_pdos import KnownPdos
-from dvtcli.device.observe import Found
+from dvtcli.device.observe import InitialState
 from dvtcli.device.seen_state import present_state
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
 from dvtcli.errors import BusUnavailable
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.progress import Progress
-    from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.habits import Habits
 
 
@@ -33,7 +33,7 @@ class Changeable(KnownPdos):
     #: what is in RAM only, and why it must not be stored now
     pending: Pending = field(default_factory=Pending)
     #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
-    keeper: Keeper | None = None
+    keeper: ChangeGuard | None = None
     #: whether this process makes one change and ends, so that nothing is stored over what lies beside it
     only_one: Callable[[], bool] = lambda: False
     #: what this session knows that the node's RAM must hold before it is stored: changed here, or seen beside a change
@@ -82,7 +82,7 @@ class Changeable(KnownPdos):
         finally:
             self.gate.wanted = None
 
-    def begin_change(self, *, whatever_happened: bool = False) -> Found:
+    def begin_change(self, *, whatever_happened: bool = False) -> InitialState:
         """Take the lock of the node until the line ends, drop what was read of it, and return how it is found.
 
         SafetyRefusal if another dvtcli holds the node or was interrupted, or if the node restarted since it was read;
@@ -95,9 +95,9 @@ class Changeable(KnownPdos):
         self.read_anew()
         boot_ups, upsets = self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id)
         # a restart while it tells its state came after that
-        return Found(self.access.state(), boot_ups, upsets, whatever_happened)
+        return InitialState(self.access.state(), boot_ups, upsets, whatever_happened)
 
-    def require_not_restarted(self, found: Found | None = None) -> None:
+    def require_not_restarted(self, found: InitialState | None = None) -> None:
         """SafetyRefusal if the node restarted since this process read it, or was *found*, and nobody here ordered that.
 
         Before the first write of a line: what it is made from, or the lines before it, are of an earlier life.

@@ -9,20 +9,20 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from dvtcli.device.change.whole import Part, Whole
+from dvtcli.device.change.change_group import ChangeGroup, GroupMember
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 
 
 @dataclass(slots=True)
-class Course:
+class JournalContents:
     """What one node's journal has to put back: the changes of a whole that were made, and the one *in_hand*.
 
     *nmt_state* is what the first one found.
     """
 
     nmt_state: int | None = None
-    part: Part = field(default_factory=Part)
+    part: GroupMember = field(default_factory=GroupMember)
     made: list[Plan] = field(default_factory=list)
     in_hand: Plan | None = None
     #: all that is to be changed, where its journal is on disk before the first write; None: each change by itself
@@ -30,7 +30,7 @@ class Course:
 
     def begin(
         self,
-        whole: Whole,
+        whole: ChangeGroup,
         plan: Plan,
         nmt_state: int | None,
         asked: tuple[str, ...] = (),
@@ -42,7 +42,7 @@ class Course:
         One that *is_test* is to go again (`end_test`).
         """
         if self.part.whole != whole.id or not self.is_begun:
-            self.made, self.nmt_state, self.part = [], nmt_state, Part(whole.id, whole.name)
+            self.made, self.nmt_state, self.part = [], nmt_state, GroupMember(whole.id, whole.name)
         entry, tests = os.urandom(16).hex(), plan.changes if is_test else ()
         self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked, tests=tests)
         self.in_hand = plan
@@ -53,7 +53,7 @@ class Course:
         """Whether it has something to put back when no change is in hand."""
         return bool(self.made) or self.prepared is not None
 
-    def prepare(self, whole: Whole, plan: Plan, nmt_state: int | None) -> str:
+    def prepare(self, whole: ChangeGroup, plan: Plan, nmt_state: int | None) -> str:
         """All of *plan* is to be carried out, part by part; the id under which it is remembered."""
         entry = self.begin(whole, plan, nmt_state)
         self.in_hand, self.prepared = None, combine_plans(plan.node_id, [*self.made, plan])

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan, Step
-from dvtcli.domain.several import few_bytes, several
+from dvtcli.domain.several import hex_preview, join_some
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
 
 #: What to do about a node that restarts.
@@ -35,7 +35,7 @@ def step_text(step: Step) -> str:
     value = (
         f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
         if len(step.after) <= 4
-        else few_bytes(step.after)
+        else hex_preview(step.after)
     )
     return f"0x{step.object} <- {value}    {step.reason}"
 
@@ -60,7 +60,7 @@ def _reason(error: BaseException) -> str:
 
 def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
     """The worst case: say what failed twice and what the device may be left with."""
-    labels = several(change.label for change in plan.changes)
+    labels = join_some(change.label for change in plan.changes)
     look = Hint(Action.SHOW_PDOS, {"all": True}, "look at it with {}; a power cycle brings the stored settings back")
     if isinstance(second, NoAnswer | BusUnavailable):
         look = look.after(BRING_BACK if isinstance(second, NoAnswer) else BUS_BACK)
@@ -79,8 +79,8 @@ def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_k
     *is_known* says whether the device is known to have taken nothing of it.
     """
     read = [change.label for change in begun if change not in blind]
-    names = several(change.label for change in blind)
-    back = f"{several(read)} is as it was, read back equal; " if read else ""
+    names = join_some(change.label for change in blind)
+    back = f"{join_some(read)} is as it was, read back equal; " if read else ""
     if not is_known:
         return f"{names} was refused; unknown whether anything was taken: it cannot be read; {back}nothing was stored"
     return f"rolled back: {back}{names} was refused, and what it holds cannot be read; nothing was stored"
@@ -88,7 +88,7 @@ def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_k
 
 def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -> LeftChanged:
     """After *fault* all of *plan* is put back but *taken*: these were acknowledged, and nobody knows what they held."""
-    names = several(change.label for change in taken)
+    names = join_some(change.label for change in taken)
     left = LeftChanged(
         f"{names} of node {plan.node_id} could not be put back",
         node=plan.node_id,
@@ -103,7 +103,7 @@ def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -
 
 def not_taken_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -> LeftChanged:
     """What *plans* changed on *node_id* stays, since after *fault* it could not be taken back, and *why*."""
-    labels = several(dict.fromkeys(change.label for plan in plans for change in plan.changes))
+    labels = join_some(dict.fromkeys(change.label for plan in plans for change in plan.changes))
     return LeftChanged(
         f"{labels or 'what this line changed'} of node {node_id} could not be taken back",
         node=node_id,

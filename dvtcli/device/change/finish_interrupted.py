@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.left_behind import Guarded, could_not, name_left
-from dvtcli.device.change.other_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.put_back import roll_back_patiently, unreadable_now
 from dvtcli.device.change.taken_back import put_back_findings
+from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
@@ -24,7 +24,7 @@ from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.no_way_back import restarted_finding
-from dvtcli.domain.several import several, value_text
+from dvtcli.domain.several import join_some, value_text
 from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import (
     BusUnavailable,
@@ -156,7 +156,7 @@ class Recovery:
         """What is told, once it has ended, of objects that can be read no more; None if there are none."""
         if not self.unknown:
             return None
-        node_id, labels = self.node.node_id, several(change.label for change in self.unknown)
+        node_id, labels = self.node.node_id, join_some(change.label for change in self.unknown)
         left = LeftChanged(
             f"what node {node_id} holds of {labels} is not known: it can be read no more",
             node=node_id,
@@ -166,7 +166,7 @@ class Recovery:
             state="left_changed",
         )
         others = [change.label for change in self.changes if change not in self.unknown]
-        back = f"; {several(others)} is as it was, read back equal" if others else ""
+        back = f"; {join_some(others)} is as it was, read back equal" if others else ""
         left.state_text = f"what node {node_id} holds of {labels} is not known{back}"
         before = {change.label: change.step.before for change in self.unknown if change.step.before is not None}
         left.details += [("held before", f"{label} {value_text(data)}") for label, data in before.items()]
@@ -235,7 +235,7 @@ class Recovery:
             node.forget()
 
     def _left(self, fault: BaseException) -> LeftChanged:
-        node, labels = self.node, several(self.journal.labels)
+        node, labels = self.node, join_some(self.journal.labels)
         left = LeftChanged(
             f"{labels} of node {node.node_id} could not be put back",
             node=node.node_id,

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dvtcli.device.change.change_group import GroupMember, Storing
 from dvtcli.device.change.in_place import HEAD_BYTES, content_of, create, replace_content
 from dvtcli.device.change.plan_document import (
     MOST_CHANGES,
@@ -28,7 +29,6 @@ from dvtcli.device.change.plan_document import (
     read_plan,
 )
 from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
-from dvtcli.device.change.whole import Part, Storing
 from dvtcli.device.trust import stranger
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Plan
@@ -55,7 +55,7 @@ class Journal:
     identity: Identity
     plan: Plan
     nmt_state: int | None = None
-    part: Part = field(default_factory=Part)
+    part: GroupMember = field(default_factory=GroupMember)
 
     @property
     def labels(self) -> list[str]:
@@ -124,7 +124,7 @@ class Journals:
                     yield found
 
     def write(
-        self, plan: Plan, identity: Identity, nmt_state: int | None, part: Part | None = None, *, room: int = 0
+        self, plan: Plan, identity: Identity, nmt_state: int | None, part: GroupMember | None = None, *, room: int = 0
     ) -> Path:
         """Put *plan*, which belongs to *part*, on disk, whole and synced, before its first write; for its owner only.
 
@@ -132,7 +132,7 @@ class Journals:
         cannot be kept, or is too large to be read again: a journal of that name is as it was then.
         """
         path = self.path(plan.node_id)
-        text = self._text(plan, identity, nmt_state, part or Part())
+        text = self._text(plan, identity, nmt_state, part or GroupMember())
         if len(text) > MOST_BYTES or len(plan.changes) > MOST_CHANGES:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
         if not replace_content(path, text, room):
@@ -144,7 +144,7 @@ class Journals:
         """How many bytes a journal takes to say *final* and *stores*."""
         return len(json.dumps([final, *map(_store_document, stores)]))
 
-    def _text(self, plan: Plan, identity: Identity, nmt_state: int | None, part: Part) -> str:
+    def _text(self, plan: Plan, identity: Identity, nmt_state: int | None, part: GroupMember) -> str:
         document = {
             "schema": SCHEMA,
             "bus": self.bus,
@@ -224,7 +224,7 @@ def _journal(path: Path, document: Any) -> Journal:
     )
 
 
-def _part(document: dict[str, Any]) -> Part:
+def _part(document: dict[str, Any]) -> GroupMember:
     """What the journal belongs to; those of earlier versions do not say, and stand alone."""
     whole, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
     entries, asked = document.get("entries", []), document.get("asked", [])
@@ -238,7 +238,7 @@ def _part(document: dict[str, Any]) -> Part:
         raise ValueError("what tests its stores is malformed")
     stores = tuple(_stores(document.get("stores", [])))
     equal = tuple(_stores(document.get("equal", [])))
-    return Part(whole, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)), equal)
+    return GroupMember(whole, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)), equal)
 
 
 def _stores(document: Any) -> Iterator[Storing]:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import held_otherwise
-from dvtcli.device.observe import MOST_LOOKS, Witness
+from dvtcli.device.observe import MOST_LOOKS, RebootMonitor
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
-from dvtcli.domain.several import several, value_text
+from dvtcli.domain.several import join_some, value_text
 from dvtcli.errors import DvtcliError, LeftChanged, LeftObject, SdoAborted
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Guarded:
 
     node_id: int
     sdo: SdoReader
-    witness: Witness
+    witness: RebootMonitor
     changes: Sequence[Change]
     beside: Sequence[Change] = ()
 
@@ -76,7 +76,7 @@ def could_not(left: LeftChanged, node_id: int, done: str) -> str | None:
 
 
 def _labels(left: LeftChanged, node_id: int) -> str:
-    return several(dict.fromkeys(row.label for row in left.left if row.node_id == node_id))
+    return join_some(dict.fromkeys(row.label for row in left.left if row.node_id == node_id))
 
 
 def _state_text(left: LeftChanged) -> str | None:
@@ -85,11 +85,11 @@ def _state_text(left: LeftChanged) -> str | None:
     texts = []
     for node_id in nodes:
         rows = [row for row in left.left if row.node_id == node_id]
-        if changed := several(dict.fromkeys(row.label for row in rows if row.is_known)):
+        if changed := join_some(dict.fromkeys(row.label for row in rows if row.is_known)):
             texts.append(f"{changed} of node {node_id}")
-        if unknown := several(dict.fromkeys(row.label for row in rows if not row.is_known)):
+        if unknown := join_some(dict.fromkeys(row.label for row in rows if not row.is_known)):
             texts.append(f"what node {node_id} holds of {unknown} is not known")
-    same = [f"{several(labels)} of node {node_id} is as it was" for node_id, labels in left.as_before.items()]
+    same = [f"{join_some(labels)} of node {node_id} is as it was" for node_id, labels in left.as_before.items()]
     if not texts:
         if not same:
             return None

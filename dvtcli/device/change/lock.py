@@ -28,7 +28,7 @@ _RETRY_S = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Holder:
+class LockHolder:
     """A dvtcli that has, or had, the right to write: its *process*, *since* when (ISO 8601, UTC), the *command*."""
 
     process: str
@@ -41,12 +41,12 @@ class Holder:
 
 
 @dataclass(frozen=True, slots=True)
-class _Noted:
+class _LockNote:
     """What the lock's file says: who holds it or held it last, the journal in hand, and who began to write last."""
 
-    holder: Holder
+    holder: LockHolder
     journal: str = ""
-    writer: Holder | None = None
+    writer: LockHolder | None = None
 
     def text(self) -> str:
         rows = [self.holder.process, self.journal, self.holder.since, self.holder.command]
@@ -55,14 +55,14 @@ class _Noted:
         return "".join(f"{row}\n" for row in rows)
 
     @classmethod
-    def parse(cls, text: str) -> _Noted:
+    def parse(cls, text: str) -> _LockNote:
         """What the file's *text* says; nothing where it is empty."""
         process, journal, since, command, *writer = ([row.strip() for row in text.split("\n")] + [""] * 7)[:7]
         return cls(_holder(process, since, command), journal, _holder(*writer) if writer[0] else None)
 
 
-def _holder(process: str, since: str, command: str) -> Holder:
-    return Holder(process[:20], since[:40], command[:80])
+def _holder(process: str, since: str, command: str) -> LockHolder:
+    return LockHolder(process[:20], since[:40], command[:80])
 
 
 @dataclass(slots=True)
@@ -79,10 +79,10 @@ class NodeLock:
     #: done once it is taken
     on_taken: Callable[[], None] = lambda: None
     #: another dvtcli that began to write while we did not hold the lock, after we had held it
-    meanwhile: Holder | None = None
+    meanwhile: LockHolder | None = None
     _file: IO[bytes] | None = None
-    _own: Holder = Holder("")
-    _last_writer: Holder | None = None
+    _own: LockHolder = LockHolder("")
+    _last_writer: LockHolder | None = None
     _was_held: bool = False
     #: what we wrote to its file since we took it
     _on_disk: bytes = b""
@@ -120,7 +120,7 @@ class NodeLock:
                 raise self._refusal(wait_s) from stopped
             raise
         self._file, self._on_disk = file, b""
-        self._own = Holder(str(os.getpid()), datetime.now(UTC).isoformat(), " ".join(self.command().split())[:80])
+        self._own = LockHolder(str(os.getpid()), datetime.now(UTC).isoformat(), " ".join(self.command().split())[:80])
         try:
             self._look_back()
             self.note(self.noted())
@@ -152,7 +152,7 @@ class NodeLock:
         assert self._file is not None  # noqa: S101 - only the holder writes
         if journal != self.noted():  # a change begins, or one is put back
             self._last_writer = self._own
-        text = _Noted(self._own, str(journal or ""), self._last_writer).text().encode()
+        text = _LockNote(self._own, str(journal or ""), self._last_writer).text().encode()
         if text != self._on_disk:  # each part of a change says the same, and the disk takes its time
             self._on_disk = b""
             try:
@@ -171,15 +171,15 @@ class NodeLock:
         line = self._read().journal
         return Path(line) if line else None
 
-    def _read(self) -> _Noted:
+    def _read(self) -> _LockNote:
         """What the file says; nothing where there is none."""
         check_folder(self.folder.parent, is_shared=True)
         check_folder(self.folder, is_shared=True)
         try:
             with os.fdopen(open_private(self.path, os.O_RDONLY), "rb") as file:
-                return _Noted.parse(file.read(_MOST_BYTES).decode("utf-8", "replace"))
+                return _LockNote.parse(file.read(_MOST_BYTES).decode("utf-8", "replace"))
         except (FileNotFoundError, NotADirectoryError):
-            return _Noted(Holder(""))
+            return _LockNote(LockHolder(""))
 
     def is_free(self) -> bool:
         """Whether nobody else is writing right now. Writes nothing: a full disk or a file in the way is no matter.

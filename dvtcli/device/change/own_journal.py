@@ -12,12 +12,12 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from dvtcli.device.change.course import Course, combine_plans, covers
+from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
+from dvtcli.device.change.course import JournalContents, combine_plans, covers
 from dvtcli.device.change.journal import Journal, Journals
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity, change_document
 from dvtcli.device.change.private_file import remove
-from dvtcli.device.change.whole import Part, Storing, Whole
 from dvtcli.device.trust import OTHER_STATE
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -39,18 +39,18 @@ class OwnJournal:
 
     journals: Journals
     lock: NodeLock
-    whole: Whole
+    whole: ChangeGroup
     warn: Callable[[str], None]
     #: of the device that is changed
     identity: Identity = field(default_factory=dict)
     #: the id under which `undo` is to remember the change in hand
     entry: str = ""
     #: what has to be put back
-    _course: Course = field(default_factory=Course)
+    _course: JournalContents = field(default_factory=JournalContents)
     #: what the node holds besides and the changes may alter, each as a change to what it is
     _beside: Plan | None = None
     #: what the journal says by now
-    _on_disk: tuple[Plan, Part] | None = None
+    _on_disk: tuple[Plan, GroupMember] | None = None
 
     @property
     def path(self) -> Path:
@@ -86,7 +86,7 @@ class OwnJournal:
         """From now on the journal also has *plan*: what the node holds that the changes may alter."""
         self._beside = plan
 
-    def prepare(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, ends: Part) -> None:
+    def prepare(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, ends: GroupMember) -> None:
         """Before the first write to any node of a whole: put the journal of all of *plan* on disk.
 
         What is written to it until the whole is over needs no more space: *room* is how many bytes its later forms may
@@ -128,10 +128,10 @@ class OwnJournal:
                     raise
                 self._course.in_hand = plan  # what is on disk puts this back, too
 
-    def _copy(self) -> Course:
+    def _copy(self) -> JournalContents:
         return replace(self._course, made=[*self._course.made])
 
-    def _keep_or(self, before: Course, room: int) -> None:
+    def _keep_or(self, before: JournalContents, room: int) -> None:
         """Put the journal on disk and note it; if that fails nothing of it is written to the device: as *before*."""
         try:
             if self.whole.id is not None:
@@ -184,7 +184,7 @@ class OwnJournal:
     def adopt(self, journal: Journal) -> None:
         """*journal*, of a whole that another process left verified on every node, is ours to complete now."""
         self.identity = journal.identity
-        self._course = Course(journal.nmt_state, journal.part, [journal.plan])
+        self._course = JournalContents(journal.nmt_state, journal.part, [journal.plan])
         self._on_disk = (journal.plan, journal.part)
 
     def final(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
@@ -224,7 +224,7 @@ class OwnJournal:
 
     def detach(self) -> None:
         """Nothing of what this process changed has to be put back any more; whatever is on disk stays there."""
-        self._course, self._on_disk, self._beside = Course(), None, None
+        self._course, self._on_disk, self._beside = JournalContents(), None, None
 
     def forget(self) -> None:
         """Remove the journal: nothing has to be put back any more.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 #: Sub-index of 0x1010 and 0x1011 -> first and last index it covers (CiA 301, 7.5.2.13); 4 and up are the maker's.
 GROUPS = {1: (0x0000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF)}
@@ -88,7 +88,7 @@ class Pending:
     def lost(self, labels: tuple[str, ...]) -> None:
         """The node does not hold *labels* any more, which were not stored: nothing may be stored by itself then."""
         self.unstored = {label: index for label, index in self.unstored.items() if label not in labels}
-        self.suspicions[REBOOT] = f"it does not hold any more what was not stored ({several(labels)})"
+        self.suspicions[REBOOT] = f"it does not hold any more what was not stored ({join_some(labels)})"
 
     def rebooted(self, boot_ups: int) -> tuple[str, ...]:
         """Whether the node restarted by itself: returns what is lost, and remembers why nothing may be stored then."""
@@ -97,5 +97,5 @@ class Pending:
             return ()
         lost = self.forget(EVERYTHING)
         if lost:
-            self.suspicions[REBOOT] = f"it restarted, and what was not stored is lost ({several(lost)})"
+            self.suspicions[REBOOT] = f"it restarted, and what was not stored is lost ({join_some(lost)})"
         return lost

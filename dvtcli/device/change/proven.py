@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 from dvtcli.device.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.change.proving import AGAIN, Restart, acknowledged, uncovered_group, unread_of
 from dvtcli.device.compare import differences as pdo_differences
-from dvtcli.device.held import Held
 from dvtcli.device.resets import return_to
+from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.store_parameters import STORE, Signed, chosen
 from dvtcli.device.wish import Says, unlike_values, value_in_hex
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.proof import Proof
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ _NO_PLACE = "it lets nothing be changed harmlessly to test the reset: no timer, 
 _OFF_FOR_LONGER = Hint(Action.PROVE_POWER, why="switch it off until nothing of it is lit, and {} again")
 
 
-def prepare_proof(node: Node, before: Held, sub_index: int | None, restart: Restart) -> AnyPlace | None:
+def prepare_proof(node: Node, before: Snapshot, sub_index: int | None, restart: Restart) -> AnyPlace | None:
     """Find out before the store what the proof would find out too late: what it compares, and what it changes to test.
 
     *sub_index* is that of `sign`. Tries the change and puts it back; None where a power cycle needs none. DeviceRefused
@@ -61,13 +61,13 @@ def prepare_proof(node: Node, before: Held, sub_index: int | None, restart: Rest
     return place
 
 
-def _refuse_altered(node: Node, before: Held, place: AnyPlace) -> None:
+def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
     """The change at *place* was tried and put back: DeviceRefused if the node holds something else than *before*."""
     held = node.pdos()
     altered = _unlike(node, before, held)
     if not altered:
         return
-    text = f"node {node.node_id} altered {several(altered)} when {place.name} was changed to test the reset"
+    text = f"node {node.node_id} altered {join_some(altered)} when {place.name} was changed to test the reset"
     hint = as_hint("these depend on each other in this device: its manual says how") + Hint(
         Action.STORE, why="{} alone stores without a proof"
     )
@@ -84,14 +84,14 @@ def _refuse_altered(node: Node, before: Held, place: AnyPlace) -> None:
         left = [failed.text]
     if left:
         raise LeftChanged(
-            f"{text}: nothing was stored", node=node.node_id, why=several(left), hint=hint, state="left_changed"
+            f"{text}: nothing was stored", node=node.node_id, why=join_some(left), hint=hint, state="left_changed"
         )
     refused = DeviceRefused(f"{text}: nothing was stored", node=node.node_id, hint=hint, state="rolled_back")
     refused.state_text = "what it altered is put back, read back equal; nothing was stored"
     raise refused
 
 
-def _unlike(node: Node, before: Held, pdos: Pdos) -> list[str]:
+def _unlike(node: Node, before: Snapshot, pdos: Pdos) -> list[str]:
     """What *node*, whose *pdos* were read just now, holds otherwise than *before*, in words."""
     values = (f"{place}: {text}" for place, text in unlike_values(node, before.values))
     return [*_differences(before.pdos, pdos), *values]
@@ -140,7 +140,7 @@ def _saves_itself(signed: Signed) -> str:
 
 
 def prove_store(
-    node: Node, before: Held, signed: Signed, restart: Restart, place: AnyPlace | None, says: Says = value_in_hex
+    node: Node, before: Snapshot, signed: Signed, restart: Restart, place: AnyPlace | None, says: Says = value_in_hex
 ) -> Proof:
     """Restart *node* and compare it with *before*, read ahead of the store that the device acknowledged.
 

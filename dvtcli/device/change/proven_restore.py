@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.proving import AGAIN, RESTORE_ALL, Restart, acknowledged, uncovered_group, unread_of
 from dvtcli.device.eds_defaults import differing_from_defaults, values_unlike_defaults
-from dvtcli.device.held import Held
+from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.store_parameters import Signed
 from dvtcli.device.wish import Says, value_in_hex
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.proof import Proof
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -31,16 +31,16 @@ def _is_otherwise(before: PdoConfig, after: PdoConfig | None) -> bool:
     return after is not None and after.lacking == before.lacking and after != before
 
 
-def restart_and_read(node: Node, restart: Restart) -> tuple[Held, tuple[str, ...]]:
+def restart_and_read(node: Node, restart: Restart) -> tuple[Snapshot, tuple[str, ...]]:
     """Restart *node*; what it holds then, and the labels of the changes that this took."""
     restart.run()
     lost = node.was_reset(communication=restart.communication)
     node.gate.renew()
-    return Held.now(node), lost
+    return Snapshot.now(node), lost
 
 
 def prove_restore(
-    node: Node, signed: Signed, restart: Restart, before: Held | None,
+    node: Node, signed: Signed, restart: Restart, before: Snapshot | None,
     lost_before: tuple[str, ...] = (), says: Says = value_in_hex,
 ) -> Proof:  # fmt: skip
     """Restart *node*, whose restore was acknowledged, and compare what it holds with the defaults of the EDS.
@@ -69,17 +69,17 @@ def _against_defaults(
     dictionary: ObjectDictionary,
     signed: Signed,
     restart: Restart,
-    before: Held | None,
-    after: Held,
+    before: Snapshot | None,
+    after: Snapshot,
     lost: tuple[str, ...],
     says: Says,
 ) -> Proof:
     uncovered, against = uncovered_group(signed.sub_index), f"the defaults of {dictionary.source or 'the EDS'}"
 
-    def look(held: Held) -> Proof:
+    def look(held: Snapshot) -> Proof:
         pdos = differing_from_defaults(dictionary, node.profile, node.node_id, {} if uncovered else held.pdos)
         objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index), says)
-        untold = several((*pdos.untold, *objects.untold))
+        untold = join_some((*pdos.untold, *objects.untold))
         said = (f"not compared: {untold}, of which the EDS tells no default or the node no value",) if untold else ()
         return Proof(
             restart.by, pdos.compared, against, (*pdos.differences, *objects.differences), objects=objects.compared,

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
-from dvtcli.device.held import Held
+from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.store_parameters import Signed, word_of
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.proof import POWER
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, Interrupted
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def uncovered_group(sub_index: int) -> str:
     return f"PDOs are what is compared, and nobody says that group {sub_index} has them"
 
 
-def unread_of(held: Held, signed: Signed, after: Mapping[Pdo, PdoConfig] | None = None) -> str:
+def unread_of(held: Snapshot, signed: Signed, after: Mapping[Pdo, PdoConfig] | None = None) -> str:
     """What of *held* could not be compared, since it could not be read at that moment; empty where all could.
 
     Of the PDOs *after* a restart that is what they told neither before it.
@@ -82,5 +82,5 @@ def unread_of(held: Held, signed: Signed, after: Mapping[Pdo, PdoConfig] | None 
         for index, sub_index in config.untold
         if pdo in held.pdos and (index, sub_index) in held.pdos[pdo].untold
     ]
-    unread = several([*untold, *filter(None, [objects])])
+    unread = join_some([*untold, *filter(None, [objects])])
     return unread and f"not compared: {unread}"

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
-from dvtcli.device.observe import Undisturbed, Witness
+from dvtcli.device.observe import RebootMonitor, Undisturbed
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.abort import may_pass
 from dvtcli.domain.cob_id import CobId
@@ -42,7 +42,7 @@ def roll_back_patiently(
     changes: Sequence[Change],
     clock: Clock,
     before_retry: Callable[[], None],
-    witness: Witness | None = None,
+    witness: RebootMonitor | None = None,
 ) -> tuple[PdoChange, ...]:
     """Put every change's *before* back; a node that is silent or refuses may be rebooting, so it is asked again.
 

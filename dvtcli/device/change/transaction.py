@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.acknowledged import Acknowledged
+from dvtcli.device.change.accepted_steps import AcceptedSteps
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
     left_changed,
@@ -19,7 +19,6 @@ from dvtcli.device.change.failed_change import (
     step_text,
     unreadable_left,
 )
-from dvtcli.device.change.other_pdos import OtherPdos, altered_too, is_of_pdo
 from dvtcli.device.change.put_back import (
     Clock,
     bytes_differ,
@@ -29,12 +28,13 @@ from dvtcli.device.change.put_back import (
     roll_back_patiently,
 )
 from dvtcli.device.change.taken_back import put_back_findings
-from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed, restarted_since_read
+from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, is_of_pdo
+from dvtcli.device.observe import MOST_LOOKS, RebootMonitor, Undisturbed, observed, restarted_since_read
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
@@ -72,14 +72,14 @@ class Transaction:
     on_step: Callable[[Step], None] = lambda _step: None
     before_retry: Callable[[], None] = lambda: None
     clock: Clock = field(kw_only=True)
-    witness: Witness = field(default_factory=Undisturbed)
+    witness: RebootMonitor = field(default_factory=Undisturbed)
     control_words: Collection[tuple[int, int]] = ()
-    others: OtherPdos = field(default_factory=OtherPdos)
+    others: UntouchedPdos = field(default_factory=UntouchedPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
     #: boot-ups by the read that the plan was made from; None: it is carried out also if the device restarts meanwhile
     boot_ups_read: int | None = None
     _started: list[Change] = field(default_factory=list)
-    _acknowledged: Acknowledged = field(default_factory=Acknowledged)
+    _acknowledged: AcceptedSteps = field(default_factory=AcceptedSteps)
     #: PDOs beside the plan that are not as they were, and were left so, in words
     _left: dict[Pdo, str] = field(default_factory=dict)
     _touched: bool = False
@@ -134,7 +134,7 @@ class Transaction:
         node_id = self.plan.node_id
         if not self._touched:
             raise restarted_since_read(node_id)
-        own = several(change.label for change in self.plan.changes)
+        own = join_some(change.label for change in self.plan.changes)
         raise DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, hint=TRY_AGAIN)
 
     def _stop_if_cancelled(self, done: int, total: int) -> None:
@@ -196,7 +196,7 @@ class Transaction:
 
     def _unsure_of_others(self) -> DeviceRefused:
         """Its own PDOs are as planned; nobody knows what the others held when their COB-IDs may have been altered."""
-        own, node_id = several(change.label for change in self.plan.changes), self.plan.node_id
+        own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
         why = "what it holds of the other PDOs since then cannot be told from what this change may have altered"
         return DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, why=why, hint=TRY_AGAIN)
 
@@ -306,20 +306,20 @@ class Transaction:
 
     def _say_lost(self, fault: DvtcliError) -> None:
         """What is as it was is the plan's alone: nobody put back what else a restart took."""
-        own, node_id = several(change.label for change in self.plan.changes), self.plan.node_id
+        own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
         if fault.state == "rolled_back":
             text = fault.state_text or f"rolled back: {own} is as it was, read back equal"
             fault.state_text = f"{text}; node {node_id} restarted: what else it held in RAM only is lost"
 
     def _say_left(self, fault: DvtcliError) -> None:
         """Nobody knows whether a restart that was not heard brought back what is stored, or the change altered it."""
-        own, left = several(change.label for change in self.plan.changes), several(pdo.label for pdo in self._left)
+        own, left = join_some(change.label for change in self.plan.changes), join_some(pdo.label for pdo in self._left)
         fault.state = "unknown"
         fault.state_text = (
             f"unknown: {own} is as it was, read back equal; {left} is not, and was left so: the node may have "
             "restarted without a boot-up message that was heard, and hold what it has stored; look at it"
         )
-        fault.details.append(("left", several(self._left.values())))
+        fault.details.append(("left", join_some(self._left.values())))
 
     def _say_unread(self, fault: DvtcliError) -> None:
         """Claim of the other PDOs only what was read before the plan, or is as a backup or a remembered change says.
@@ -329,7 +329,7 @@ class Transaction:
         unread = self.others.unread()
         if not unread or fault.state != "rolled_back" or fault.state_text is not None:
             return
-        own = several(change.label for change in self.plan.changes)
+        own = join_some(change.label for change in self.plan.changes)
         try:
             unlike = self.others.unlike_kept(unread)
         except DvtcliError as failed:  # somebody else can write where the backups are: they prove nothing
@@ -341,7 +341,7 @@ class Transaction:
                 "as a backup or an earlier change left them; nothing was stored"
             )
             return
-        labels = several(pdo.label for pdo in unlike)
+        labels = join_some(pdo.label for pdo in unlike)
         fault.state = "unknown"
         fault.state_text = (
             f"unknown: {own} is as it was, read back equal; {labels} was not read before it, and is as no backup and "

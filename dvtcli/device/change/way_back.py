@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.gap import refuse_gap, unbroken
-from dvtcli.device.change.safekeeping import who_else
+from dvtcli.device.change.change_guard import who_else
+from dvtcli.device.change.foreign_changes import refuse_gap, unbroken
 from dvtcli.device.stamped import is_stamp, stamp_back
 from dvtcli.device.wish import Wish, unlike
 from dvtcli.domain.hint import Action, Hint, verbatim
@@ -15,7 +15,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.raw_write import why_unreadable
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.domain.stamp import DATE, TIME, is_own_date
 from dvtcli.domain.value_order import altering
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
@@ -153,7 +153,7 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
     raise SafetyRefusal(
         f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
         node=node.node_id,
-        why=several(f"{label} {text}" for label, text in found[1:]) or None,
+        why=join_some(f"{label} {text}" for label, text in found[1:]) or None,
         hint=Hint(Action.SHOW_PDOS, why=f"{verbatim(who_else(node.keeper))}: look at it with {{}}")
         + Hint(Action.UNDO, {"force": True}, "puts back what was before that change all the same")
         + Hint(Action.UNDO, {"backup": True}, ", {} an automatic backup"),

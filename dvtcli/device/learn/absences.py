@@ -12,11 +12,11 @@ from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.learning.probe import Subject
+    from dvtcli.domain.learning.probe import ProbedPdo
 
 
 def absences(
-    node: Node, subjects: Sequence[Subject], on_look: Callable[[int, int], None] = lambda _done, _total: None
+    node: Node, subjects: Sequence[ProbedPdo], on_look: Callable[[int, int], None] = lambda _done, _total: None
 ) -> tuple[Absence, ...]:
     """What *node* lacks of what its file lists, as far as that is looked at; nothing where no file is known.
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Where, Write
+from dvtcli.domain.learning.probe import ACCEPTED, Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.errors import DeviceRefused, Interrupted, SafetyRefusal, SdoAborted
 
@@ -35,7 +35,7 @@ class Asking:
     """
 
     node: Node
-    subject: Subject
+    subject: ProbedPdo
     limit: int
     on_write: Callable[[], None] = lambda: None
     fit: int | None = None
@@ -75,36 +75,36 @@ class Asking:
 
     def _takes(self, index: int, sub_index: int, data: bytes) -> bool:
         """Whether an object takes back what it holds."""
-        write = Write(index, sub_index, data)
+        write = ProbeWrite(index, sub_index, data)
         taken = self._write(write) == ACCEPTED or self._write(write) == ACCEPTED
         self._note_way_back(write, taken=taken)
         return taken
 
-    def _note_way_back(self, write: Write, *, taken: bool) -> None:
+    def _note_way_back(self, write: ProbeWrite, *, taken: bool) -> None:
         if taken:
             self._stuck.discard(write.place)
         else:
             self._stuck.add(write.place)
 
-    def ask(self, probe: Probe) -> Answer:
+    def ask(self, probe: Probe) -> ProbeAnswer:
         """What the device answers to *probe*. A refusal counts if it is given twice."""
         if why := self._no_way_back(probe):
-            return Answer(probe, None, why=why)
+            return ProbeAnswer(probe, None, why=why)
         answer = self._answer(probe)
-        if probe.where is Where.OPERATIONAL and probe.asked.data == self._found.get(probe.asked.place):
+        if probe.where is ProbeCondition.OPERATIONAL and probe.asked.data == self._found.get(probe.asked.place):
             self._note_way_back(probe.asked, taken=answer.accepted)
         return answer
 
-    def _answer(self, probe: Probe) -> Answer:
+    def _answer(self, probe: Probe) -> ProbeAnswer:
         code = ACCEPTED
         for _ in range(_PAIRS):
             why = self._stand(probe.stand) or self._write_all(probe.writes[:-1])
             if why:
-                return Answer(probe, None, why=why)
+                return ProbeAnswer(probe, None, why=why)
             code = self._once(probe.asked)
             if code == ACCEPTED or self._once(probe.asked) == code:
-                return Answer(probe, code, self._now.get(probe.asked.place))
-        return Answer(probe, None, why=f"it was refused with 0x{code:08X}, and then not, or with another code")
+                return ProbeAnswer(probe, code, self._now.get(probe.asked.place))
+        return ProbeAnswer(probe, None, why=f"it was refused with 0x{code:08X}, and then not, or with another code")
 
     def _no_way_back(self, probe: Probe) -> str:
         """Why *probe* must not be made: it alters what does not take back what it holds; empty if it may be made."""
@@ -114,7 +114,7 @@ class Asking:
                 return f"0x{write.label} does not take back what it holds (0x{(held or b'')[::-1].hex().upper()})"
         return ""
 
-    def _once(self, write: Write) -> int:
+    def _once(self, write: ProbeWrite) -> int:
         code = self._write(write)
         if self.node.bus.boot_ups(self.node.node_id) != self._boot_ups:
             raise DeviceRefused(
@@ -125,7 +125,7 @@ class Asking:
             )
         return code
 
-    def _write_all(self, writes: Iterable[Write]) -> str:
+    def _write_all(self, writes: Iterable[ProbeWrite]) -> str:
         """Make *writes*, without which there is no probe; why that failed, empty where it did not."""
         return next((why for write in writes if (why := self._must(write))), "")
 
@@ -169,16 +169,16 @@ class Asking:
     def _bring(self, place: tuple[int, int], wanted: Mapping[tuple[int, int], bytes]) -> str:
         if place not in wanted or self._now.get(place) == wanted[place]:
             return ""
-        return self._must(Write(*place, wanted[place]))
+        return self._must(ProbeWrite(*place, wanted[place]))
 
-    def _must(self, write: Write) -> str:
+    def _must(self, write: ProbeWrite) -> str:
         """A write that is tried twice; why it failed, empty where it did not."""
         code = self._write(write)
         if code == ACCEPTED or self._write(write) == ACCEPTED:
             return ""
         return f"{write} before it was refused with 0x{code:08X}"
 
-    def _write(self, write: Write) -> int:
+    def _write(self, write: ProbeWrite) -> int:
         """The abort code that *write* is answered with, 0 for accepted; what the object holds then is read."""
         if self.node.cancellation.requested:
             stopped = Interrupted(f"stopped after {self.writes} writes", node=self.node.node_id)

@@ -16,10 +16,10 @@ from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.learning.probe_table import Known
+    from dvtcli.domain.learning.probe_table import KnownAnswers
 
 
-def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known]) -> ReadDevice:
+def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]) -> ReadDevice:
     """What *node* is, with *pdos* as they were found, and what was answered about it."""
     values = {}
     for place in TO_READ:

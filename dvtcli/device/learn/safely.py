@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.after_change import left_open
 from dvtcli.device.change.put_back import roll_back_patiently
 from dvtcli.device.learn.asking import Asking
-from dvtcli.device.learn.saving import Saved, ask_to_save
+from dvtcli.device.learn.saving import SignatureAnswers, ask_to_save
 from dvtcli.device.stamped import NO_STAMP, held_stamp
 from dvtcli.domain.learning.operational import not_while_operational, while_operational
-from dvtcli.domain.learning.probe import Answer, Probe, Subject, Where
-from dvtcli.domain.learning.probe_table import Known, next_probes
+from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbedPdo
+from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.stamp import Stamp
 
 
@@ -46,13 +46,13 @@ class Terms:
 class Asked:
     """The answers about each subject, how many downloads that took, and what came of saving."""
 
-    known: tuple[Known, ...]
+    known: tuple[KnownAnswers, ...]
     writes: int
-    saved: Saved
+    saved: SignatureAnswers
 
 
 def way_back(
-    node_id: int, subjects: Sequence[Subject], pdos: Mapping[Pdo, PdoConfig], stamp: Stamp | None = None
+    node_id: int, subjects: Sequence[ProbedPdo], pdos: Mapping[Pdo, PdoConfig], stamp: Stamp | None = None
 ) -> Plan:
     """What the journal has: each subject as it is, the entries behind its count, too; and every other PDO of *pdos*.
 
@@ -85,9 +85,9 @@ def _stamp_back(stamp: Stamp | None) -> Iterator[ValueChange]:
 
 def ask_safely(
     node: Node,
-    subjects: Sequence[Subject],
+    subjects: Sequence[ProbedPdo],
     pdos: Mapping[Pdo, PdoConfig],
-    found: Found,
+    found: InitialState,
     terms: Terms,
     on_write: Callable[[], None] = lambda: None,
 ) -> Asked:
@@ -130,14 +130,16 @@ def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
         fault.state_text = "unknown: everything is put back, read back equal; nobody knows what it has stored"
 
 
-def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on_write: Callable[[], None]) -> Asked:
+def _ask(
+    node: Node, subjects: Sequence[ProbedPdo], found: InitialState, terms: Terms, on_write: Callable[[], None]
+) -> Asked:
     """Ask one subject of each direction, the first of *subjects* whose mapping takes back what it holds."""
     askings = [Asking(node, subject, terms.limit, on_write) for subject in subjects]
     by_direction: dict[Direction, list[Asking]] = {}
     for asking in askings:
         by_direction.setdefault(asking.subject.pdo.direction, []).append(asking)
     ways = list(by_direction.values())
-    answers: list[dict[str, Answer]] = [{} for _ in ways]
+    answers: list[dict[str, ProbeAnswer]] = [{} for _ in ways]
     in_operational = terms.isolated and found.state is NmtState.OPERATIONAL
     if in_operational:
         node.gate.found = found.state  # before it is asked: a restart must not hide where it was
@@ -155,7 +157,7 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
         known.append(_ask_one(asking, own, terms))
         for name, answer in not_while_operational(asking.subject, would_be=in_operational).items():
             own.setdefault(name, answer)
-    return Asked(tuple(known), sum(asking.writes for asking in askings), Saved())
+    return Asked(tuple(known), sum(asking.writes for asking in askings), SignatureAnswers())
 
 
 def _that_goes_back(candidates: Sequence[Asking], keep_to: Callable[[Asking], None]) -> Asking:
@@ -173,13 +175,13 @@ def _keep_to(terms: Terms, askings: Sequence[Asking], asking: Asking) -> None:
     asking.limit = terms.limit - sum(one.writes for one in askings if one is not asking)
 
 
-def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
+def _ask_one(asking: Asking, answers: dict[str, ProbeAnswer], terms: Terms) -> KnownAnswers:
     """Everything that may be asked about one subject, and whatever its answers lead to."""
-    known = Known(asking.subject, answers)
+    known = KnownAnswers(asking.subject, answers)
     while probes := next_probes(known):
         for probe in probes:
-            if probe.where is Where.ISOLATED and not terms.isolated:
-                answers[probe.name] = Answer(probe, None, why="only while nothing else is on the bus")
+            if probe.where is ProbeCondition.ISOLATED and not terms.isolated:
+                answers[probe.name] = ProbeAnswer(probe, None, why="only while nothing else is on the bus")
                 continue
             answers[probe.name] = asking.ask(probe)
         if known.fits:
@@ -217,7 +219,7 @@ def _own(plan: Plan) -> list[Pdo]:
 
 
 def _beside(altered: Sequence[Pdo]) -> DeviceRefused:
-    return DeviceRefused(f"the device altered {several(pdo.label for pdo in altered)} beside what it was asked")
+    return DeviceRefused(f"the device altered {join_some(pdo.label for pdo in altered)} beside what it was asked")
 
 
 def _altered(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
@@ -229,7 +231,7 @@ def _altered(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
 def _left(node: Node, pdos: Sequence[Pdo], fault: BaseException | None, failed: BaseException) -> LeftChanged:
     why = f"{failed or 'interrupted'}"
     return LeftChanged(
-        f"{several(pdo.label for pdo in pdos)} of node {node.node_id} could not be put back",
+        f"{join_some(pdo.label for pdo in pdos)} of node {node.node_id} could not be put back",
         node=node.node_id,
         why=why if fault is None else f"{fault}; then, while it was put back: {why}",
         state="left_changed",

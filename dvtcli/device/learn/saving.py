@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.device.read_pdos import ABSENT, read_number
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe
+from dvtcli.domain.learning.probe import ACCEPTED, Probe, ProbeAnswer
 from dvtcli.domain.learning.storage import RESTORE, SAVE, STORE, Storage
 from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
@@ -24,10 +24,10 @@ _SUB_INDICES = (1, 2, 3, 4)
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
+class SignatureAnswers:
     """What the device *answers* to each signature, and how many *seconds* the right one took."""
 
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[ProbeAnswer, ...] = ()
     seconds: float = 0.0
 
     @property
@@ -62,25 +62,27 @@ def _capabilities(node: Node, index: int) -> tuple[dict[int, int], int]:
     return found, unreadable
 
 
-def ask_to_save(node: Node, probes: Sequence[Probe]) -> Saved:
+def ask_to_save(node: Node, probes: Sequence[Probe]) -> SignatureAnswers:
     """Send each of *probes*, what must be refused first, and nothing more once a signature was taken.
 
     DeviceRefused where the node restarts, Interrupted after a request to stop, NoAnswer where it falls silent; with the
     state `unknown` where it may have saved.
     """
-    answers: list[Answer] = []
+    answers: list[ProbeAnswer] = []
     seconds = 0.0
     for probe in probes:
         if any(answer.accepted for answer in answers):
-            answers.append(Answer(probe, None, why="a wrong signature was taken, so that it may have saved already"))
+            answers.append(
+                ProbeAnswer(probe, None, why="a wrong signature was taken, so that it may have saved already")
+            )
             continue
         started_s = node.bus.now_s()
         answers.append(_asked(node, probe))
         seconds = node.bus.now_s() - started_s
-    return Saved(tuple(answers), seconds)
+    return SignatureAnswers(tuple(answers), seconds)
 
 
-def _asked(node: Node, probe: Probe) -> Answer:
+def _asked(node: Node, probe: Probe) -> ProbeAnswer:
     if node.cancellation.requested:
         stopped = Interrupted("stopped before it was told to save", node=node.node_id)
         stopped.exit_code = node.cancellation.exit_code
@@ -98,4 +100,4 @@ def _asked(node: Node, probe: Probe) -> Answer:
             f"node {node.node_id} restarted when {write} was written", node=node.node_id,
             place=f"{write.index:04X}:{write.sub_index:02X}", hint=TRY_AGAIN, state="unknown",
         )  # fmt: skip
-    return Answer(probe, code)
+    return ProbeAnswer(probe, code)

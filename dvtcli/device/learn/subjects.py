@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.neighbours import producers
 from dvtcli.device.read_pdos import ABSENT, service_ids
 from dvtcli.domain.datatypes import Kind
-from dvtcli.domain.learning.probe import Features, Subject
+from dvtcli.domain.learning.probe import Features, ProbedPdo
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
@@ -37,7 +37,7 @@ _STANDARD_UNMAPPABLE = {
 }
 
 
-def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[Subject]:
+def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[ProbedPdo]:
     """The PDO of each direction that is asked: one that is off where there is one, of those the last.
 
     *pdos* are what the node holds, *heard* the CAN-IDs that passed. A direction without a PDO that could be put back
@@ -48,9 +48,9 @@ def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -
     return [subject for subject in found if subject is not None]
 
 
-def mapped_subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], first: Sequence[Subject]) -> list[Subject]:
+def mapped_subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], first: Sequence[ProbedPdo]) -> list[ProbedPdo]:
     """For each of *first* that maps nothing the PDO of its direction that is asked if entries of 0 do not go back."""
-    found: list[Subject] = []
+    found: list[ProbedPdo] = []
     for subject in first:
         way = subject.pdo.direction
         mapped = {pdo: held for pdo, held in pdos.items() if held.count} if not subject.held.count else {}
@@ -69,7 +69,9 @@ def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> 
     return tuple(free[-2:]) if len(free) > 1 else ()
 
 
-def _subject(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction, spare: tuple[int, ...]) -> Subject | None:
+def _subject(
+    node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction, spare: tuple[int, ...]
+) -> ProbedPdo | None:
     for pdo, held in _candidates(pdos, direction):
         if held.mpdo is None and node.is_dynamic(pdo) and _goes_back(node, pdo, held):
             subject = _read(node, pdos, pdo, held, spare)
@@ -95,7 +97,7 @@ def _goes_back(node: Node, pdo: Pdo, held: PdoConfig) -> bool:
     return way_back(Proposal(node.node_id, pdo, opened, held, {}, node.profile, node.dictionary)) is None
 
 
-def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, spare: tuple[int, ...]) -> Subject:
+def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, spare: tuple[int, ...]) -> ProbedPdo:
     index = pdo.communication_index
     asked = (*_PARAMETERS, _SYNC_START) if pdo.is_tpdo else _PARAMETERS
     parameters = {sub: data for sub in asked if (data := _held(node, index, sub)) is not None}
@@ -110,7 +112,7 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
     by_access = {} if described is None else _by_access(described)
     unmappable = (_STANDARD_UNMAPPABLE[pdo.direction],) if described is None else _unmappable(described, pdo)
     objects = {*fits, *(entry for some in by_access.values() for entry in some), *unmappable}
-    return Subject(
+    return ProbedPdo(
         pdo, held, parameters, tuple(entries), fits, by_access, unmappable,
         {} if described is None else _features(described, objects),
         _absent(node),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.learning.learnt_value import Learnt
-from dvtcli.domain.learning.probe import Subject
+from dvtcli.domain.learning.probe import ProbedPdo
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 
 #: The parameters of communication that are looked at: those up to the PDOs' mappings.
@@ -36,7 +36,7 @@ class Absence:
         return f"{self.index:04X}:{self.sub_index:02X}" if self.sub_index else f"{self.index:04X}"
 
 
-def listed(dictionary: ObjectDictionary, subjects: Iterable[Subject]) -> dict[int, list[int]]:
+def listed(dictionary: ObjectDictionary, subjects: Iterable[ProbedPdo]) -> dict[int, list[int]]:
     """The sub-indices to look at, by index: those that can be read and have a length, so that reading costs little."""
     mapped = {
         (entry.index, entry.sub_index) for subject in subjects for entry in (*subject.objects, *subject.unmappable)

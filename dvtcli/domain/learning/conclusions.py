@@ -8,13 +8,13 @@ from dvtcli.domain.learning.for_family import family_values
 from dvtcli.domain.learning.for_profile import profile_values
 from dvtcli.domain.learning.learnt_value import Conclusions, Learnt
 from dvtcli.domain.learning.operational import gate_for_family, gate_for_profile, rules_of_operational
-from dvtcli.domain.learning.probe_table import Known
+from dvtcli.domain.learning.probe_table import KnownAnswers
 from dvtcli.domain.learning.summaries import longer_refused
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.pdo import Direction
 
 
-def conclude(known: Mapping[Direction, Known], most_entries: int) -> Conclusions:
+def conclude(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Conclusions:
     """What the answers of each direction mean; *most_entries* is how many the file gives the PDO that has most."""
     both = [*_common(known, most_entries)]
     each = {way: one.answers for way, one in known.items()}
@@ -23,7 +23,7 @@ def conclude(known: Mapping[Direction, Known], most_entries: int) -> Conclusions
     return Conclusions(tuple(profile), tuple(rules_of_operational(family, each)))
 
 
-def _common(known: Mapping[Direction, Known], most_entries: int) -> Iterator[Learnt]:
+def _common(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Iterator[Learnt]:
     """What profile and family call the same."""
     each = list(known.values())
     yield from _max_entries(each, most_entries)
@@ -42,7 +42,7 @@ def _first(found: Iterable[Learnt | None]) -> Iterator[Learnt]:
     yield from [one for one in found if one is not None][:1]
 
 
-def _max_entries(each: list[Known], most_entries: int) -> Iterator[Learnt]:
+def _max_entries(each: list[KnownAnswers], most_entries: int) -> Iterator[Learnt]:
     counted = [one for one in each if one.fits]
     if not counted:
         return
@@ -58,7 +58,7 @@ def _max_entries(each: list[Known], most_entries: int) -> Iterator[Learnt]:
         yield Learnt("max_entries", most.max_entries, last.text)
 
 
-def _max_entry_bits(each: Sequence[Known]) -> Iterator[Learnt]:
+def _max_entry_bits(each: Sequence[KnownAnswers]) -> Iterator[Learnt]:
     """The longest object that may be mapped, if a longer one was refused for nothing but its length.
 
     It was mapped in some direction; or its like was refused for something else, so that nothing is known against it.
@@ -74,7 +74,7 @@ def _max_entry_bits(each: Sequence[Known]) -> Iterator[Learnt]:
         yield Learnt("max_entry_bits", 64, "no object was refused for its length")
 
 
-def _granularity(known: Known) -> Learnt | None:
+def _granularity(known: KnownAnswers) -> Learnt | None:
     for bits in (1, 2, 4):
         if known.accepted(f"entry of {bits} bits"):
             return Learnt("granularity", bits, known.answers[f"entry of {bits} bits"].text)
@@ -85,7 +85,7 @@ def _granularity(known: Known) -> Learnt | None:
     return None
 
 
-def _rtr_bit(known: Known) -> Learnt | None:
+def _rtr_bit(known: KnownAnswers) -> Learnt | None:
     clear, as_set = known.answers.get("bit 30 clear"), known.answers.get("bit 30 set")
     if clear is None or as_set is None or clear.code is None or as_set.code is None:
         return None
@@ -97,12 +97,12 @@ def _rtr_bit(known: Known) -> Learnt | None:
     return Learnt(key, "clear", as_set.text) if clear.accepted else Learnt(key, "set", clear.text)
 
 
-def _extended(known: Known) -> Learnt | None:
+def _extended(known: KnownAnswers) -> Learnt | None:
     answer = known.answers.get("bit 29")
     return None if answer is None or answer.code is None else Learnt("extended_ids", answer.accepted, answer.text)
 
 
-def _dummies(known: Known) -> Iterator[Learnt]:
+def _dummies(known: KnownAnswers) -> Iterator[Learnt]:
     answers = {index: known.answers.get(f"dummy {index}") for index in DUMMY_BITS}
     if any(answer is None or answer.code is None for answer in answers.values()):
         return

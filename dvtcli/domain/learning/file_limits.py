@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.learning.probe import Answer, Probe, Stand, Write
+from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeWrite, Stand
 from dvtcli.domain.pdo import is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 
 if TYPE_CHECKING:
-    from dvtcli.domain.learning.probe import Subject
+    from dvtcli.domain.learning.probe import ProbedPdo
 
 #: What each parameter is called: in the check, and for people.
 _CHECKED = {
@@ -27,7 +27,7 @@ _COB_ID = 1
 _ON_REQUEST = (252, 253)
 
 
-def limit_probes(subject: Subject) -> Iterator[Probe]:
+def limit_probes(subject: ProbedPdo) -> Iterator[Probe]:
     """One value below and one above the limits of each communication parameter, where its type has such."""
     index = subject.pdo.communication_index
     for sub_index, data in subject.parameters.items():
@@ -38,7 +38,7 @@ def limit_probes(subject: Subject) -> Iterator[Probe]:
         for side, values in (("below", range(low - 1, low - 2, -1)), ("above", range(high + 1, high + 4))):
             value = next((one for one in values if 0 <= one < 1 << 8 * len(data) and not _rtr(sub_index, one)), None)
             if value is not None:
-                write = Write(index, sub_index, value.to_bytes(len(data), "little"))
+                write = ProbeWrite(index, sub_index, value.to_bytes(len(data), "little"))
                 sense = f"{what} {value}, {side} the limit of the EDS, is taken"
                 name = f"{what} {side} its limit"
                 yield Probe(subject.pdo, name, sense, Stand.EMPTY, (write,), f"{check}-{side}-limit")
@@ -48,9 +48,9 @@ def _rtr(sub_index: int, value: int) -> bool:
     return sub_index == TRANSMISSION_TYPE and value in _ON_REQUEST
 
 
-def taken_beyond(subject: Subject, answers: Iterable[Answer]) -> Mapping[str, Answer]:
+def taken_beyond(subject: ProbedPdo, answers: Iterable[ProbeAnswer]) -> Mapping[str, ProbeAnswer]:
     """The first answer by each check of a limit whose value was taken, though it lies outside."""
-    found: dict[str, Answer] = {}
+    found: dict[str, ProbeAnswer] = {}
     for answer in answers:
         for write in answer.probe.writes if answer.accepted else ():
             low, high = subject.limits.get((write.index, write.sub_index), (0, 1 << 64))
@@ -61,7 +61,7 @@ def taken_beyond(subject: Subject, answers: Iterable[Answer]) -> Mapping[str, An
     return found
 
 
-def _name(write: Write) -> str:
+def _name(write: ProbeWrite) -> str:
     if is_mapping_index(write.index):
         return "entry" if write.sub_index else "count"
     return "cob-id" if write.sub_index == _COB_ID else _CHECKED.get(write.sub_index, ("", ""))[0]

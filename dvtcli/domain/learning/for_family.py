@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 from dvtcli.domain.learning.file_limits import taken_beyond
 from dvtcli.domain.learning.learnt_value import Learnt
-from dvtcli.domain.learning.probe import Answer
-from dvtcli.domain.learning.probe_table import AGAIN, OTHER_WAY, RESTRICTED, TYPES, Known
+from dvtcli.domain.learning.probe import ProbeAnswer
+from dvtcli.domain.learning.probe_table import AGAIN, OTHER_WAY, RESTRICTED, TYPES, KnownAnswers
 from dvtcli.domain.learning.summaries import access_answer, has_one_cause, highest_time, longer_refused, types_taken
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.pdo import Direction
@@ -32,7 +32,7 @@ _FIRST_REFUSED = frozenset(
 _BY_LENGTH = frozenset({"not-mappable", "missing-object", "entry-too-long", "dummy"})
 
 
-def family_values(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
+def family_values(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
     """How a simulated device answers the same."""
     yield from _family_types(known)
     yield from _accesses(known)
@@ -51,7 +51,7 @@ def family_values(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
         yield from _answers(way, known[way]) if way in known else ()
 
 
-def _family_types(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
+def _family_types(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
     for way, one in known.items():
         ranges = types_taken(one)
         if ranges:
@@ -59,7 +59,7 @@ def _family_types(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
             yield Learnt(f"pdo_types.{way}", [list(each) for each in ranges], evidence)
 
 
-def _accesses(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
+def _accesses(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
     for way, one in known.items():
         asked = [name.removeprefix("access ") for name, a in one.answers.items() if name.startswith("access ")]
         answers = {access: answer for access in asked if AGAIN not in access and (answer := access_answer(one, access))}
@@ -69,12 +69,12 @@ def _accesses(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
             yield Learnt(f"{way}_access", list(taken), evidence)
 
 
-def _restricted(known: Known) -> list[Answer]:
+def _restricted(known: KnownAnswers) -> list[ProbeAnswer]:
     found = (known.answers.get(f"CAN-ID 0x{can_id:03X}") for can_id in RESTRICTED)
     return [answer for answer in found if answer is not None and answer.code is not None]
 
 
-def _tpdo_dummies(known: Known) -> Iterator[Learnt]:
+def _tpdo_dummies(known: KnownAnswers) -> Iterator[Learnt]:
     answers = [answer for index in DUMMY_BITS if (answer := known.answers.get(f"dummy {index}")) is not None]
     codes = {answer.code for answer in answers}
     if len(codes) == 1 and (code := codes.pop()) is not None:
@@ -83,9 +83,9 @@ def _tpdo_dummies(known: Known) -> Iterator[Learnt]:
         yield Learnt("tpdo_dummies", 0, next(answer for answer in answers if answer.accepted).text)
 
 
-def _answers(way: Direction, known: Known) -> Iterator[Learnt]:
+def _answers(way: Direction, known: KnownAnswers) -> Iterator[Learnt]:
     """The abort code of each check that was made, 0 for accepted."""
-    found: dict[str, Answer] = {}
+    found: dict[str, ProbeAnswer] = {}
     for answer in known.answers.values():
         check = answer.probe.check
         if answer.code is None or check in found:

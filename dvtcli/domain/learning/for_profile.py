@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from dvtcli.domain.learning.learnt_value import Learnt
-from dvtcli.domain.learning.probe_table import TYPES, Known
+from dvtcli.domain.learning.probe_table import TYPES, KnownAnswers
 from dvtcli.domain.learning.summaries import access_answer, highest_time, types_taken
 from dvtcli.domain.pdo import Direction
 
 
-def profile_values(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
+def profile_values(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
     """What only the tool must know."""
     tpdo, rpdo = known.get(Direction.TPDO), known.get(Direction.RPDO)
     if tpdo is not None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dvtcli.domain.learning.operational import while_operational
-from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Where
-from dvtcli.domain.learning.probe_table import Known, next_probes
+from dvtcli.domain.learning.probe import ACCEPTED, Probe, ProbeAnswer, ProbeCondition, ProbedPdo, Stand
+from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes
 from dvtcli.domain.pdo import is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME
 
@@ -18,25 +18,27 @@ _SEARCH = 17
 _TWICE = 2
 
 
-def forecast(subject: Subject, *, isolated: bool, operational: bool = False) -> list[Probe]:
+def forecast(subject: ProbedPdo, *, isolated: bool, operational: bool = False) -> list[Probe]:
     """The probes that are made of *subject* where the device takes everything.
 
     *operational*: the node was found so, and is asked so, too.
     """
     first = while_operational(subject) if isolated and operational else []
-    answers = {probe.name: Answer(probe, ACCEPTED, probe.asked.data) for probe in first}
-    known = Known(subject, answers)
+    answers = {probe.name: ProbeAnswer(probe, ACCEPTED, probe.asked.data) for probe in first}
+    known = KnownAnswers(subject, answers)
     while probes := next_probes(known):
         for probe in probes:
-            answers[probe.name] = Answer(probe, ACCEPTED, probe.asked.data)
-    return [answer.probe for answer in answers.values() if isolated or answer.probe.where is not Where.ISOLATED]
+            answers[probe.name] = ProbeAnswer(probe, ACCEPTED, probe.asked.data)
+    return [
+        answer.probe for answer in answers.values() if isolated or answer.probe.where is not ProbeCondition.ISOLATED
+    ]
 
 
-def most_writes(subject: Subject, probes: list[Probe]) -> int:
+def most_writes(subject: ProbedPdo, probes: list[Probe]) -> int:
     """How many downloads these are at most, refusals asked twice, with the way between them; in full tens."""
     asked = sum(len(probe.writes) - 1 + max(_TWICE, 1 + _way_back(probe)) for probe in probes)
     stands = sum(_FIRST[stand] for stand in {probe.stand for probe in probes})
-    again = [len(probe.writes) + 1 for probe in probes if probe.where is Where.OPERATIONAL]
+    again = [len(probe.writes) + 1 for probe in probes if probe.where is ProbeCondition.OPERATIONAL]
     around = sum(again) + _TWICE * (len(subject.entries) + len(subject.parameters))
     searches = sum(sub_index in subject.parameters for sub_index in (INHIBIT_TIME, EVENT_TIMER))
     refused = len(subject.fits) + max(0, len(subject.entries) - 2)  # what is asked only where others were refused
@@ -44,7 +46,7 @@ def most_writes(subject: Subject, probes: list[Probe]) -> int:
     return -(-most // 10) * 10
 
 
-def most_until_refused(subject: Subject) -> int:
+def most_until_refused(subject: ProbedPdo) -> int:
     """How many downloads at most find out that the first entry of *subject* does not take back what it holds."""
     opening = 2  # off, count 0
     return _TWICE * (opening + len(subject.parameters) + 1)

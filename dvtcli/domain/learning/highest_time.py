@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dvtcli.domain.learning.probe import Answer
+from dvtcli.domain.learning.probe import ProbeAnswer
 
 #: An event timer and an inhibit time that no device refuses for its size.
 _SHORT = 10
 
 
-def next_time(answers: Mapping[str, Answer], name: str) -> int | None:
+def next_time(answers: Mapping[str, ProbeAnswer], name: str) -> int | None:
     """The time that is to be asked next; None where the highest is known, or cannot be found."""
     values = {
         int(one.rpartition(" ")[2]): answer

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.learning.learnt_value import Learnt, Value
-from dvtcli.domain.learning.probe import Answer, Probe, Stand, Subject, Where, Write
+from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.pdo import Direction, is_mapping_index
 from dvtcli.domain.plan import TRANSMISSION_TYPE
 
@@ -33,7 +33,7 @@ _AREAS = {
 }
 
 
-def while_operational(subject: Subject) -> list[Probe]:
+def while_operational(subject: ProbedPdo) -> list[Probe]:
     """The questions to a node that was found OPERATIONAL, before it is anything else; none if the PDO is enabled.
 
     An object is first asked with what it holds: one that refuses that could not be put back from another value.
@@ -41,40 +41,40 @@ def while_operational(subject: Subject) -> list[Probe]:
     return [] if subject.held.enabled else _questions(subject)
 
 
-def _questions(subject: Subject) -> list[Probe]:
+def _questions(subject: ProbedPdo) -> list[Probe]:
     pdo = subject.pdo
-    count = Write(pdo.mapping_index, 0, b"\0")
+    count = ProbeWrite(pdo.mapping_index, 0, b"\0")
     asked = {
-        "COB-ID": (Write(pdo.communication_index, 1, subject.off.raw.to_bytes(4, "little")),),
+        "COB-ID": (ProbeWrite(pdo.communication_index, 1, subject.off.raw.to_bytes(4, "little")),),
         "type": tuple(
-            Write(pdo.communication_index, sub, data)
+            ProbeWrite(pdo.communication_index, sub, data)
             for sub, data in subject.parameters.items()
             if sub == TRANSMISSION_TYPE
         ),
         "count": (count,),
-        "entry": tuple(Write(pdo.mapping_index, 1, word.to_bytes(4, "little")) for word in subject.entries[:1]),
+        "entry": tuple(ProbeWrite(pdo.mapping_index, 1, word.to_bytes(4, "little")) for word in subject.entries[:1]),
     }
     asked["entry"] = (count, *asked["entry"]) if asked["entry"] else ()
     asked |= _against_rules(subject, count)
     return [
         Probe(
             pdo, f"{name}{IN_OPERATIONAL}", f"{_RULES.get(name) or f'the {name} of a PDO that is off'}{_TAKEN}",
-            Stand.FOUND, writes, where=Where.OPERATIONAL,
+            Stand.FOUND, writes, where=ProbeCondition.OPERATIONAL,
         )
         for name, writes in asked.items()
         if writes
     ]  # fmt: skip
 
 
-def _against_rules(subject: Subject, count: Write) -> dict[str, tuple[Write, ...]]:
+def _against_rules(subject: ProbedPdo, count: ProbeWrite) -> dict[str, tuple[ProbeWrite, ...]]:
     """What the standard forbids in every state: a device may check that in OPERATIONAL only."""
     index, sizes = subject.pdo.communication_index, subject.parameters
-    missing = Write(subject.pdo.mapping_index, 1, (subject.absent << 16 | 16).to_bytes(4, "little"))
-    reserved = Write(index, TRANSMISSION_TYPE, bytes([_RESERVED_TYPE]))
+    missing = ProbeWrite(subject.pdo.mapping_index, 1, (subject.absent << 16 | 16).to_bytes(4, "little"))
+    reserved = ProbeWrite(index, TRANSMISSION_TYPE, bytes([_RESERVED_TYPE]))
     return {"missing-object": (count, missing), "type 241": (reserved,) if TRANSMISSION_TYPE in sizes else ()}
 
 
-def not_while_operational(subject: Subject, *, would_be: bool) -> dict[str, Answer]:
+def not_while_operational(subject: ProbedPdo, *, would_be: bool) -> dict[str, ProbeAnswer]:
     """The questions, with the reason, of a PDO that is not asked in OPERATIONAL; *would_be*: were it off, it would."""
     pdo = subject.pdo
     why = _WHY_NOT
@@ -82,26 +82,28 @@ def not_while_operational(subject: Subject, *, would_be: bool) -> dict[str, Answ
         why += ", of a PDO that is off"
     if would_be:
         why = f"{pdo.label} is enabled: only a PDO that is off is asked in OPERATIONAL (switch it off first)"
-    return {probe.name: Answer(probe, None, why=why) for probe in _questions(subject)}
+    return {probe.name: ProbeAnswer(probe, None, why=why) for probe in _questions(subject)}
 
 
 def _is_rule(name: str) -> bool:
     return name.removesuffix(IN_OPERATIONAL) in _RULES
 
 
-def _pairs(answers: Mapping[str, Answer], *, rules: bool = False) -> Iterator[tuple[Answer, Answer | None]]:
+def _pairs(
+    answers: Mapping[str, ProbeAnswer], *, rules: bool = False
+) -> Iterator[tuple[ProbeAnswer, ProbeAnswer | None]]:
     """Each answer in OPERATIONAL, with the one in PRE-OPERATIONAL where that was asked; of *rules*, or not."""
     for name, answer in answers.items():
         if name.endswith(IN_OPERATIONAL) and answer.code is not None and _is_rule(name) is rules:
             yield answer, answers.get(name.removesuffix(IN_OPERATIONAL) + IN_PRE_OPERATIONAL)
 
 
-def _for_the_state(answers: Mapping[str, Answer]) -> list[Answer]:
+def _for_the_state(answers: Mapping[str, ProbeAnswer]) -> list[ProbeAnswer]:
     """Refusals in OPERATIONAL of what PRE-OPERATIONAL took."""
     return [first for first, then in _pairs(answers) if first.code and then is not None and then.accepted]
 
 
-def gate_for_profile(answers: Iterable[Mapping[str, Answer]]) -> Iterator[Learnt]:
+def gate_for_profile(answers: Iterable[Mapping[str, ProbeAnswer]]) -> Iterator[Learnt]:
     """Whether PDO parameters want PRE-OPERATIONAL; nothing where that was not asked, or something else was refused."""
     each = list(answers)
     refused = [answer for one in each for answer in _for_the_state(one)]
@@ -112,9 +114,9 @@ def gate_for_profile(answers: Iterable[Mapping[str, Answer]]) -> Iterator[Learnt
         yield Learnt("pre_operational_gate", "no", "; ".join(answer.text for answer in asked))
 
 
-def gate_for_family(answers: Mapping[Direction, Mapping[str, Answer]]) -> Iterator[Learnt]:
+def gate_for_family(answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> Iterator[Learnt]:
     """Which parameters a simulated device refuses outside PRE-OPERATIONAL, and with which code."""
-    ranges, refused, asked = [], list[Answer](), list[Answer]()
+    ranges, refused, asked = [], list[ProbeAnswer](), list[ProbeAnswer]()
     for way, own in answers.items():
         asked += [answer for answer, _ in _pairs(own)]
         for mapping, area in enumerate(_AREAS[way]):
@@ -129,7 +131,7 @@ def gate_for_family(answers: Mapping[Direction, Mapping[str, Answer]]) -> Iterat
         yield Learnt("wrong_state", refused[0].code or 0, refused[0].text)
 
 
-def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mapping[str, Answer]]) -> list[Learnt]:
+def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> list[Learnt]:
     """*family*, or what is left of it where the device checks its rules in OPERATIONAL only.
 
     What PRE-OPERATIONAL took says nothing of the rules then: but for limits, and what was refused there all the same.

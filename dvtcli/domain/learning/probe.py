@@ -11,7 +11,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
 
-#: What `Answer.code` is where the device took the value.
+#: What `ProbeAnswer.code` is where the device took the value.
 ACCEPTED = 0
 
 
@@ -26,7 +26,7 @@ class Stand(StrEnum):
     ON = "enabled, one entry, on a CAN-ID that nobody uses"
 
 
-class Where(StrEnum):
+class ProbeCondition(StrEnum):
     """What must hold around a probe."""
 
     ANYWHERE = "anywhere"
@@ -41,7 +41,7 @@ class Where(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class ProbeWrite:
     """One SDO download."""
 
     index: int
@@ -75,9 +75,9 @@ class Probe:
     name: str
     sense: str
     stand: Stand
-    writes: tuple[Write, ...]
+    writes: tuple[ProbeWrite, ...]
     check: str = ""
-    where: Where = Where.ANYWHERE
+    where: ProbeCondition = ProbeCondition.ANYWHERE
 
     @property
     def label(self) -> str:
@@ -85,7 +85,7 @@ class Probe:
         return self.pdo.label if self.pdo is not None else self.asked.label
 
     @property
-    def asked(self) -> Write:
+    def asked(self) -> ProbeWrite:
         """The download that the device's answer is about."""
         return self.writes[-1]
 
@@ -96,7 +96,7 @@ class Probe:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ProbeAnswer:
     """What the device answered to *probe*: an abort code, 0 for accepted, None where it has no answer (*why* says).
 
     *held* is what the object held afterwards, None where it could not be read.
@@ -142,7 +142,7 @@ class Features:
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class ProbedPdo:
     """The PDO that is asked, with what was read of it and what it may be asked with.
 
     *parameters* are the bytes of each sub-index of its communication parameter that can be read, *entries* the raw

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from dvtcli.domain.learning.file_limits import limit_probes
 from dvtcli.domain.learning.highest_time import next_time
 from dvtcli.domain.learning.operational import IN_OPERATIONAL, IN_PRE_OPERATIONAL, while_operational
-from dvtcli.domain.learning.probe import Answer, Probe, Stand, Subject, Where, Write
+from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 
@@ -31,11 +31,11 @@ _WHOLE = ("map ", "access ")
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownAnswers:
     """What was answered so far, by the names of the probes of one *subject*."""
 
-    subject: Subject
-    answers: Mapping[str, Answer]
+    subject: ProbedPdo
+    answers: Mapping[str, ProbeAnswer]
 
     def accepted(self, name: str) -> bool:
         """Whether the probe *name* was made, and accepted, then or when it was asked again."""
@@ -51,15 +51,15 @@ class Known:
         return tuple(fit for fit in self.subject.fits if self.accepted(fit_name(fit)))
 
     @property
-    def mapped(self) -> dict[PdoMappingEntry, Answer]:
+    def mapped(self) -> dict[PdoMappingEntry, ProbeAnswer]:
         """Every object that the device was asked to map as a whole, with its last answer."""
-        found: dict[PdoMappingEntry, Answer] = {}
+        found: dict[PdoMappingEntry, ProbeAnswer] = {}
         for name, answer in self.answers.items():
             if name.startswith(_WHOLE) and answer.code is not None:
                 found[PdoMappingEntry.from_raw(int.from_bytes(answer.probe.asked.data, "little"))] = answer
         return found
 
-    def refused_for(self, feature: Callable[[PdoMappingEntry], object]) -> list[Answer]:
+    def refused_for(self, feature: Callable[[PdoMappingEntry], object]) -> list[ProbeAnswer]:
         """Refusals that *feature* alone explains: an object that is like one that was taken in all others.
 
         Features are length, access and kind. None of an object whose feature another object was taken with.
@@ -102,7 +102,7 @@ def fit_name(fit: PdoMappingEntry) -> str:
     return f"map {fit}"
 
 
-def next_probes(known: Known) -> list[Probe]:
+def next_probes(known: KnownAnswers) -> list[Probe]:
     """What is to be asked now, by what was answered so far; empty where everything was."""
     asked = known.answers.keys()
     for stage in _STAGES:
@@ -112,36 +112,36 @@ def next_probes(known: Known) -> list[Probe]:
     return []
 
 
-def _entry(known: Known, number: int, word: int) -> Write:
-    return Write(known.subject.pdo.mapping_index, number, word.to_bytes(4, "little"))
+def _entry(known: KnownAnswers, number: int, word: int) -> ProbeWrite:
+    return ProbeWrite(known.subject.pdo.mapping_index, number, word.to_bytes(4, "little"))
 
 
-def _count(known: Known, number: int) -> Write:
-    return Write(known.subject.pdo.mapping_index, 0, bytes([number]))
+def _count(known: KnownAnswers, number: int) -> ProbeWrite:
+    return ProbeWrite(known.subject.pdo.mapping_index, 0, bytes([number]))
 
 
-def _cob_id(known: Known, word: int) -> Write:
-    return Write(known.subject.pdo.communication_index, 1, word.to_bytes(4, "little"))
+def _cob_id(known: KnownAnswers, word: int) -> ProbeWrite:
+    return ProbeWrite(known.subject.pdo.communication_index, 1, word.to_bytes(4, "little"))
 
 
-def _parameter(known: Known, sub_index: int, value: int) -> Write:
+def _parameter(known: KnownAnswers, sub_index: int, value: int) -> ProbeWrite:
     size = len(known.subject.parameters[sub_index])
-    return Write(known.subject.pdo.communication_index, sub_index, value.to_bytes(size, "little"))
+    return ProbeWrite(known.subject.pdo.communication_index, sub_index, value.to_bytes(size, "little"))
 
 
 def _probe(
-    known: Known,
+    known: KnownAnswers,
     name: str,
     sense: str,
-    *writes: Write,
+    *writes: ProbeWrite,
     stand: Stand = Stand.EMPTY,
     check: str = "",
-    where: Where = Where.ANYWHERE,
+    where: ProbeCondition = ProbeCondition.ANYWHERE,
 ) -> Probe:
     return Probe(known.subject.pdo, name, sense, stand, writes, check, where)
 
 
-def _objects(known: Known) -> Iterator[Probe]:
+def _objects(known: KnownAnswers) -> Iterator[Probe]:
     """Which objects it maps; of each length and kind, others only until one is taken."""
     taken = {(fit.bits, known.kind(fit)) for fit in known.fits}
     for fit in known.subject.fits:
@@ -162,7 +162,7 @@ def _objects(known: Known) -> Iterator[Probe]:
         )  # fmt: skip
 
 
-def _like_one_that_is_taken(known: Known, entries: Sequence[PdoMappingEntry]) -> PdoMappingEntry:
+def _like_one_that_is_taken(known: KnownAnswers, entries: Sequence[PdoMappingEntry]) -> PdoMappingEntry:
     """Of *entries* one of a length and kind that the device maps, so that a refusal has one cause; else the first."""
     alike = {(fit.bits, known.kind(fit)) for fit in known.fits}
     lengths = {fit.bits for fit in known.fits}
@@ -170,7 +170,7 @@ def _like_one_that_is_taken(known: Known, entries: Sequence[PdoMappingEntry]) ->
     return (best or [entry for entry in entries if entry.bits in lengths] or list(entries))[0]
 
 
-def _contradictions(known: Known) -> Iterator[Probe]:
+def _contradictions(known: KnownAnswers) -> Iterator[Probe]:
     """Objects that were refused though each of their length, access and kind was taken: they are asked again."""
     asked = known.mapped
     taken = [entry for entry, answer in asked.items() if answer.accepted]
@@ -181,7 +181,7 @@ def _contradictions(known: Known) -> Iterator[Probe]:
             yield replace(answer.probe, name=answer.probe.name + AGAIN)
 
 
-def _entries(known: Known) -> Iterator[Probe]:
+def _entries(known: KnownAnswers) -> Iterator[Probe]:
     """What an entry may be, one at a time."""
     if not known.fits:
         return
@@ -216,7 +216,7 @@ def _entries(known: Known) -> Iterator[Probe]:
             yield entry("dummy-sub-index", "sub-index 01 of a dummy is mapped", word | 1 << 8)
 
 
-def _how_many(known: Known) -> Iterator[Probe]:
+def _how_many(known: KnownAnswers) -> Iterator[Probe]:
     """How many entries there are: the last one that can be read, and where that is refused all before it."""
     if not known.fits:
         return
@@ -238,13 +238,13 @@ def _how_many(known: Known) -> Iterator[Probe]:
         )  # fmt: skip
 
 
-def _counts(known: Known) -> Iterator[Probe]:
+def _counts(known: KnownAnswers) -> Iterator[Probe]:
     """What a count may cover."""
     if not known.fits:
         return
     fit, most = known.fits[0], known.max_entries
 
-    def filled(number: int, entry: PdoMappingEntry) -> list[Write]:
+    def filled(number: int, entry: PdoMappingEntry) -> list[ProbeWrite]:
         return [_entry(known, one, entry.raw) for one in range(1, number + 1)]
 
     if most < 64 and not known.subject.more:
@@ -279,7 +279,7 @@ def _counts(known: Known) -> Iterator[Probe]:
             break
 
 
-def _while_counted(known: Known) -> Iterator[Probe]:
+def _while_counted(known: KnownAnswers) -> Iterator[Probe]:
     """What is taken of a mapping whose count is not 0."""
     if not known.fits:
         return
@@ -296,14 +296,14 @@ def _while_counted(known: Known) -> Iterator[Probe]:
         )  # fmt: skip
 
 
-def _other(known: Known) -> int | None:
+def _other(known: KnownAnswers) -> int | None:
     """Another entry than the one that the PDO has when it is filled, one that the device takes."""
     words = [fit.raw for fit in known.fits[1:]]
     words += [index << 16 | bits for index, bits in DUMMY_BITS.items() if known.accepted(f"dummy {index}")]
     return words[0] if words else None
 
 
-def _cob_ids(known: Known) -> Iterator[Probe]:
+def _cob_ids(known: KnownAnswers) -> Iterator[Probe]:
     """What a COB-ID may be while the PDO is off: bits 30 and 29, another CAN-ID."""
     off = known.subject.off.raw
     for name, sense, word, check in (
@@ -317,7 +317,7 @@ def _cob_ids(known: Known) -> Iterator[Probe]:
         yield _probe(known, "bit 29", "a CAN-ID may have 29 bits", _cob_id(known, word), check="extended")
 
 
-def _rtr_allowed(known: Known) -> list[Write]:
+def _rtr_allowed(known: KnownAnswers) -> list[ProbeWrite]:
     """What lets a remote frame ask for the PDO, where the device has that and it is not so already."""
     off = known.subject.off
     if off.rtr_allowed or not known.accepted("bit 30 clear"):
@@ -325,7 +325,7 @@ def _rtr_allowed(known: Known) -> list[Write]:
     return [_cob_id(known, off.raw & ~_NO_RTR)]
 
 
-def _parameters(known: Known) -> Iterator[Probe]:
+def _parameters(known: KnownAnswers) -> Iterator[Probe]:
     """What the communication parameters may be while the PDO is off."""
     parameters = known.subject.parameters
     if TRANSMISSION_TYPE in parameters:
@@ -351,7 +351,7 @@ def _parameters(known: Known) -> Iterator[Probe]:
         yield _probe(known, "SYNC start value 1", "a SYNC start value is taken", write)
 
 
-def _highest(known: Known, sub_index: int, name: str, check: str) -> Iterator[Probe]:
+def _highest(known: KnownAnswers, sub_index: int, name: str, check: str) -> Iterator[Probe]:
     """Search for the highest time that is taken."""
     value = next_time(known.answers, name)
     if value is not None:
@@ -359,15 +359,15 @@ def _highest(known: Known, sub_index: int, name: str, check: str) -> Iterator[Pr
         yield _probe(known, f"{name} {value}", f"{name} {value} is taken", write, check=check)
 
 
-def _while_on(known: Known) -> Iterator[Probe]:
+def _while_on(known: KnownAnswers) -> Iterator[Probe]:
     """What is taken while the PDO is enabled, and whether an empty one may be."""
     if not known.subject.spare or not known.fits:
         return
     first, second = known.subject.spare
     fit, bits = known.fits[0], known.subject.off.raw & (_NO_RTR | _EXTENDED)
 
-    def on(check: str, sense: str, write: Write, stand: Stand = Stand.ON) -> Probe:
-        return _probe(known, check, sense, write, stand=stand, check=check, where=Where.QUIET)
+    def on(check: str, sense: str, write: ProbeWrite, stand: Stand = Stand.ON) -> Probe:
+        return _probe(known, check, sense, write, stand=stand, check=check, where=ProbeCondition.QUIET)
 
     yield on("empty-enabled", "a PDO without a mapping may be enabled", _cob_id(known, bits | first), Stand.EMPTY)
     yield on("enable", "a PDO can be enabled", _cob_id(known, bits | first), Stand.FILLED)
@@ -392,7 +392,7 @@ def _while_on(known: Known) -> Iterator[Probe]:
             yield on(check, sense, _parameter(known, sub_index, value))
 
 
-def _another_value(known: Known, sub_index: int) -> int | None:
+def _another_value(known: KnownAnswers, sub_index: int) -> int | None:
     """A value of the parameter that the device took while the PDO was off, other than the one it has."""
     if sub_index not in known.subject.parameters:
         return None
@@ -404,7 +404,7 @@ def _another_value(known: Known, sub_index: int) -> int | None:
     return next((value for value in values if value not in (held, *ON_REQUEST)), None)
 
 
-def _isolated(known: Known) -> Iterator[Probe]:
+def _isolated(known: KnownAnswers) -> Iterator[Probe]:
     """CAN-IDs that mean something to others: nobody else may be there."""
     if not known.accepted("enable"):
         return
@@ -412,23 +412,23 @@ def _isolated(known: Known) -> Iterator[Probe]:
     for can_id in RESTRICTED:
         yield _probe(
             known, f"CAN-ID 0x{can_id:03X}", f"a PDO may be enabled on CAN-ID 0x{can_id:03X}",
-            _cob_id(known, bits | can_id), stand=Stand.FILLED, check="restricted", where=Where.ISOLATED,
+            _cob_id(known, bits | can_id), stand=Stand.FILLED, check="restricted", where=ProbeCondition.ISOLATED,
         )  # fmt: skip
     yield _probe(
         known, "CAN-ID 0x800", "a CAN-ID above 0x7FF is taken without bit 29",
-        _cob_id(known, bits | 0x800), stand=Stand.FILLED, check="beyond-frame", where=Where.ISOLATED,
+        _cob_id(known, bits | 0x800), stand=Stand.FILLED, check="beyond-frame", where=ProbeCondition.ISOLATED,
     )  # fmt: skip
 
 
-def _again(known: Known) -> Iterator[Probe]:
+def _again(known: KnownAnswers) -> Iterator[Probe]:
     """What was refused in OPERATIONAL, in PRE-OPERATIONAL: only together the two answers say what the state is for."""
     for probe in while_operational(known.subject):
         if known.refused(probe.name):
             name = probe.name.replace(IN_OPERATIONAL, IN_PRE_OPERATIONAL)
-            yield replace(probe, name=name, stand=Stand.EMPTY, where=Where.ANYWHERE)
+            yield replace(probe, name=name, stand=Stand.EMPTY, where=ProbeCondition.ANYWHERE)
 
 
-_STAGES: tuple[Callable[[Known], Iterator[Probe]], ...] = (
+_STAGES: tuple[Callable[[KnownAnswers], Iterator[Probe]], ...] = (
     _objects,
     _contradictions,
     _entries,

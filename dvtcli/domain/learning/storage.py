@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.learning.learnt_value import Learnt
-from dvtcli.domain.learning.probe import Answer, Probe, Stand, Where, Write
+from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbeWrite, Stand
 
 STORE, RESTORE = 0x1010, 0x1011
 #: Bits of 0x1010:s: saves on command, saves by itself.
@@ -56,7 +56,7 @@ class Storage:
         if sub is None:
             return []
         return [
-            Probe(None, name, sense, Stand.BACK, (Write(STORE, sub, data),), where=Where.STORE)
+            Probe(None, name, sense, Stand.BACK, (ProbeWrite(STORE, sub, data),), where=ProbeCondition.STORE)
             for name, sense, data in (
                 (WRONG_SIGNATURE, "a wrong signature is taken", _WRONG_SIGNATURE),
                 (SAVE, 'it saves when told to ("save")', _SIGNATURE),
@@ -64,13 +64,13 @@ class Storage:
         ]
 
 
-def not_asked(storage: Storage, why: str) -> list[Answer]:
+def not_asked(storage: Storage, why: str) -> list[ProbeAnswer]:
     """The same questions where they are not asked, each with *why*."""
-    return [Answer(probe, None, why=why) for probe in storage.probes(())]
+    return [ProbeAnswer(probe, None, why=why) for probe in storage.probes(())]
 
 
 def storage_for_profile(
-    storage: Storage, answers: Sequence[Answer], preferred: Iterable[int], seconds: float
+    storage: Storage, answers: Sequence[ProbeAnswer], preferred: Iterable[int], seconds: float
 ) -> Iterator[Learnt]:
     """Which sub-indices of 0x1010 save: what the profile has *preferred* stays in its order. *seconds* it took."""
     if not storage.save and not storage.unreadable:
@@ -83,7 +83,7 @@ def storage_for_profile(
         yield Learnt("store.sub_indices", [own, *others], f"{saved.text}, in {seconds:.2f} s")
 
 
-def storage_for_family(storage: Storage, answers: Sequence[Answer]) -> Iterator[Learnt]:
+def storage_for_family(storage: Storage, answers: Sequence[ProbeAnswer]) -> Iterator[Learnt]:
     """What a simulated device reads there, and how it answers signatures."""
     for key, index, said in (("store_capability", STORE, storage.save), ("restore_capability", RESTORE, storage.load)):
         if said:

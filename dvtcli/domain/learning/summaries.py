@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from dvtcli.domain.learning.probe import Answer
-from dvtcli.domain.learning.probe_table import TYPES, Known
+from dvtcli.domain.learning.probe import ProbeAnswer
+from dvtcli.domain.learning.probe_table import TYPES, KnownAnswers
 from dvtcli.domain.mapping import DUMMY_BITS
 
 
-def longer_refused(known: Known) -> list[Answer]:
+def longer_refused(known: KnownAnswers) -> list[ProbeAnswer]:
     """The refusals of objects that are longer than any that was taken, for nothing but that."""
     longest = max((fit.bits for fit in known.fits), default=64)
     refused = known.refused_for(known.length)
     return [answer for answer in refused if answer.probe.entry_bits > longest]
 
 
-def access_answer(known: Known, access: str) -> Answer | None:
+def access_answer(known: KnownAnswers, access: str) -> ProbeAnswer | None:
     """What the device answers to mappable objects with *access*: one that it took, else a refusal for that alone."""
     asked = {entry: answer for entry, answer in known.mapped.items() if known.access(entry) == access}
     taken = next((answer for answer in asked.values() if answer.accepted), None)
@@ -26,14 +26,14 @@ def access_answer(known: Known, access: str) -> Answer | None:
     return next((answer for answer in asked.values() if answer in refused), None)
 
 
-def has_one_cause(known: Known, answer: Answer) -> bool:
+def has_one_cause(known: KnownAnswers, answer: ProbeAnswer) -> bool:
     """Whether no length explains a refusal: one that was taken, as a whole object or as a dummy."""
     lengths = {fit.bits for fit in known.fits}
     lengths |= {bits for index, bits in DUMMY_BITS.items() if known.accepted(f"dummy {index}")}
     return answer.probe.entry_bits in lengths
 
 
-def types_taken(known: Known) -> list[tuple[int, int, int]]:
+def types_taken(known: KnownAnswers) -> list[tuple[int, int, int]]:
     """First and last transmission type, and abort code: between two that answer alike all do. Empty if one did not."""
     answers = [(value, known.answers.get(f"type {value}")) for value in TYPES]
     codes = [(value, answer.code) for value, answer in answers if answer is not None and answer.code is not None]
@@ -49,7 +49,7 @@ def types_taken(known: Known) -> list[tuple[int, int, int]]:
     ]
 
 
-def highest_time(known: Known, name: str) -> tuple[int, str] | None:
+def highest_time(known: KnownAnswers, name: str) -> tuple[int, str] | None:
     """The highest time that was taken, and the evidence; None where none was asked."""
     asked = {
         int(one.rpartition(" ")[2]): answer

@@ -56,7 +56,7 @@ def at(entry: OdEntry, key: str = "") -> Spot:
 
 
 @dataclass(frozen=True)
-class Described:
+class DescribedDevice:
     """A device as a file describes it: the *dictionary*, and the *node_id* (1..127) its values are looked at for.
 
     *configured*: the file is a DCF, so that what it sets counts, and not only what the device has by default. With

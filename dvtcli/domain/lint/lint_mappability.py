@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.domain.lint.described import OF_MANY, Described, Found, Spot, at
+from dvtcli.domain.lint.described import OF_MANY, DescribedDevice, Found, Spot, at
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import Access
@@ -13,7 +13,7 @@ _PARAMETERS = ((0x1010, 0x1011), (0x1200, 0x1BFF))
 
 
 @check("mappability-unknown", WARNING, "the file has PDOs and no PDOMapping: what they may carry is not known", _SOURCE)
-def mappability_unknown(device: Described) -> Found:
+def mappability_unknown(device: DescribedDevice) -> Found:
     """Tools offer everything, or nothing."""
     if device.pdos and not device.dictionary.tells_mappability:
         yield Spot(), "no object has PDOMapping: what a PDO may carry is not known"
@@ -21,7 +21,7 @@ def mappability_unknown(device: Described) -> Found:
 
 @check("unmappable-type", WARNING, "PDOMapping=1 on what fits no PDO: of varying length, or more than 64 bits",
        "CiA 301, 7.5.2.36")  # fmt: skip
-def unmappable_type(device: Described) -> Found:
+def unmappable_type(device: DescribedDevice) -> Found:
     """A mapping entry has a length of 1 to 64 bits."""
     for entry in device.entries:
         if entry.pdo_mapping and entry.data_type is not None and not 1 <= (entry.bits or 0) <= MAX_PDO_BITS:
@@ -30,7 +30,7 @@ def unmappable_type(device: Described) -> Found:
 
 @check("mappable-parameter", WARNING, "PDOMapping=1 on a parameter of SDOs or PDOs, or on store or restore",
        "CiA 301, 7.5.2")  # fmt: skip
-def mappable_parameter(device: Described) -> Found:
+def mappable_parameter(device: DescribedDevice) -> Found:
     """A PDO that changes PDOs."""
     for entry in device.entries:
         if entry.pdo_mapping and any(first <= entry.index <= last for first, last in _PARAMETERS):
@@ -38,7 +38,7 @@ def mappable_parameter(device: Described) -> Found:
 
 
 @check("mappable-count", NOTE, "PDOMapping=1 on a sub-index 0 that counts", "CiA 301, 7.4.3")
-def mappable_count(device: Described) -> Found:
+def mappable_count(device: DescribedDevice) -> Found:
     """Hardly meant."""
     for found in device.objects:
         first = found.entries.get(0)
@@ -47,7 +47,7 @@ def mappable_count(device: Described) -> Found:
 
 
 @check("mappable-constant", NOTE, "PDOMapping=1 on what never changes (const)", _SOURCE)
-def mappable_constant(device: Described) -> Found:
+def mappable_constant(device: DescribedDevice) -> Found:
     """It would take room in every frame."""
     for entry in device.entries:
         if entry.pdo_mapping and entry.access is Access.CONST:
@@ -56,7 +56,7 @@ def mappable_constant(device: Described) -> Found:
 
 @check("process-access", NOTE, "AccessType rwr or rww, which are about PDOs, on what no PDO may carry",
        "CiA 306, 4.6.3: AccessType")  # fmt: skip
-def process_access(device: Described) -> Found:
+def process_access(device: DescribedDevice) -> Found:
     """One of AccessType and PDOMapping is wrong."""
     for entry in device.entries:
         if entry.access in (Access.RWR, Access.RWW) and entry.pdo_mapping is False:
@@ -65,7 +65,7 @@ def process_access(device: Described) -> Found:
 
 @check("bits-below-granularity", NOTE, "PDOMapping=1 on an object whose length is no multiple of Granularity",
        "CiA 306, DeviceInfo: Granularity")  # fmt: skip
-def bits_below_granularity(device: Described) -> Found:
+def bits_below_granularity(device: DescribedDevice) -> Found:
     """`map` refuses it."""
     if device.dictionary.info.granularity != 8:
         return

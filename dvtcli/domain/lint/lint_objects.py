@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from dvtcli.domain.datatypes import U8
-from dvtcli.domain.lint.described import OF_MANY, Described, Found, Spot, at
+from dvtcli.domain.lint.described import OF_MANY, DescribedDevice, Found, Spot, at
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import ObjectType, OdObject, normalised
 from dvtcli.domain.standard_objects import is_pdo_mapping
@@ -20,7 +20,7 @@ _FLAGS = 0b11
 
 
 @check("highest-sub-index", WARNING, "sub-index 0 is not the highest sub-index in the file", _SHAPE)
-def highest_sub_index(device: Described) -> Found:
+def highest_sub_index(device: DescribedDevice) -> Found:
     """Who reads the object by it misses some, or asks for what is not there."""
     for found in _of_many(device):
         first, stated = found.entries.get(0), device.number(found.index, 0)
@@ -35,7 +35,7 @@ def highest_sub_index(device: Described) -> Found:
 
 
 @check("no-sub-index-0", WARNING, "an ARRAY or RECORD without sub-index 0", _SHAPE)
-def no_sub_index_0(device: Described) -> Found:
+def no_sub_index_0(device: DescribedDevice) -> Found:
     """How many there are cannot be read."""
     for found in _of_many(device):
         if 0 not in found.entries:
@@ -43,7 +43,7 @@ def no_sub_index_0(device: Described) -> Found:
 
 
 @check("sub-index-0-type", WARNING, "sub-index 0 of an ARRAY or RECORD is no UNSIGNED8", _SHAPE)
-def sub_index_0_type(device: Described) -> Found:
+def sub_index_0_type(device: DescribedDevice) -> Found:
     """Who reads it takes a byte."""
     for found in _of_many(device):
         first = found.entries.get(0)
@@ -52,7 +52,7 @@ def sub_index_0_type(device: Described) -> Found:
 
 
 @check("mixed-array", NOTE, "the elements of an ARRAY are of several data types", _SHAPE)
-def mixed_array(device: Described) -> Found:
+def mixed_array(device: DescribedDevice) -> Found:
     """That would be a RECORD."""
     for found in _of_many(device):
         kinds = {entry.data_type.name for sub, entry in found.entries.items() if sub and entry.data_type is not None}
@@ -61,7 +61,7 @@ def mixed_array(device: Described) -> Found:
 
 
 @check("array-gap", NOTE, "an ARRAY has a gap between its sub-indices", _SHAPE)
-def array_gap(device: Described) -> Found:
+def array_gap(device: DescribedDevice) -> Found:
     """Who goes through it meets an abort."""
     for found in _of_many(device):
         held = found.entries.keys() - {_STRUCTURE}
@@ -71,7 +71,7 @@ def array_gap(device: Described) -> Found:
 
 
 @check("long-name", NOTE, "ParameterName has more than 241 characters", _NAMES)
-def long_name(device: Described) -> Found:
+def long_name(device: DescribedDevice) -> Found:
     """Some readers cut it."""
     for entry in device.entries:
         if len(entry.name) > _LONGEST_NAME:
@@ -79,7 +79,7 @@ def long_name(device: Described) -> Found:
 
 
 @check("same-name", NOTE, "two sub-indices of one object have the same name", _NAMES)
-def same_name(device: Described) -> Found:
+def same_name(device: DescribedDevice) -> Found:
     """Neither can be found by it."""
     for found in device.objects:
         names = Counter(normalised(entry.name) for entry in found.entries.values())
@@ -89,13 +89,13 @@ def same_name(device: Described) -> Found:
 
 
 @check("object-flags", NOTE, "ObjFlags has bits without a meaning", "CiA 306, 4.6.3: ObjFlags")
-def object_flags(device: Described) -> Found:
+def object_flags(device: DescribedDevice) -> Found:
     """Bit 0 refuses a write of the whole configuration, bit 1 a read of it."""
     for entry in device.entries:
         if entry.object_flags & ~_FLAGS:
             yield at(entry, "objflags"), f"ObjFlags 0x{entry.object_flags:X}: bits above 1 have no meaning"
 
 
-def _of_many(device: Described) -> list[OdObject]:
+def _of_many(device: DescribedDevice) -> list[OdObject]:
     """The objects that are an ARRAY or a RECORD and have something."""
     return [found for found in device.objects if found.object_type in OF_MANY and found.entries]

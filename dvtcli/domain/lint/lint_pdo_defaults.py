@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 from functools import partial
 
-from dvtcli.domain.lint.described import HELD, Described, Found, Spot
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, Check, LintRule
+from dvtcli.domain.lint.described import HELD, DescribedDevice, Found, Spot
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule, RuleCheck
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import can_id, communication, entry_length, mappable, mapped_object
 from dvtcli.domain.rules.rule import Rule
@@ -20,13 +20,15 @@ _DECLARED: dict[str, Rule] = {
 }
 
 
-def _judged(name: str, severity: Severity, sense: str, of: str = "", meant: Severity = ERROR) -> Check[Described, Spot]:
+def _judged(
+    name: str, severity: Severity, sense: str, of: str = "", meant: Severity = ERROR
+) -> RuleCheck[DescribedDevice, Spot]:
     """What the rule *of* `map` (by default of the same name) says, where it means it as strongly as *meant*."""
     rule = LintRule(name, severity, f"a PDO of the file {sense}", _DECLARED[of or name].source)
-    return Check(rule, partial(_look, of or name, meant))
+    return RuleCheck(rule, partial(_look, of or name, meant))
 
 
-def _look(name: str, meant: Severity, device: Described) -> Found:
+def _look(name: str, meant: Severity, device: DescribedDevice) -> Found:
     for finding in device.judged:
         place = _PLACE.fullmatch(finding.place)
         if finding.rule == name and finding.severity is meant and place is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.lint.default_pdos import DefaultPdo
-from dvtcli.domain.lint.described import HELD, Described, Found, Spot
+from dvtcli.domain.lint.described import HELD, DescribedDevice, Found, Spot
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.pdo import is_mpdo
@@ -21,7 +21,7 @@ _NO_RTR = 1 << 30
 
 
 @check("half-pdo", ERROR, "a PDO has a communication parameter and no mapping, or the reverse", _COMMUNICATION)
-def half_pdo(device: Described) -> Found:
+def half_pdo(device: DescribedDevice) -> Found:
     """Nobody can use it: half of what makes a PDO is missing."""
     for one in device.pdos:
         if one.has_communication and not one.has_mapping:
@@ -32,21 +32,21 @@ def half_pdo(device: Described) -> Found:
 
 
 @check("no-cob-id", ERROR, "a communication parameter without sub-index 01, the COB-ID", _COMMUNICATION)
-def no_cob_id(device: Described) -> Found:
+def no_cob_id(device: DescribedDevice) -> Found:
     """It can be neither enabled nor disabled."""
     yield from _without(device, 1, "COB-ID")
 
 
 @check("no-transmission-type", WARNING, "a communication parameter without sub-index 02, the transmission type",
        _COMMUNICATION)  # fmt: skip
-def no_transmission_type(device: Described) -> Found:
+def no_transmission_type(device: DescribedDevice) -> Found:
     """The standard has it mandatory; RPDOs of small devices are seen without."""
     yield from _without(device, 2, "transmission type")
 
 
 @check("unknown-cob-id", NOTE, "a COB-ID without a default: nobody knows whether the PDO comes up enabled",
        _COMMUNICATION)  # fmt: skip
-def unknown_cob_id(device: Described) -> Found:
+def unknown_cob_id(device: DescribedDevice) -> Found:
     """Tools take it for disabled, or for 0."""
     for one in device.pdos:
         index = one.pdo.communication_index
@@ -56,7 +56,7 @@ def unknown_cob_id(device: Described) -> Found:
 
 @check("base-cob-id", WARNING, "a COB-ID is a base of the pre-defined connection set, without the node-ID",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
-def base_cob_id(device: Described) -> Found:
+def base_cob_id(device: DescribedDevice) -> Found:
     """All nodes of the file have the same, whether the PDO is on or off. A DCF is for one node."""
     for one in () if device.configured else device.pdos:
         index, own = one.pdo.communication_index, one.pdo.default_can_id(0)
@@ -70,7 +70,7 @@ def base_cob_id(device: Described) -> Found:
 
 @check("count-over-entries", ERROR, "the count of a mapping is above the entries that are described, or above 64",
        _MAPPING)  # fmt: skip
-def count_over_entries(device: Described) -> Found:
+def count_over_entries(device: DescribedDevice) -> Found:
     """The device would have to map what it has not."""
     for one in device.pdos:
         if not one.has_mapping or one.count is None or is_mpdo(one.count):
@@ -81,7 +81,7 @@ def count_over_entries(device: Described) -> Found:
 
 
 @check("unknown-count", NOTE, "the count of a mapping has no default: what the PDO carries is not known", _MAPPING)
-def unknown_count(device: Described) -> Found:
+def unknown_count(device: DescribedDevice) -> Found:
     """A tool can only ask the device."""
     for one in device.pdos:
         index = one.pdo.mapping_index
@@ -90,7 +90,7 @@ def unknown_count(device: Described) -> Found:
 
 
 @check("mapped-twice", NOTE, "a TPDO carries the same object twice", _MAPPING)
-def mapped_twice(device: Described) -> Found:
+def mapped_twice(device: DescribedDevice) -> Found:
     """It takes room in every frame. Of RPDOs `double-target` says it."""
     for one in device.pdos:
         seen: dict[tuple[int, int], int] = {}
@@ -102,7 +102,7 @@ def mapped_twice(device: Described) -> Found:
 
 
 @check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it is shown and never written", _MAPPING)
-def mpdo(device: Described) -> Found:
+def mpdo(device: DescribedDevice) -> Found:
     """What it carries stands in its frames."""
     for one in device.pdos:
         if one.config.mpdo is not None:
@@ -110,7 +110,7 @@ def mpdo(device: Described) -> Found:
 
 
 @check("empty-entry", ERROR, "the count of a mapping goes over an entry that is 0", _MAPPING)
-def empty_entry(device: Described) -> Found:
+def empty_entry(device: DescribedDevice) -> Found:
     """A device that checks its mapping cannot come up with it."""
     for one, number, word in _counted(device):
         if word == 0:
@@ -119,7 +119,7 @@ def empty_entry(device: Described) -> Found:
 
 
 @check("unknown-entry", WARNING, "the count of a mapping goes over an entry without a default", _MAPPING)
-def unknown_entry(device: Described) -> Found:
+def unknown_entry(device: DescribedDevice) -> Found:
     """What the PDO carries is not known from the file."""
     for one, number, word in _counted(device):
         entry = device.dictionary.entry(one.pdo.mapping_index, number)
@@ -131,7 +131,7 @@ def unknown_entry(device: Described) -> Found:
 
 
 @check("enabled-and-empty", NOTE, "a PDO comes up enabled and maps nothing", f"ours: {_MAPPING}")
-def enabled_and_empty(device: Described) -> Found:
+def enabled_and_empty(device: DescribedDevice) -> Found:
     """Frames without data, and it cannot be put back once it was changed."""
     for one in device.pdos:
         if one.cob_id is not None and one.config.enabled and one.count == 0:
@@ -140,7 +140,7 @@ def enabled_and_empty(device: Described) -> Found:
 
 
 @check("fixed-pdo", NOTE, "a mapping of which only a part can be written", f"{_MAPPING}; CiA 306, AccessType")
-def partly_fixed(device: Described) -> Found:
+def partly_fixed(device: DescribedDevice) -> Found:
     """A count that is fixed and entries that are not, or the reverse: nothing can be mapped, or only by fillers."""
     for one in device.pdos:
         if not one.has_mapping:
@@ -153,7 +153,7 @@ def partly_fixed(device: Described) -> Found:
 
 
 @check("cob-id-fixed", NOTE, "the COB-ID of a PDO cannot be written: it can never be mapped anew", _COMMUNICATION)
-def cob_id_fixed(device: Described) -> Found:
+def cob_id_fixed(device: DescribedDevice) -> Found:
     """The sequence begins with disabling it (bit 31)."""
     for one in device.pdos:
         entry = device.dictionary.entry(one.pdo.communication_index, 1)
@@ -166,7 +166,7 @@ def cob_id_fixed(device: Described) -> Found:
 
 @check("synchronous-without-sync", WARNING, "a PDO comes up synchronous on a device without 0x1005",
        "CiA 301, 7.5.2.5 and 7.5.2.35")  # fmt: skip
-def synchronous_without_sync(device: Described) -> Found:
+def synchronous_without_sync(device: DescribedDevice) -> Found:
     """It waits for a SYNC that the device does not know."""
     if _SYNC in device.dictionary:
         return
@@ -178,7 +178,7 @@ def synchronous_without_sync(device: Described) -> Found:
 
 
 @check("timer-below-inhibit", WARNING, "the event timer of a TPDO is shorter than its inhibit time", _COMMUNICATION)
-def timer_below_inhibit(device: Described) -> Found:
+def timer_below_inhibit(device: DescribedDevice) -> Found:
     """The inhibit time (100 µs each) wins: frames come later than the event timer (ms) says."""
     for one in device.pdos:
         held = one.config.communication
@@ -189,7 +189,7 @@ def timer_below_inhibit(device: Described) -> Found:
 
 @check("default-cob-id", NOTE, "PDO 1 to 4 comes up with another CAN-ID than the pre-defined connection set's",
        "CiA 301, 7.3.5")  # fmt: skip
-def default_cob_id(device: Described) -> Found:
+def default_cob_id(device: DescribedDevice) -> Found:
     """Masters that count on the set do not hear it."""
     for one in device.pdos:
         expected = one.pdo.default_can_id(device.node_id)
@@ -203,7 +203,7 @@ def default_cob_id(device: Described) -> Found:
 
 
 @check("pdo-count", WARNING, "NrOfRXPDO or NrOfTXPDO is not the number of PDOs in the file", "CiA 306, DeviceInfo")
-def pdo_count(device: Described) -> Found:
+def pdo_count(device: DescribedDevice) -> Found:
     """Masters size their tables by it."""
     info = device.dictionary.info
     for tpdo, key, stated in ((False, "NrOfRXPDO", info.rpdo_count), (True, "NrOfTXPDO", info.tpdo_count)):
@@ -212,14 +212,14 @@ def pdo_count(device: Described) -> Found:
             yield Spot(section="deviceinfo", key=key.lower()), f"{key}={stated}, but {described} are described"
 
 
-def _without(device: Described, sub_index: int, name: str) -> Found:
+def _without(device: DescribedDevice, sub_index: int, name: str) -> Found:
     for one in device.pdos:
         index = one.pdo.communication_index
         if one.has_communication and sub_index not in device.dictionary[index].entries:
             yield Spot(index), f"{one.pdo.label} has no sub-index {sub_index:02X}, its {name}"
 
 
-def _counted(device: Described) -> Iterator[tuple[DefaultPdo, int, int | None]]:
+def _counted(device: DescribedDevice) -> Iterator[tuple[DefaultPdo, int, int | None]]:
     """Every entry up to the count, with its raw word."""
     for one in device.pdos:
         for number, word in one.entries.items():

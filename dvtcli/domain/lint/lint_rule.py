@@ -34,7 +34,7 @@ Look = Callable[[Subject], Iterable[tuple[Place, str]]]
 
 
 @dataclass(frozen=True, slots=True)
-class Check(Generic[Subject, Place]):
+class RuleCheck(Generic[Subject, Place]):
     """A rule with what checks it: *look* takes the subject and yields a place and a text for each thing found."""
 
     rule: LintRule
@@ -43,11 +43,11 @@ class Check(Generic[Subject, Place]):
 
 def check(
     name: str, severity: Severity, sense: str, source: str
-) -> Callable[[Look[Subject, Place]], Check[Subject, Place]]:
-    """Declare a rule above the function that checks it; the function becomes the `Check`."""
-    return lambda look: Check(LintRule(name, severity, sense, source), look)
+) -> Callable[[Look[Subject, Place]], RuleCheck[Subject, Place]]:
+    """Declare a rule above the function that checks it; the function becomes the `RuleCheck`."""
+    return lambda look: RuleCheck(LintRule(name, severity, sense, source), look)
 
 
-def checks_of(*modules: ModuleType) -> list[Check[Any, Any]]:
+def checks_of(*modules: ModuleType) -> list[RuleCheck[Any, Any]]:
     """Every check that *modules* declare, in the order they stand there."""
-    return [value for module in modules for value in vars(module).values() if isinstance(value, Check)]
+    return [value for module in modules for value in vars(module).values() if isinstance(value, RuleCheck)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.lint.described import HELD, Described, Found, Spot, at
+from dvtcli.domain.lint.described import HELD, DescribedDevice, Found, Spot, at
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
@@ -21,7 +21,7 @@ _FIRST_PROFILE_INDEX, _LAST_PROFILE_INDEX = 0x6000, 0x67FF
 
 @check("service-can-id", WARNING, "SYNC, TIME or EMCY comes up with a CAN-ID that CiA 301 restricts",
        "CiA 301, 7.3.5")  # fmt: skip
-def service_can_id(device: Described) -> Found:
+def service_can_id(device: DescribedDevice) -> Found:
     """It would meet NMT, SDO or heartbeat."""
     for index, service in _SERVICES.items():
         number = device.number(index)
@@ -35,7 +35,7 @@ def service_can_id(device: Described) -> Found:
 
 @check("sync-without-period", WARNING, "the device produces SYNC (0x1005, bit 30) and has no period (0x1006)",
        "CiA 301, 7.5.2.5 and 7.5.2.6")  # fmt: skip
-def sync_without_period(device: Described) -> Found:
+def sync_without_period(device: DescribedDevice) -> Found:
     """It would never send one."""
     number = device.number(_SYNC)
     if number is not None and number >> 30 & 1 and not device.number(_PERIOD):
@@ -43,7 +43,7 @@ def sync_without_period(device: Described) -> Found:
 
 
 @check("sync-counter", WARNING, "0x1019 comes up with 1 or more than 240", "CiA 301, 7.5.2.22")
-def sync_counter(device: Described) -> Found:
+def sync_counter(device: DescribedDevice) -> Found:
     """Both are reserved."""
     number = device.number(_COUNTER)
     if number is not None and (number == 1 or number > _MOST_COUNTED):
@@ -52,7 +52,7 @@ def sync_counter(device: Described) -> Found:
 
 @check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID",
        "CiA 301, 7.5.2.33")  # fmt: skip
-def sdo_can_id(device: Described) -> Found:
+def sdo_can_id(device: DescribedDevice) -> Found:
     """Nobody could reach the node."""
     for sub_index, base in _SDO.items():
         number = device.number(0x1200, sub_index)
@@ -63,7 +63,7 @@ def sdo_can_id(device: Described) -> Found:
 
 @check("fixed-cob-id", NOTE, "a COB-ID that comes up enabled is not relative to the node-ID: every node has the same",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
-def fixed_cob_id(device: Described) -> Found:
+def fixed_cob_id(device: DescribedDevice) -> Found:
     """Two of these devices on one bus meet. A DCF is for one node."""
     if device.configured:
         return
@@ -76,7 +76,7 @@ def fixed_cob_id(device: Described) -> Found:
 
 @check("store-without-restore", NOTE, "store (0x1010) without restore (0x1011), or the reverse",
        "CiA 301, 7.5.2.13 and 7.5.2.14")  # fmt: skip
-def store_without_restore(device: Described) -> Found:
+def store_without_restore(device: DescribedDevice) -> Found:
     """There is no way back to the defaults."""
     for there, missing in ((0x1010, 0x1011), (0x1011, 0x1010)):
         if there in device.dictionary and missing not in device.dictionary:
@@ -85,7 +85,7 @@ def store_without_restore(device: Described) -> Found:
 
 @check("profile-objects", WARNING, "the objects that the device profile of 0x1000 asks for are missing",
        "CiA 301, 7.5.2.1; CiA 401; CiA 402")  # fmt: skip
-def profile_objects(device: Described) -> Found:
+def profile_objects(device: DescribedDevice) -> Found:
     """A drive without controlword and statusword, an I/O module without any input or output."""
     number = device.number(0x1000)
     profile = None if number is None else number & 0xFFFF

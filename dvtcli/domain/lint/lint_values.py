@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dvtcli.domain.datatypes import Kind
-from dvtcli.domain.lint.described import Described, Found, at
+from dvtcli.domain.lint.described import DescribedDevice, Found, at
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import Access, OdEntry
 from dvtcli.domain.rules.described_step import leave_a_choice
@@ -20,7 +20,7 @@ _SIGNED = (0x1010, 0x1011)
 
 
 @check("default-outside-limits", ERROR, "DefaultValue is below LowLimit or above HighLimit", _LIMITS)
-def default_outside_limits(device: Described) -> Found:
+def default_outside_limits(device: DescribedDevice) -> Found:
     """The object would come up with what may not be written to it."""
     for entry in device.entries:
         if entry.default is not None and (text := _outside(entry, entry.default, relative=entry.default_relative)):
@@ -28,7 +28,7 @@ def default_outside_limits(device: Described) -> Found:
 
 
 @check("value-outside-limits", ERROR, "ParameterValue is below LowLimit or above HighLimit", _LIMITS)
-def value_outside_limits(device: Described) -> Found:
+def value_outside_limits(device: DescribedDevice) -> Found:
     """The device would refuse what the file sets."""
     for entry in device.entries:
         if entry.value is None or not entry.access.writable or entry.index in _SIGNED:
@@ -39,7 +39,7 @@ def value_outside_limits(device: Described) -> Found:
 
 @check("value-of-read-only", NOTE, "ParameterValue is not the default of an object that cannot be written",
        "CiA 306, 5: ParameterValue")  # fmt: skip
-def value_of_read_only(device: Described) -> Found:
+def value_of_read_only(device: DescribedDevice) -> Found:
     """No tool can bring it into the device."""
     for entry in device.entries:
         if entry.value is None or entry.default is None or entry.access.writable:
@@ -50,7 +50,7 @@ def value_of_read_only(device: Described) -> Found:
 
 
 @check("one-limit", NOTE, "only one of LowLimit and HighLimit is given", _LIMITS)
-def one_limit(device: Described) -> Found:
+def one_limit(device: DescribedDevice) -> Found:
     """The other one is the data type's."""
     for entry in device.entries:
         if (entry.low is None) != (entry.high is None):
@@ -60,7 +60,7 @@ def one_limit(device: Described) -> Found:
 
 @check("node-id-overflow", WARNING, "a value with $NODEID does not fit the data type for every node-ID",
        "CiA 306, 4.6.3: $NODEID")  # fmt: skip
-def node_id_overflow(device: Described) -> Found:
+def node_id_overflow(device: DescribedDevice) -> Found:
     """It would wrap round on nodes with a high number."""
     for entry in device.entries:
         for data, relative, key in (
@@ -72,7 +72,7 @@ def node_id_overflow(device: Described) -> Found:
 
 
 @check("constant-without-value", NOTE, "a const object has no DefaultValue", "CiA 306, 4.6.3: AccessType const")
-def constant_without_value(device: Described) -> Found:
+def constant_without_value(device: DescribedDevice) -> Found:
     """The file could say what it always holds."""
     for entry in device.entries:
         if entry.access is Access.CONST and entry.default is None and entry.value is None:

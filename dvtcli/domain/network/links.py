@@ -20,7 +20,7 @@ from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
 from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import object_findings
 from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 _LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
 RULES = (
@@ -132,7 +132,7 @@ def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
         )
     objects = any(not entry.is_dummy for entry in consumer.config.mapping)
     if wrong := _not_whole(consumer.config) or ("" if objects else "maps nothing"):
-        sent = several(f"{entry.object} ({entry.bits} bits)" for entry in producer.config.mapping)
+        sent = join_some(f"{entry.object} ({entry.bits} bits)" for entry in producer.config.mapping)
         hint = Hint(
             Action.MAP,
             {"pdo": consumer, "off": True},
@@ -210,7 +210,7 @@ def _in_order(wanted: range, offered: range, fits: Callable[[int, int], bool]) -
 def _no_place(producer: LinkSide, consumer: LinkSide, objects: list[PdoMappingEntry]) -> Finding:
     lengths = {entry.bits for entry in producer.config.mapping}
     odd = next((entry for entry in objects if entry.bits not in lengths), None)
-    layout = several(f"{entry.object}/{entry.bits}" for entry in producer.config.mapping)
+    layout = join_some(f"{entry.object}/{entry.bits}" for entry in producer.config.mapping)
     what = f"{consumer.name(odd)}, {odd.bits} bits," if odd else f"not all {len(objects)} objects of {consumer}"
     verb = "has no place" if odd else "have a place"
     hint = Hint(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dvtcli.domain.file_complaint import FileComplaint
-from dvtcli.domain.meanings import Understood
+from dvtcli.domain.meanings import ScaledValue
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding
@@ -78,7 +78,7 @@ class NodePlan:
     #: names of objects, by their printed form
     names: dict[str, str] = field(default_factory=dict)
     #: what values of single objects mean, by their printed form
-    understood: dict[str, Understood] = field(default_factory=dict)
+    understood: dict[str, ScaledValue] = field(default_factory=dict)
     #: what it holds as wanted and is known not to have stored
     unstored: tuple[str, ...] = ()
     #: False where its stamp (0x1020) was trusted instead: nothing else is known of it

@@ -13,7 +13,7 @@ from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.network.network_state import Identifier, identifier_of
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import PdoConfig
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class PictureField:
     object: str
     name: str = ""
     type_name: str = ""
-    meaning: Physical = NOTHING
+    meaning: Scaling = NOTHING
     is_dummy: bool = False
 
     @property

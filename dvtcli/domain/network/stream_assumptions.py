@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.domain.network.stream import EMCY_US, ON_RTR, SYNCHRONOUS, TIME_US, Stream, WhatIf, in_ms
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 
 
 def without_producer(state: NetworkState) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
@@ -39,13 +39,13 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
         yield f"a master sends on each SYNC what no node here does: {_names(by_master)}"
     others = [one for one in without_producer(state) if not _counted(one[2], sync_us)]
     if others:
-        listed = several(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
+        listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
         yield f"no node here sends what {listed} {'hears' if len(others) == 1 else 'hear'}: not counted"
     asked = [f"{node.node_id}:{pdo}" for node, pdo, one in state.enabled(is_tpdo=True) if _is_asked(one)]
     if asked:
-        yield f"sent on request (RTR) only, and not counted: {several(asked)}"
+        yield f"sent on request (RTR) only, and not counted: {join_some(asked)}"
     if state.untold:
-        ids = several(str(node_id) for node_id in state.untold)
+        ids = join_some(str(node_id) for node_id in state.untold)
         yield f"of node {ids} only what the file says is known, 8 bytes a PDO where it says no length"
     yield "SDO takes what is left: one of its frames may be under way when another one becomes ready"
 
@@ -60,4 +60,4 @@ def _is_asked(config: PdoConfig) -> bool:
 
 
 def _names(streams: Iterable[Stream]) -> str:
-    return several(f"{one.node}:{one.pdo}" for one in streams)
+    return join_some(f"{one.node}:{one.pdo}" for one in streams)

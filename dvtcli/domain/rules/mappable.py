@@ -16,7 +16,7 @@ from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
 from dvtcli.domain.rules.mapped_object import object_findings
 from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
 RULES = (
@@ -79,7 +79,7 @@ def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
     """One note for all objects of which no EDS tells anything."""
     objects = [entry.object for entry in proposal.want.mapping if not entry.is_dummy]
     if proposal.dictionary is None and objects:
-        text = f"no EDS: nothing is known beforehand about {several(objects)}: an EDS of the device tells"
+        text = f"no EDS: nothing is known beforehand about {join_some(objects)}: an EDS of the device tells"
         yield note("no-dictionary", proposal.mapping_place(0), text)
 
 

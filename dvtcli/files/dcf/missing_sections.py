@@ -12,7 +12,7 @@ from dvtcli.domain.object_dictionary import OdObject
 from dvtcli.files.dcf.edited_text import EditedText
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import section_values
-from dvtcli.files.eds.layout import OBJECT_LISTS, Layout
+from dvtcli.files.eds.layout import OBJECT_LISTS, EdsLayout
 from dvtcli.files.eds.numbers import read_number, without_comment
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.eds.writer import object_sections
@@ -54,14 +54,16 @@ def _with_values(one: OdObject, values: Mapping[Place, bytes], left_out: dict[Pl
     return replace(one, entries=entries)
 
 
-def _named(layout: Layout) -> set[int]:
+def _named(layout: EdsLayout) -> set[int]:
     """The indices that the file's lists of objects name."""
     lists = (section_values(layout.device.get(name, ()), Findings()) for name in OBJECT_LISTS)
     indices = (_index(value.value) for keys in lists for key, value in keys.items() if key.isdecimal())
     return {index for index in indices if index is not None}
 
 
-def _write_list(layout: Layout, text: EditedText, name: str, known: Collection[int], added: Sequence[int]) -> list[int]:
+def _write_list(
+    layout: EdsLayout, text: EditedText, name: str, known: Collection[int], added: Sequence[int]
+) -> list[int]:
     """Name *added* at the end of the list *name*, and drop from it what is not *known* by a section; what was dropped.
 
     Whoever reads the file takes it for cut short if its lists name objects to the end that have no section.

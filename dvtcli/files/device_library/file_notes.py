@@ -20,7 +20,7 @@ _LONGEST_TEXT = 4_000
 
 
 @dataclass(frozen=True, slots=True)
-class Described:
+class FileDescription:
     """What the file itself says: its identity (None where it is silent), names, and how many objects."""
 
     vendor_id: int | None
@@ -32,14 +32,14 @@ class Described:
 
 
 @dataclass(frozen=True, slots=True)
-class Remembered:
+class KnownFile:
     """Where a file came from, empty where nobody knows, and what is in it, None where that is to be read.
 
     *preferred*: somebody chose it before others of its identity.
     """
 
     origin: str = ""
-    described: Described | None = None
+    described: FileDescription | None = None
     preferred: bool = False
 
 
@@ -48,24 +48,24 @@ def about_place(one: StoredFile) -> Path:
     return folder() / "about" / f"{one.path.name}.json"
 
 
-def remembered(one: StoredFile) -> Remembered:
+def remembered(one: StoredFile) -> KnownFile:
     """What the note about *one* says, as far as it can be believed."""
     try:
         with about_place(one).open("rb") as file:
             note = json.loads(file.read(_MOST_BYTES + 1))
         origin = _text(note["from"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return Remembered()
+        return KnownFile()
     try:
         is_so = note["file"] == _state(one)
         preferred = is_so and note["preferred"] is True
         is_known = is_so and note["dvtcli"] == __version__
-        return Remembered(origin, _described(note["says"]) if is_known else None, preferred)
+        return KnownFile(origin, _described(note["says"]) if is_known else None, preferred)
     except (OSError, ValueError, KeyError, TypeError):
-        return Remembered(origin)
+        return KnownFile(origin)
 
 
-def note_about(one: StoredFile, known: Remembered, described: Described) -> str:
+def note_about(one: StoredFile, known: KnownFile, described: FileDescription) -> str:
     """The text of the note about *one* as the file is now; OSError where it is not there."""
     note = {
         "dvtcli": __version__,
@@ -83,16 +83,16 @@ def _state(one: StoredFile) -> list[int]:
     return [found.st_size, found.st_mtime_ns]
 
 
-def _described(said: Any) -> Described:
+def _described(said: Any) -> FileDescription:
     """ValueError, KeyError or TypeError where it is not what was written."""
-    found = {field.name: said[field.name] for field in fields(Described)}
+    found = {field.name: said[field.name] for field in fields(FileDescription)}
     for name in ("vendor_name", "product_name"):
         _text(found[name])
     for name in ("vendor_id", "product_code", "revision"):
         if found[name] is not None:
             _number(found[name])
     _number(found["objects"])
-    return Described(**found)
+    return FileDescription(**found)
 
 
 def _text(value: Any) -> str:

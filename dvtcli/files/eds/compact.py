@@ -10,7 +10,7 @@ from dataclasses import replace
 from dvtcli.domain.datatypes import U8
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry, OdObject
 from dvtcli.domain.standard_objects import PDO_COMMUNICATION, PDO_MAPPING, is_pdo_mapping, standard_entry
-from dvtcli.files.eds.entry import Place, read_entry
+from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import Values
 from dvtcli.files.eds.read_rules import COMPACT_COUNT
@@ -29,7 +29,7 @@ _PREDEFINED_PDOS = 4
 _NO_PDO = 1 << 31
 
 
-def compact_entries(values: Values, place: Place, count: int, findings: Findings) -> dict[int, OdEntry]:
+def compact_entries(values: Values, place: EntryPlace, count: int, findings: Findings) -> dict[int, OdEntry]:
     """The *count* + 1 sub-indices that `CompactSubObj=count` stands for; all take the object's own keys."""
     member = read_entry(values, replace(place, sub_index=1), findings)
     entries = {0: _count_entry(member, count, findings)}

@@ -12,7 +12,7 @@ from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, OdObject
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
-from dvtcli.files.eds.layout import OBJECT_LISTS, Layout
+from dvtcli.files.eds.layout import OBJECT_LISTS, EdsLayout
 from dvtcli.files.eds.numbers import read_number, without_comment
 from dvtcli.files.eds.read_rules import (
     BAD_LINE,
@@ -33,7 +33,7 @@ _UNCONFIGURED = 255
 _BIT_RATES_KBIT = (10, 20, 50, 100, 125, 250, 500, 800, 1000)
 
 
-def read_device_info(values: Values, layout: Layout, identity: OdObject | None, findings: Findings) -> DeviceInfo:
+def read_device_info(values: Values, layout: EdsLayout, identity: OdObject | None, findings: Findings) -> DeviceInfo:
     """What the file says about the device; numbers that *values* (DeviceInfo) lack come from *identity* (0x1018)."""
     return DeviceInfo(
         vendor_name=text_key(values, "vendorname"),
@@ -65,7 +65,7 @@ def _flag(values: Values, key: str) -> bool | None:
     return None if number is None else bool(number)
 
 
-def _commissioning(layout: Layout) -> Commissioning:
+def _commissioning(layout: EdsLayout) -> Commissioning:
     """DeviceComissioning without the node-ID; what is no number there is what `lint_commissioning` says."""
     unsaid = Findings()
     values = section_values(layout.device.get("devicecomissioning", ()), unsaid)
@@ -93,7 +93,7 @@ def _identity(values: Values, key: str, identity: OdObject | None, sub_index: in
     return given
 
 
-def _node_id(layout: Layout, findings: Findings) -> int | None:
+def _node_id(layout: EdsLayout, findings: Findings) -> int | None:
     sections = layout.device.get("devicecomissioning", ())
     values = section_values(sections, findings)
     if len(differing := _given_node_ids(sections)) > 1:
@@ -140,7 +140,7 @@ def _given_node_ids(sections: Iterable[IniSection]) -> dict[int, int]:
     return found
 
 
-def _dummies(layout: Layout, findings: Findings) -> frozenset[int] | None:
+def _dummies(layout: EdsLayout, findings: Findings) -> frozenset[int] | None:
     """The data types that may pad an RPDO; a type the section does not mention may not. None without the section."""
     if "dummyusage" not in layout.device:
         return None
@@ -155,7 +155,7 @@ def _dummies(layout: Layout, findings: Findings) -> frozenset[int] | None:
     return frozenset(allowed)
 
 
-def check_lists(layout: Layout, findings: Findings) -> tuple[int, ...]:
+def check_lists(layout: EdsLayout, findings: Findings) -> tuple[int, ...]:
     """Compare the lists of objects with the objects that the file has; what they name, in their order."""
     listed: dict[int, None] = {}
     for name in OBJECT_LISTS:
@@ -167,7 +167,7 @@ def check_lists(layout: Layout, findings: Findings) -> tuple[int, ...]:
     return tuple(listed)
 
 
-def _check_list(layout: Layout, name: str, listed: Mapping[int, None], findings: Findings) -> dict[int, None]:
+def _check_list(layout: EdsLayout, name: str, listed: Mapping[int, None], findings: Findings) -> dict[int, None]:
     parts = layout.device.get(name, [])
     values = section_values(parts, findings)
     # "Supported Objects" with a blank is seen in real files; it must not be taken for an entry of the list.

@@ -48,7 +48,7 @@ _DOMAIN = DATA_TYPES[0x0F]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class EntryPlace:
     """Which entry is read: *line* of its section; *of_many* in an ARRAY or RECORD; *domain* by its ObjectType."""
 
     index: int
@@ -71,7 +71,7 @@ class _Limits:
     high_relative: bool = False
 
 
-def read_entry(values: Values, place: Place, findings: Findings) -> OdEntry:
+def read_entry(values: Values, place: EntryPlace, findings: Findings) -> OdEntry:
     """Turn a section's *values* into an entry; whatever is missing or malformed is reported and left unknown."""
     data_type = _data_type(values, place, findings)
     default = read_value(values.get("defaultvalue"), data_type, findings)
@@ -152,7 +152,7 @@ def _means_same(one: str, other: str, data_type: DataType | None) -> bool:
     return (first.data, first.relative) == (second.data, second.relative)
 
 
-def _name(values: Values, place: Place, findings: Findings) -> str:
+def _name(values: Values, place: EntryPlace, findings: Findings) -> str:
     given = values.get("parametername")
     if given is None:
         findings.add(NO_NAME, place.line, "no ParameterName")
@@ -161,7 +161,7 @@ def _name(values: Values, place: Place, findings: Findings) -> str:
     return given.value if given is not None and given.value else place.shown
 
 
-def _data_type(values: Values, place: Place, findings: Findings) -> DataType | None:
+def _data_type(values: Values, place: EntryPlace, findings: Findings) -> DataType | None:
     code = number_key(values, "datatype", 0, 0xFFFF, findings)
     if code in DATA_TYPES:
         return DATA_TYPES[code]
@@ -178,7 +178,7 @@ def _unknown_type(values: Values) -> int | None:
     return None if code in DATA_TYPES else code
 
 
-def _implied_data_type(place: Place, findings: Findings) -> DataType | None:
+def _implied_data_type(place: EntryPlace, findings: Findings) -> DataType | None:
     """What the standards say where the file has no DataType."""
     standard = standard_entry(place.index, place.sub_index)
     implied, source = (None, "") if standard is None else (standard.data_type, "CiA 301")
@@ -193,7 +193,7 @@ def _implied_data_type(place: Place, findings: Findings) -> DataType | None:
     return implied
 
 
-def _access(values: Values, place: Place, findings: Findings) -> Access:
+def _access(values: Values, place: EntryPlace, findings: Findings) -> Access:
     given = values.get("accesstype")
     text = "" if given is None else without_comment(given.value).lower()
     if text in _ACCESS:

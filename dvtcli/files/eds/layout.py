@@ -46,7 +46,7 @@ class ObjectSections:
 
 
 @dataclass(slots=True)
-class Layout:
+class EdsLayout:
     """A file's sections by meaning; *stray* holds those without one. *objects* is by index, not yet by sub-index."""
 
     device: dict[str, Parts] = field(default_factory=dict)
@@ -80,9 +80,9 @@ def object_place(name: str) -> tuple[int, int | None] | None:
     return int(name[:4], 16), int(sub, 16) if sub else None
 
 
-def lay_out(text: IniText) -> Layout:
+def lay_out(text: IniText) -> EdsLayout:
     """Sort a file's sections by meaning; names in any case."""
-    layout = Layout()
+    layout = EdsLayout()
     objects, match_object = layout.objects, _OBJECT.fullmatch
     described = set()
     for section in text.sections:
@@ -104,7 +104,7 @@ def lay_out(text: IniText) -> Layout:
     return layout
 
 
-def _add_device_section(layout: Layout, section: IniSection) -> None:
+def _add_device_section(layout: EdsLayout, section: IniSection) -> None:
     name = section.name.lower()
     name = _SAME.get(name, name)
     if name in _DEVICE:
@@ -113,7 +113,7 @@ def _add_device_section(layout: Layout, section: IniSection) -> None:
         layout.stray.append(section)
 
 
-def report_stray(layout: Layout, findings: Findings) -> None:
+def report_stray(layout: EdsLayout, findings: Findings) -> None:
     """One note for each section that was not understood; its text is kept."""
     for section in layout.stray:
         kind = "belongs to no object in this file" if _OBJECT.fullmatch(section.name) else "is not known here"

@@ -9,11 +9,11 @@ from __future__ import annotations
 from dvtcli.domain.object_dictionary import ObjectType, OdEntry, OdObject
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.files.eds.compact import compact_entries, mapping_count
-from dvtcli.files.eds.entry import Place, read_entry
+from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import Values, section_values
 from dvtcli.files.eds.keys import number_key, text_key
-from dvtcli.files.eds.layout import Layout, ObjectSections, report_repeated
+from dvtcli.files.eds.layout import EdsLayout, ObjectSections, report_repeated
 from dvtcli.files.eds.read_rules import (
     NO_OBJECT_TYPE,
     NO_PARENT,
@@ -29,7 +29,7 @@ _KNOWN = frozenset(ObjectType)
 _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
 
 
-def build_object(layout: Layout, index: int, findings: Findings) -> OdObject:
+def build_object(layout: EdsLayout, index: int, findings: Findings) -> OdObject:
     """Read object *index*, which the file has at least one section of."""
     sections = layout.object_sections(index)
     line = sections.line
@@ -39,14 +39,14 @@ def build_object(layout: Layout, index: int, findings: Findings) -> OdObject:
     object_type = _object_type(values, bool(sections.sub_indices), compact, line, findings)
     entries: dict[int, OdEntry] = {}
     if compact:
-        entries = compact_entries(values, Place(index, 0, line, of_many=True), compact, findings)
+        entries = compact_entries(values, EntryPlace(index, 0, line, of_many=True), compact, findings)
     for sub_index in sorted(sections.sub_indices):
         parts = sections.sub_indices[sub_index]
-        place = Place(index, sub_index, parts[0].line, of_many=True)
+        place = EntryPlace(index, sub_index, parts[0].line, of_many=True)
         entries[sub_index] = read_entry(section_values(parts, findings), place, findings)
     if not entries and object_type in _OF_ONE_ENTRY:
         domain = object_type == ObjectType.DOMAIN
-        entries[0] = read_entry(values, Place(index, 0, line, of_many=False, domain=domain), findings)
+        entries[0] = read_entry(values, EntryPlace(index, 0, line, of_many=False, domain=domain), findings)
     apply_tables(sections, entries, findings)
     if compact and is_pdo_mapping(index) and 0 not in sections.sub_indices:
         entries[0] = mapping_count(entries)

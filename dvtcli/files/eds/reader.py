@@ -20,7 +20,7 @@ from dvtcli.files.eds.device_sections import check_lists, read_device_info
 from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniText, IniValue, Values, section_values, split_sections
 from dvtcli.files.eds.keys import number_key
-from dvtcli.files.eds.layout import Layout, lay_out, report_repeated, report_stray
+from dvtcli.files.eds.layout import EdsLayout, lay_out, report_repeated, report_stray
 from dvtcli.files.eds.object_sections import build_object
 from dvtcli.files.eds.read_rules import COMPACT_PDO, COMPACT_PDO_BITS
 from dvtcli.files.input_file import read_input_head
@@ -40,7 +40,7 @@ class EdsFile:
 
     dictionary: ObjectDictionary
     text: IniText
-    layout: Layout
+    layout: EdsLayout
     first_findings: tuple[EdsFinding, ...]
 
     @property
@@ -127,7 +127,7 @@ def _parsed(data: bytes, source: str) -> EdsFile:
     return EdsFile(ObjectDictionary(objects, info, source), text, layout, tuple(findings.found))
 
 
-def _build(layout: Layout, index: int) -> OdObject:
+def _build(layout: EdsLayout, index: int) -> OdObject:
     """Build an object when it is first looked at; its findings are collected by `EdsFile.findings`."""
     return build_object(layout, index, Findings())
 

@@ -9,7 +9,7 @@ from dvtcli.domain.network.wanted_state import Mark
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.network_keys import OF, Kind, NetworkKey, Where
-from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 #: where keys of other tools may stand
 _OPEN = {Where.FILE, Where.OPTIONS, Where.MASTER, Where.NODE}
@@ -32,8 +32,8 @@ def _as_it_is(tree: Tree, _key: NetworkKey, _log: FileLog) -> Tree:
     return tree
 
 
-def _list(tree: Tree, _key: NetworkKey, log: FileLog) -> Row | None:
-    if isinstance(tree, Row):
+def _list(tree: Tree, _key: NetworkKey, log: FileLog) -> YamlList | None:
+    if isinstance(tree, YamlList):
         return tree
     hint = "; [] for none" if isinstance(tree, Leaf) and tree.is_null else ""
     log.complain(tree.mark, f"a list belongs here, not {leaves.shown(tree)}{hint}")

@@ -10,10 +10,10 @@ from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.known_keys import read_keys
 from dvtcli.files.network.network_keys import Where
-from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 
-def read_links(row: Row, node_ids: Mapping[str, int], log: FileLog) -> Iterator[LinkWish]:
+def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iterator[LinkWish]:
     """The links of *row*; *node_ids* are the file's nodes by name."""
     heard: dict[Endpoint, int] = {}
     for tree in row.items:
@@ -23,7 +23,7 @@ def read_links(row: Row, node_ids: Mapping[str, int], log: FileLog) -> Iterator[
         found = read_keys(tree, Where.LINK, "a link", log)
         producer = _endpoint(found["from"], Direction.TPDO, node_ids, log) if "from" in found else None
         to = found.get("to")
-        trees = to.items if isinstance(to, Row) else () if to is None else (to,)
+        trees = to.items if isinstance(to, YamlList) else () if to is None else (to,)
         if to is not None and not trees:
             log.complain(to.mark, "a link needs an RPDO that hears it")
         consumers = []

@@ -27,7 +27,7 @@ from dvtcli.files.network.known_keys import key_mark, number_key, read_keys
 from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.network.pdo_keys import read_pdos
 from dvtcli.files.network.physical_keys import read_physical
-from dvtcli.files.network.yaml_tree import Branch, Row
+from dvtcli.files.network.yaml_tree import Branch, YamlList
 
 #: the identity's own keys, and dcfgen's for the same
 _IDENTITY = {
@@ -107,7 +107,7 @@ def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[Ob
             yield ObjectWish("error_behavior", _ERROR_BEHAVIOUR, behaves, bytes([number]), leaf.mark)
 
 
-def _values(row: Row | None, title: str, said: dict[tuple[int, int], str], log: FileLog) -> Iterator[ValueWish]:
+def _values(row: YamlList | None, title: str, said: dict[tuple[int, int], str], log: FileLog) -> Iterator[ValueWish]:
     """The entries of `sdo`; *said* are the objects that keys of the node set."""
     lines: dict[str, int] = {}
     for tree in row.items if row else ():

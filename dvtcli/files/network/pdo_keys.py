@@ -14,7 +14,7 @@ from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.known_keys import key_mark, number_key, read_keys
 from dvtcli.files.network.network_keys import OF, Where
-from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 #: the keys of a PDO, the last of several that mean one sub-index; 0: the mapping
 _SUB_INDICES = {
@@ -95,7 +95,7 @@ def _with_cob_id(wish: PdoWish, said: int | str, branch: Branch, log: FileLog) -
     return replace(wish, cob_id=cob_id.can_id, extended=cob_id.extended)
 
 
-def _mapping(row: Row, title: str, log: FileLog) -> tuple[FileWord, ...]:
+def _mapping(row: YamlList, title: str, log: FileLog) -> tuple[FileWord, ...]:
     words = (_entry(tree, title, log) for tree in row.items)
     return tuple(word for word in words if word is not None)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import InputFileError
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 if TYPE_CHECKING:
     from dvtcli.domain.meanings import Rules
@@ -49,7 +49,7 @@ def _plain(tree: Tree, log: FileLog) -> object:
     """*tree* as TOML would have it; a real number stays a text, and exact."""
     if isinstance(tree, Branch):
         return {name: _plain(value, log) for name, (_, value) in tree.items.items()}
-    if isinstance(tree, Row):
+    if isinstance(tree, YamlList):
         return [_plain(one, log) for one in tree.items]
     return _number(tree, log) if tree.kind == "int" else tree.text
 

@@ -41,7 +41,7 @@ class Leaf:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class YamlList:
     """A list."""
 
     mark: Mark
@@ -56,7 +56,7 @@ class Branch:
     items: dict[str, tuple[Leaf, Tree]]
 
 
-Tree = Leaf | Row | Branch
+Tree = Leaf | YamlList | Branch
 
 
 def overlaid(base: Branch, own: Branch, instead: dict[str, str]) -> Branch:
@@ -141,8 +141,8 @@ class _Grower:
             kind = "str"
         return Leaf(_mark(node), str(node.value), kind)
 
-    def _row(self, node: Node) -> Row:
-        return Row(_mark(node), tuple(self.tree(item) for item in node.value))
+    def _row(self, node: Node) -> YamlList:
+        return YamlList(_mark(node), tuple(self.tree(item) for item in node.value))
 
     def _branch(self, node: MappingNode) -> Branch:
         own: dict[str, tuple[Leaf, Tree]] = {}
@@ -167,7 +167,7 @@ class _Grower:
     def _merged(self, node: Node) -> list[Branch]:
         """The mappings behind `<<`, as YAML 1.1 has it: files for other tools share what is common so."""
         tree = self.tree(node)
-        found = tree.items if isinstance(tree, Row) else (tree,)
+        found = tree.items if isinstance(tree, YamlList) else (tree,)
         branches = [one for one in found if isinstance(one, Branch)]
         if len(branches) != len(found):
             self.log.complain(_mark(node), "behind << belong mappings")

@@ -29,7 +29,7 @@ _LAST = float("inf")
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class TableCell:
     """What stands in a cell, what it is sorted by (None: its text), its *style*, a link's *target*, a *bar* of 0…1."""
 
     text: str
@@ -40,7 +40,7 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class TableColumn:
     """The head of a column; numbers stand on the right."""
 
     title: str
@@ -53,8 +53,8 @@ class PageTable:
 
     name: str
     caption: str
-    columns: tuple[Column, ...]
-    rows: tuple[tuple[Cell, ...], ...]
+    columns: tuple[TableColumn, ...]
+    rows: tuple[tuple[TableCell, ...], ...]
 
 
 def findings_table(picture: NetworkPicture) -> PageTable:
@@ -63,10 +63,10 @@ def findings_table(picture: NetworkPicture) -> PageTable:
     columns = ("Severity", "Node", "What", "Rule", *(("Line",) if has_lines else ()))
     rows = (
         (
-            Cell(one.severity, _SEVERITIES.index(one.severity), f"severity {one.severity}"),
+            TableCell(one.severity, _SEVERITIES.index(one.severity), f"severity {one.severity}"),
             _node(picture, one.node),
-            Cell(one.text),
-            Cell(one.rule, style="code"),
+            TableCell(one.text),
+            TableCell(one.rule, style="code"),
             *((_line(one),) if has_lines else ()),
         )
         for one in sorted(picture.findings, key=lambda one: _SEVERITIES.index(one.severity))
@@ -74,15 +74,21 @@ def findings_table(picture: NetworkPicture) -> PageTable:
     return _table("findings", "Findings of the rules", columns, rows, "Line")
 
 
-def _line(one: PictureFinding) -> Cell:
-    return Cell("-" if one.line is None else str(one.line), _LAST if one.line is None else one.line)
+def _line(one: PictureFinding) -> TableCell:
+    return TableCell("-" if one.line is None else str(one.line), _LAST if one.line is None else one.line)
 
 
 def differences_table(picture: NetworkPicture) -> PageTable:
     """What nodes hold otherwise than a file says."""
     columns = ("Node", "PDO or object", "What", "On the node", f"In {picture.compared}")
     rows = (
-        (_node(picture, one.node), Cell(one.what), Cell(one.key, style="code"), Cell(one.was), Cell(one.will))
+        (
+            _node(picture, one.node),
+            TableCell(one.what),
+            TableCell(one.key, style="code"),
+            TableCell(one.was),
+            TableCell(one.will),
+        )
         for one in picture.differences or ()
     )
     return _table("differences", f"Differences to {picture.compared}", columns, rows)
@@ -97,9 +103,9 @@ def nodes_table(picture: NetworkPicture) -> PageTable:
         sends, hears = (len(node.enabled(is_tpdo=is_tpdo)) for is_tpdo in (True, False))
         device = node.title if node.is_told else "only what the file says is known"
         rows.append((
-            Cell(str(node.node_id), node.node_id), Cell(node.name or "-", style=_name_style(node.name)),
-            Cell(device or "-"), Cell(str(sends), sends), Cell(str(hears), hears),
-            *(Cell(facts.get(key, "-")) for key in ("heartbeat", "watches", "SYNC", "EMCY")),
+            TableCell(str(node.node_id), node.node_id), TableCell(node.name or "-", style=_name_style(node.name)),
+            TableCell(device or "-"), TableCell(str(sends), sends), TableCell(str(hears), hears),
+            *(TableCell(facts.get(key, "-")) for key in ("heartbeat", "watches", "SYNC", "EMCY")),
         ))  # fmt: skip
     return _table("nodes", "Nodes", columns, rows, "Node-ID", "TPDOs", "RPDOs")
 
@@ -113,11 +119,11 @@ def pdos_table(picture: NetworkPicture) -> PageTable:
         maps = ", ".join("skipped" if one.is_dummy else object_text(one) for one in pdo.fields)
         key = pdo.end.pdo.number + 1000 * pdo.is_tpdo
         rows.append((
-            _node(picture, node.node_id), Cell(pdo.end.pdo.label, key, target=target),
+            _node(picture, node.node_id), TableCell(pdo.end.pdo.label, key, target=target),
             _state(pdo.config, is_told=node.is_told),
-            _cob_id(pdo.identifier) if pdo.config.has_cob_id else Cell("not told", _LAST),
-            Cell(byte_count(pdo), pdo.config.bits), Cell(timing(pdo) or "-"), Cell(maps or "-"),
-            Cell(ends_text(pdo.partners) or "-"),
+            _cob_id(pdo.identifier) if pdo.config.has_cob_id else TableCell("not told", _LAST),
+            TableCell(byte_count(pdo), pdo.config.bits), TableCell(timing(pdo) or "-"), TableCell(maps or "-"),
+            TableCell(ends_text(pdo.partners) or "-"),
         ))  # fmt: skip
     return _table("pdos", "PDOs", columns, rows)
 
@@ -131,14 +137,14 @@ def frames_table(picture: NetworkPicture) -> PageTable:
     rows = []
     for one in picture.frames:
         row = [
-            _cob_id(one.identifier), Cell(one.what or "-"), _node(picture, one.node),
-            Cell(ends_text(one.consumers) or "-"),
+            _cob_id(one.identifier), TableCell(one.what or "-"), _node(picture, one.node),
+            TableCell(ends_text(one.consumers) or "-"),
             _length(one), _at_most(one), *_times(one, most),
         ]  # fmt: skip
         if heard:
             row += [
-                Cell(f"{one.heard_hz or 0:.1f}", one.heard_hz or 0),
-                Cell(percent(one.heard_share or 0), one.heard_share or 0),
+                TableCell(f"{one.heard_hz or 0:.1f}", one.heard_hz or 0),
+                TableCell(percent(one.heard_share or 0), one.heard_share or 0),
             ]
         rows.append(tuple(row))
     numbers = ("Bytes", "Load", "Response", "Deadline", "Heard/s", "Heard load")
@@ -146,15 +152,15 @@ def frames_table(picture: NetworkPicture) -> PageTable:
 
 
 def _table(
-    name: str, caption: str, titles: Iterable[str], rows: Iterable[tuple[Cell, ...]], *numbers: str
+    name: str, caption: str, titles: Iterable[str], rows: Iterable[tuple[TableCell, ...]], *numbers: str
 ) -> PageTable:
-    columns = tuple(Column(title, title in numbers) for title in titles)
+    columns = tuple(TableColumn(title, title in numbers) for title in titles)
     return PageTable(name, caption, columns, tuple(rows))
 
 
-def _node(picture: NetworkPicture, node_id: int | None) -> Cell:
+def _node(picture: NetworkPicture, node_id: int | None) -> TableCell:
     text = node_text(picture, node_id)
-    return Cell(text, _LAST if node_id is None else node_id, _name_style(text))
+    return TableCell(text, _LAST if node_id is None else node_id, _name_style(text))
 
 
 def _name_style(text: str) -> str:
@@ -162,37 +168,37 @@ def _name_style(text: str) -> str:
     return "node short" if len(text) <= _SHORT_NAME else "node"
 
 
-def _cob_id(identifier: tuple[int, bool]) -> Cell:
+def _cob_id(identifier: tuple[int, bool]) -> TableCell:
     can_id, extended = identifier
-    return Cell(cob_id(identifier), can_id + (1 << 11 if extended else 0), "code")
+    return TableCell(cob_id(identifier), can_id + (1 << 11 if extended else 0), "code")
 
 
-def _state(config: PdoConfig, *, is_told: bool) -> Cell:
+def _state(config: PdoConfig, *, is_told: bool) -> TableCell:
     if config.inconsistency and is_told:
-        return Cell("not whole", 2, "severity error")
-    return Cell("on", 0, "on") if config.enabled else Cell("off", 1, "dim")
+        return TableCell("not whole", 2, "severity error")
+    return TableCell("on", 0, "on") if config.enabled else TableCell("off", 1, "dim")
 
 
-def _length(one: PictureFrame) -> Cell:
-    return Cell(str(one.data_bytes) if one.what else "-", one.data_bytes)
+def _length(one: PictureFrame) -> TableCell:
+    return TableCell(str(one.data_bytes) if one.what else "-", one.data_bytes)
 
 
-def _at_most(one: PictureFrame) -> Cell:
+def _at_most(one: PictureFrame) -> TableCell:
     key = _LAST if one.period_us is None else float(one.period_us)
-    return Cell(one.why or "-", key, "bad" if one.has_no_limit else "")
+    return TableCell(one.why or "-", key, "bad" if one.has_no_limit else "")
 
 
-def _times(one: PictureFrame, most: float) -> Iterator[Cell]:
+def _times(one: PictureFrame, most: float) -> Iterator[TableCell]:
     """What a frame needs of the bus, when it is there, and until when it has to be."""
     if not one.is_computed:
-        yield from (Cell("-", _LAST) for _ in range(3))
+        yield from (TableCell("-", _LAST) for _ in range(3))
         return
     share = None if one.share is None else float(one.share)
     bar = share / most if share is not None and most and share > _LEAST_BAR * most else None
-    yield Cell(percent(share), _LAST if share is None else share, "bad" if share is None else "", bar=bar)
+    yield TableCell(percent(share), _LAST if share is None else share, "bad" if share is None else "", bar=bar)
     late = "bad" if one.is_late else ""
-    yield Cell("no bound" if one.response_us is None else ms(one.response_us), _key(one.response_us), late)
-    yield Cell(ms(one.deadline_us) + (" - late" if one.is_late else ""), _key(one.deadline_us), late)
+    yield TableCell("no bound" if one.response_us is None else ms(one.response_us), _key(one.response_us), late)
+    yield TableCell(ms(one.deadline_us) + (" - late" if one.is_late else ""), _key(one.deadline_us), late)
 
 
 def _key(time_us: Fraction | None) -> float:

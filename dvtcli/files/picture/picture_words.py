@@ -9,7 +9,7 @@ from dvtcli.domain.network.network_state import Identifier
 from dvtcli.domain.network.picture import NetworkPicture, PictureField, PictureNode, PicturePdo
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import transmission_type_text
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 
 _MOST_WORDS = 6
 
@@ -92,7 +92,7 @@ def object_text(field: PictureField) -> str:
     return f"{field.object} {field.name}".rstrip()
 
 
-def meaning_text(meaning: Physical) -> str:
+def meaning_text(meaning: Scaling) -> str:
     """What a raw value means, in a few words: `1/256 V`, `0 off, 1 on`, the names of bits."""
     if meaning.has_number:
         return meaning.scale

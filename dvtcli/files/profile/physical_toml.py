@@ -11,7 +11,7 @@ from typing import Any
 
 from dvtcli.domain.drive_state import STATES
 from dvtcli.domain.meanings import Meaning, ObjectRange
-from dvtcli.domain.physical import Physical, State
+from dvtcli.domain.scaling import Scaling, State
 from dvtcli.domain.unit import parse_factor, parse_scale, spelled
 from dvtcli.files.toml_item import Item, Schema, integer, integers, members, string
 
@@ -39,12 +39,12 @@ def _place(item: Item) -> ObjectRange:
 def _meaning(item: Item) -> Meaning:
     if isinstance(item.value, str):
         factor, unit = parse_scale(string(item))
-        return Meaning(Physical(unit, factor))
+        return Meaning(Scaling(unit, factor))
     said = item.table(_MEANING)
     if not said:
         item.fail("says nothing: give a unit, a factor, values or bits")
     numbered = {key: said.pop(key) for key in ("numbered", "per") if key in said}
-    return Meaning(Physical(**said), **numbered)
+    return Meaning(Scaling(**said), **numbered)
 
 
 def _fraction(item: Item) -> Fraction:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.table import Column
 
@@ -22,4 +22,4 @@ def column_of(head: str) -> Column:
     object_ = _OBJECT.fullmatch(key) or _OBJECT.fullmatch(name)
     if object_ is not None:
         key = object_["name"] or object_["object"]
-    return Column(name, Signal(key, key, object_["object"] if object_ else "", Physical(unit)))
+    return Column(name, Signal(key, key, object_["object"] if object_ else "", Scaling(unit)))

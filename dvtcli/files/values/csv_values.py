@@ -16,7 +16,7 @@ from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import InputFileError
 from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.opened_text import opened_text
-from dvtcli.files.values.value_rows import ValuesRead
+from dvtcli.files.values.value_rows import ValueRows
 from dvtcli.watch.table import SignalRows
 
 #: heads of the first columns: `log` and `decode` write the first two, `read --every` the third
@@ -63,7 +63,7 @@ def no_formula(text: str) -> str:
     return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
-def read_csv(path: Path) -> ValuesRead:
+def read_csv(path: Path) -> ValueRows:
     """What `log --decode`, `decode --csv` or `read --every -o` wrote; InputFileError where it is none of these."""
     lines = _lines(path)
     head = _checked(path, 1, next(lines, []))
@@ -75,7 +75,7 @@ def read_csv(path: Path) -> ValuesRead:
             hint=Hint(Action.LOG_VALUES, why="{} writes such files") + Hint(Action.READ_VALUES, why=", and so does {}"),
         )
     columns = [column_of(name) for name in head[first:]]
-    return ValuesRead(columns, _rows(path, lines, first, len(head)))
+    return ValueRows(columns, _rows(path, lines, first, len(head)))
 
 
 def _lines(path: Path) -> Iterator[list[str]]:

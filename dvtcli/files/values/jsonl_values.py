@@ -8,12 +8,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO, Any
 
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import json_line
 from dvtcli.files.values.opened_text import opened_text
-from dvtcli.files.values.value_rows import ValuesRead
+from dvtcli.files.values.value_rows import ValueRows
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.table import Column, SignalRows
 
@@ -41,7 +41,7 @@ class JsonlWriter:
         self._file.close()
 
 
-def read_jsonl(path: Path) -> ValuesRead:
+def read_jsonl(path: Path) -> ValueRows:
     """What `log run.jsonl --decode`, and `monitor` and `decode` with --json, write; other documents are left out.
 
     Read twice: the first time for the columns. InputFileError, with the line, for what is no document.
@@ -51,11 +51,11 @@ def read_jsonl(path: Path) -> ValuesRead:
         for name, shown in _numbers(document):
             if name not in columns:
                 place = _object(document, name[1])
-                signal = Signal(name[1], name[1], place, Physical(str(shown.get("unit", ""))))
+                signal = Signal(name[1], name[1], place, Scaling(str(shown.get("unit", ""))))
                 said = "" if name[1].startswith(place) else place
                 columns[name] = Column(" ".join(filter(None, (name[0], said, name[1]))), signal)
     numbers = {name: number for number, name in enumerate(columns)}
-    return ValuesRead(list(columns.values()), _rows(path, numbers))
+    return ValueRows(list(columns.values()), _rows(path, numbers))
 
 
 def _rows(path: Path, columns: dict[_Name, int]) -> Iterator[tuple[float, list[float | None]]]:

@@ -17,7 +17,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
 from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.csv_values import FRAME, TIME
-from dvtcli.files.values.value_rows import ValuesRead
+from dvtcli.files.values.value_rows import ValueRows
 from dvtcli.watch.table import Column, SignalRows
 
 #: rows that are kept back until they are written together
@@ -99,7 +99,7 @@ def _cell(value: Value | None, kind: str) -> object:
     return float(value) if kind == "float64" and isinstance(value, int | float) else value
 
 
-def read_parquet(path: Path) -> ValuesRead:
+def read_parquet(path: Path) -> ValueRows:
     """What `log run.parquet --decode` wrote; InputFileError where it is none of these, or has no end."""
     arrow = extra("pyarrow", "parquet", "a .parquet file")
     if not path.is_file():
@@ -113,7 +113,7 @@ def read_parquet(path: Path) -> ValuesRead:
     if TIME not in names or not arrow.types.is_timestamp(file.schema_arrow.field(TIME).type):
         raise InputFileError(f"{path.name} has no column {TIME!r} of times", place=str(path))
     columns = [name for name in names if name not in (TIME, FRAME)]
-    return ValuesRead([column_of(name) for name in columns], _rows(file, columns))
+    return ValueRows([column_of(name) for name in columns], _rows(file, columns))
 
 
 def _rows(file: Any, columns: list[str]) -> Iterator[tuple[float, list[float | None]]]:

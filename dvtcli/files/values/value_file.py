@@ -9,7 +9,7 @@ from typing import Any
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.files.values.value_rows import ValuesRead, ValueWriter
+from dvtcli.files.values.value_rows import ValueRows, ValueWriter
 from dvtcli.watch.table import SignalRows
 
 #: what a person reads of each form
@@ -54,7 +54,7 @@ def write_file(path: Path, rows: SignalRows, document: Callable[[Frame], dict[st
     return CsvWriter(file, rows)
 
 
-def read_values(path: Path) -> ValuesRead:
+def read_values(path: Path) -> ValueRows:
     """The values in the file at *path*; UsageError where it is missing, InputFileError where it is damaged."""
     form = checked_form(path)
     if form == ".parquet":

@@ -27,7 +27,7 @@ class ValueWriter(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class ValuesRead:
+class ValueRows:
     """A file's *columns* in order, and its rows: a time (s) and a number a column, None where there is none."""
 
     columns: list[Column]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from dvtcli.domain.lint.described import Described, Spot, object_text
+from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.files.eds.findings import EdsFinding
 from dvtcli.files.eds.lint.linter import DEVICE_CHECKS
@@ -27,7 +27,7 @@ def lint_xdd(
     found = [finding for finding in file.findings if finding.rule in wanted]
     any_node = file.node_id is None
     configured = name.lower().endswith(".xdc") or not any_node
-    device = Described(file.dictionary, file.node_id or 1, configured, any_node, profile)
+    device = DescribedDevice(file.dictionary, file.node_id or 1, configured, any_node, profile)
     for one in DEVICE_CHECKS:
         if one.rule.name in wanted:
             found += (

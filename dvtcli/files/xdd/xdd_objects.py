@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from dvtcli.domain.object_dictionary import ObjectType, OdEntry, OdObject
-from dvtcli.files.eds.entry import Place, read_entry
+from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.keys import number_key
@@ -43,7 +43,7 @@ def number_of(element: XmlElement, attribute: str, highest: int, findings: Findi
 
 
 @dataclass(frozen=True, slots=True)
-class _Described:
+class _XddObject:
     """An object or sub-object: its *element*, and the *parameter* that it refers to."""
 
     element: XmlElement
@@ -70,7 +70,7 @@ class _Described:
         self._take_access(found, findings)
         return found
 
-    def entry(self, values: Values, place: Place, findings: Findings) -> OdEntry:
+    def entry(self, values: Values, place: EntryPlace, findings: Findings) -> OdEntry:
         """The entry that *values* say, with the offset, of which an EDS has no key."""
         return replace(read_entry(values, place, findings), offset=self._parameter_text("offset") or "")
 
@@ -134,7 +134,7 @@ def build_object(index: int, element: XmlElement, parameters: Mapping[str, Param
     object_type = _object_type(element, has_subs=bool(subs), findings=findings)
     entries = _sub_entries(index, subs, parameters, findings)
     if not entries and object_type in _OF_ONE_ENTRY:
-        place = Place(index, 0, element.line, of_many=False, domain=object_type == ObjectType.DOMAIN)
+        place = EntryPlace(index, 0, element.line, of_many=False, domain=object_type == ObjectType.DOMAIN)
         entries[0] = described.entry(values, place, findings)
     _check_count(index, element, len(entries), object_type, findings)
     flags = 0 if object_type in _OF_ONE_ENTRY else number_key(values, "objflags", 0, 0xFFFF_FFFF, findings) or 0
@@ -142,11 +142,11 @@ def build_object(index: int, element: XmlElement, parameters: Mapping[str, Param
     return OdObject(index, name, object_type, dict(sorted(entries.items())), element.line, flags)
 
 
-def _described(element: XmlElement, parameters: Mapping[str, Parameter], findings: Findings) -> _Described:
+def _described(element: XmlElement, parameters: Mapping[str, Parameter], findings: Findings) -> _XddObject:
     name = element.attributes.get("uniqueIDRef", "")
     if name and name not in parameters:
         findings.add(NO_PARAMETER, element.line, f"uniqueIDRef={name[:60]} names no parameter; ignored")
-    return _Described(element, parameters.get(name) if name else None)
+    return _XddObject(element, parameters.get(name) if name else None)
 
 
 def _sub_entries(
@@ -156,7 +156,7 @@ def _sub_entries(
 
     def entry(sub: XmlElement, sub_index: int, found: Findings) -> OdEntry:
         described = _described(sub, parameters, found)
-        return described.entry(described.values(found), Place(index, sub_index, sub.line, of_many=True), found)
+        return described.entry(described.values(found), EntryPlace(index, sub_index, sub.line, of_many=True), found)
 
     for sub in subs:
         sub_index = number_of(sub, "subIndex", 0xFF, findings)

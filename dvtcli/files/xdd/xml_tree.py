@@ -75,10 +75,10 @@ def read_xml(data: bytes, source: str) -> XmlTree:
     if len(data) > MOST_BYTES:
         why = "an XDD or XDC is some 200 kB"
         raise InputFileError(f"{source} is larger than {MOST_BYTES >> 20} MiB", place=f"{source}:1", why=why)
-    return _Reading(source).read(data)
+    return _XmlReading(source).read(data)
 
 
-class _Reading:
+class _XmlReading:
     """One file being read."""
 
     def __init__(self, source: str) -> None:

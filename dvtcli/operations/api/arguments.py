@@ -17,7 +17,7 @@ from dvtcli.operations.meanings.named_objects import entry_at, object_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.physical import Physical
+    from dvtcli.domain.scaling import Scaling
 
 #: An object: a name of the EDS or an alias (`statusword`), `6C01:1`, an index, or index and sub-index.
 Object = str | int | tuple[int, int]
@@ -103,7 +103,7 @@ def type_of(name: str | None) -> DataType | None:
     return BY_SHORT_NAME[name.lower()]
 
 
-def bytes_of(kind: DataType, meaning: Physical, value: Value, object_: str) -> bytes:
+def bytes_of(kind: DataType, meaning: Scaling, value: Value, object_: str) -> bytes:
     """*value* as *kind*, a text such as `48V` by its *meaning*; bytes as they are. UsageError where it does not fit."""
     from dvtcli.operations.meanings.physical_meanings import how_to_write, typed_bytes
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dvtcli.operations.api.checks import flags, number, whole, words
-from dvtcli.operations.network.check_networks import CheckWishes
+from dvtcli.operations.network.check_networks import CheckOptions
 from dvtcli.operations.user.options import BIT_RATES
 
 
 def check_wishes(
     rules: Sequence[str], without: Sequence[str], bit_rate: int | None, for_s: float | None, *, strict: bool
-) -> CheckWishes:
+) -> CheckOptions:
     """The arguments of `Bus.check`, as the operation takes them; UsageError for a wrong one."""
     flags(strict=strict)
     if bit_rate is not None:
         whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
     if for_s is not None:
         number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
-    return CheckWishes(
+    return CheckOptions(
         words("rules", rules), words("without", without), strict, bit_rate, as_findings=True, for_s=for_s
     )

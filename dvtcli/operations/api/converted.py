@@ -11,7 +11,7 @@ from dvtcli.operations.api.checks import flags, path, words
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
-    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+    from dvtcli.operations.exchange.dbc_options import DbcOptions
 
 
 def convert(
@@ -45,10 +45,10 @@ def convert(
     return tuple(done.get("left_out") or done.get("losses") or ())
 
 
-def dbc_wishes(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcWishes:
+def dbc_wishes(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcOptions:
     """How a program wants a DBC file, checked; UsageError for a wrong argument."""
-    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+    from dvtcli.operations.exchange.dbc_options import DbcOptions
     from dvtcli.operations.exchange.service_messages import services_of
 
     flags(split_bits=split_bits, everything=everything)
-    return DbcWishes(services_of(",".join(words("services", services))), split_bits, everything)
+    return DbcOptions(services_of(",".join(words("services", services))), split_bits, everything)

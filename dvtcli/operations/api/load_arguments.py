@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.pdo import Pdo
 from dvtcli.operations.api.checks import number, whole, wrong
-from dvtcli.operations.network.network_load import LoadWishes
+from dvtcli.operations.network.network_load import LoadOptions
 from dvtcli.operations.user.options import BIT_RATES
 
 _END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit time in ms"
@@ -15,7 +15,7 @@ _END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit ti
 
 def load_wishes(
     for_s: float, bit_rate: int | None, sync_ms: float | None, inhibit_ms: Mapping[str, float] | None
-) -> LoadWishes:
+) -> LoadOptions:
     """The arguments of `Bus.load`, as the operation takes them; UsageError for a wrong one."""
     number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
     if bit_rate is not None:
@@ -25,7 +25,7 @@ def load_wishes(
     if not isinstance(inhibit_ms, Mapping | None):
         raise wrong("inhibit_ms", inhibit_ms, _END)
     inhibit = dict(_inhibit(end, time) for end, time in (inhibit_ms or {}).items())
-    return LoadWishes(for_s, bit_rate, sync_ms or None, None, inhibit)
+    return LoadOptions(for_s, bit_rate, sync_ms or None, None, inhibit)
 
 
 def _inhibit(end: str, time_ms: float) -> tuple[tuple[int | str | None, Pdo], int]:

@@ -10,7 +10,7 @@ from dvtcli.operations.api.checks import number, path, whole, word
 from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
-    from dvtcli.operations.picture.gather import PictureWishes
+    from dvtcli.operations.picture.gather import PictureOptions
 
 
 def report(
@@ -31,9 +31,9 @@ def report(
     return tuple(dict(done.rows)["notes"])
 
 
-def picture_wishes(title: str | None, bit_rate: int | None, for_s: float | None) -> PictureWishes:
+def picture_wishes(title: str | None, bit_rate: int | None, for_s: float | None) -> PictureOptions:
     """How a program wants a picture, checked; UsageError for a wrong argument."""
-    from dvtcli.operations.picture.gather import PictureWishes
+    from dvtcli.operations.picture.gather import PictureOptions
 
     if title is not None:
         word("title", title, "what stands at the top of the page")
@@ -41,4 +41,4 @@ def picture_wishes(title: str | None, bit_rate: int | None, for_s: float | None)
         whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
     if for_s is not None:
         number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
-    return PictureWishes(title, bit_rate, for_s)
+    return PictureOptions(title, bit_rate, for_s)

@@ -13,7 +13,7 @@ from dvtcli.operations.api.checks import path, words
 from dvtcli.operations.api.open_bus import connect, simulated_words
 from dvtcli.operations.api.python_bus import Bus
 from dvtcli.operations.api.told import LOG, Message
-from dvtcli.operations.opening.serve import LOOPBACK, Wanted, serving
+from dvtcli.operations.opening.serve import LOOPBACK, ServeRequest, serving
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def serve(
     store. UsageError for wrong words, BusUnavailable where no port is to be had.
     """
     options = Options(fault=words("faults", faults), signal=words("signals", signals))
-    wanted = Wanted(simulated_words(nodes), (LOOPBACK, 0), state=None if state is None else path("state", state))
+    wanted = ServeRequest(simulated_words(nodes), (LOOPBACK, 0), state=None if state is None else path("state", state))
     with serving(options, wanted, LOG.warning) as served:
         thread = threading.Thread(target=served.server.run, name="dvtcli serve", daemon=True)
         thread.start()

@@ -17,8 +17,8 @@ from dvtcli.operations.results import Changed
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.node import Node
-    from dvtcli.device.observe import Found
-    from dvtcli.domain.meanings import Understood
+    from dvtcli.device.observe import InitialState
+    from dvtcli.domain.meanings import ScaledValue
     from dvtcli.domain.object_dictionary import OdEntry
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.plan import Change, Plan, Step
@@ -36,7 +36,7 @@ def configure_pdo(session: Session, node_id: int | None, pdo: Pdo, want: PdoWant
     return configure(session, session.node(node_id), {pdo: want})
 
 
-def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found: Found | None = None) -> Changed:
+def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found: InitialState | None = None) -> Changed:
     """Carry *wants* out on *node*, all or none, and answer what was done.
 
     *found* is how the node was claimed, where it was: what was read since then counts.
@@ -131,7 +131,7 @@ def _described(node: Node, step: Step) -> OdEntry | None:
     return node.dictionary.entry(step.index, step.sub_index) if node.dictionary else None
 
 
-def understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:
+def understood(node: Node, changes: Iterable[Change]) -> dict[str, ScaledValue]:
     """What the values of single objects among *changes* mean, by object, where somebody says."""
     steps = [change.step for change in changes if isinstance(change, ValueChange)]
     if not steps:

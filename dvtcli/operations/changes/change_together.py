@@ -12,23 +12,23 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
-from dvtcli.device.change.other_pdos import as_they_are, present_beside, wholes_beside
+from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.taken_back import with_way_back
-from dvtcli.device.change.whole import Part
+from dvtcli.device.change.untouched_pdos import as_they_are, present_beside, wholes_beside
 from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
 from dvtcli.operations.changes.final_verify import AlsoClaimed, final_verify
-from dvtcli.operations.changes.take_back_network import Course
+from dvtcli.operations.changes.roll_back_network import NetworkTransaction
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from dvtcli.device.change.progress import Progress
     from dvtcli.device.node import Node
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session.session import Session
 
@@ -37,11 +37,11 @@ def carry_out_together(
     session: Session,
     nodes: Mapping[int, Node],
     plans: Mapping[int, Plan],
-    found: Mapping[int, Found],
+    found: Mapping[int, InitialState],
     name: str,
     findings: Mapping[int, tuple[Finding, ...]],
     also: AlsoClaimed | None = None,
-) -> Course:
+) -> NetworkTransaction:
     """Every phase of *plans* on every one of *nodes*, as each was *found*; *name* is what that is called.
 
     What is *also* claimed is verified with the plans, and what nodes held rolled back with them. If nodes store next
@@ -53,7 +53,7 @@ def carry_out_together(
     """
     also = also or AlsoClaimed()
     boot_ups = {node_id: one.boot_ups for node_id, one in found.items()}
-    course = Course(session, nodes, name, boot_ups, held=dict(also.held))
+    course = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
     for node_id, plan in plans.items():
         if len(plan):
             course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
@@ -80,13 +80,15 @@ def carry_out_together(
     return course
 
 
-def _open_journals(course: Course, found: Mapping[int, Found], also: AlsoClaimed) -> None:
+def _open_journals(course: NetworkTransaction, found: Mapping[int, InitialState], also: AlsoClaimed) -> None:
     """Before the first write to any node: the journals of all, with the space that all their later forms need.
 
     One a node for all its parts: each of five would wait for the disk, and all other nodes with it.
     """
     ids = ", ".join(str(one.node_id) for one in also.stores)
-    ends = Part(final=f"{course.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal)
+    ends = GroupMember(
+        final=f"{course.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal
+    )
     only_store = {one.node_id: Plan(one.node_id, one.holds) for one in also.stores if one.holds}
     written = {node_id: plan for node_id, plan in only_store.items() if also.proves or any(map(is_stamp, plan.changes))}
     for node_id, plan in {**written, **course.plans}.items():
@@ -107,8 +109,8 @@ class _Run:
     """The parts of *course* on their way, *total* writes; side by side within a phase where the bus lets them."""
 
     session: Session
-    course: Course
-    found: Mapping[int, Found]
+    course: NetworkTransaction
+    found: Mapping[int, InitialState]
     findings: Mapping[int, tuple[Finding, ...]]
     total: int
     taken: int = 0
@@ -177,7 +179,7 @@ def _stop_if_cancelled(session: Session, where: str = "before the next part") ->
         raise stopped
 
 
-def complete(course: Course) -> None:
+def complete(course: NetworkTransaction) -> None:
     """Everything stays; JournalKept where a journal cannot be removed."""
     kept = complete_wholes(course.journals())
     if kept is not None:

@@ -18,8 +18,8 @@ from dvtcli.errors import BusUnavailable, DeviceRefused, Restarted, SafetyRefusa
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from dvtcli.device.change.change_group import Storing
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.change.whole import Storing
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session import Session

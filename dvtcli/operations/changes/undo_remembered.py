@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from dvtcli.device.applied import Applied
+    from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.change.safekeeping import Keeper
+    from dvtcli.device.change_history import ChangeHistory
+    from dvtcli.device.history_entry import ChangeHistoryEntry
     from dvtcli.device.node import Node
-    from dvtcli.device.past import Past
-    from dvtcli.device.recorded_change import Recorded
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.changes.undo_together import Undoing
     from dvtcli.operations.session.session import Session
@@ -34,17 +34,17 @@ RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the b
 
 
 @dataclass(frozen=True, slots=True)
-class Remembered:
+class RememberedDevice:
     """What is remembered of a device that is there, oldest first; its node's lock is held."""
 
     node: Node
-    keeper: Keeper
-    entries: list[Recorded]
+    keeper: ChangeGuard
+    entries: list[ChangeHistoryEntry]
     #: what is to be said beside it
     findings: tuple[Finding, ...] = ()
 
 
-def remembered(session: Session, *, everything: bool) -> list[Remembered]:
+def remembered(session: Session, *, everything: bool) -> list[RememberedDevice]:
     """What of earlier processes is to be put back, the device that was changed last first.
 
     Of the selected node and what was changed from there, or of every node of the bus where none is selected; with
@@ -63,7 +63,7 @@ def remembered(session: Session, *, everything: bool) -> list[Remembered]:
     return [replace(chain, findings=newer) for chain in chains]
 
 
-def remembered_of(session: Session, node_id: int, *, everything: bool) -> Remembered:
+def remembered_of(session: Session, node_id: int, *, everything: bool) -> RememberedDevice:
     """What of earlier processes is to be put back on one node; UsageError where nothing is remembered of it."""
     keeping = session.open_network().keeping
     if keeping is None:
@@ -92,7 +92,7 @@ def _nothing_kept(node_id: int) -> UsageError:
     return UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
 
 
-def put_remembered_back(session: Session, chain: Remembered, *, everything: bool) -> Changed:
+def put_remembered_back(session: Session, chain: RememberedDevice, *, everything: bool) -> Changed:
     """Put the last change of *chain* back, or *everything*; SafetyRefusal where the device holds something else."""
     from dvtcli.device.change.way_back import TakeBack
 
@@ -105,7 +105,7 @@ def put_remembered_back(session: Session, chain: Remembered, *, everything: bool
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _tell_of_others(session: Session, chain: Remembered) -> None:
+def _tell_of_others(session: Session, chain: RememberedDevice) -> None:
     """Say which nodes that were meant, too, keep what was changed on them: one change is of one node."""
     tops = chain.keeper.past.tops(session.selected_id())
     others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
@@ -115,9 +115,9 @@ def _tell_of_others(session: Session, chain: Remembered) -> None:
         session.tell.note(Hint(Action.UNDO, {"all": True}, why))
 
 
-def undoing(session: Session, chain: Remembered) -> Undoing:
+def undoing(session: Session, chain: RememberedDevice) -> Undoing:
     """Everything of *chain*, to be put back together with that of other nodes."""
-    from dvtcli.device.change.gap import unbroken
+    from dvtcli.device.change.foreign_changes import unbroken
     from dvtcli.operations.changes.undo_together import Undoing
 
     def forget(applied: Applied, count: int) -> None:
@@ -127,11 +127,11 @@ def undoing(session: Session, chain: Remembered) -> Undoing:
     return Undoing(chain.node, tuple(unbroken(_plans(chain))), False, forget, chain.findings)
 
 
-def _plans(chain: Remembered) -> list[Plan]:
+def _plans(chain: RememberedDevice) -> list[Plan]:
     return [replace(one.plan, node_id=chain.node.node_id) for one in chain.entries]
 
 
-def _forget(session: Session, chain: Remembered, applied: Applied, count: int) -> None:
+def _forget(session: Session, chain: RememberedDevice, applied: Applied, count: int) -> None:
     """The newest *count* entries of *chain* were put back, as *applied* says."""
     undone = chain.entries[-count:]
     session.tell.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
@@ -139,9 +139,9 @@ def _forget(session: Session, chain: Remembered, applied: Applied, count: int) -
         chain.keeper.past.forget(undone, applied.plan)
 
 
-def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_newest: bool) -> list[Remembered]:
+def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_newest: bool) -> list[RememberedDevice]:
     """What is meant, the device that was changed last first."""
-    found: list[Remembered] = []
+    found: list[RememberedDevice] = []
     ids = dict.fromkeys(entry.plan.node_id for entry in keeping.past().tops(selected))
     for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
         chain = _chain(session, node_id, selected)
@@ -152,7 +152,7 @@ def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_ne
     return found
 
 
-def _chain(session: Session, node_id: int, selected: int | None) -> Remembered | None:
+def _chain(session: Session, node_id: int, selected: int | None) -> RememberedDevice | None:
     """What is remembered of the device at *node_id* as far as it is meant; None where that is nothing."""
     keeper = session.open_network().node(node_id).keeper
     assert keeper is not None  # noqa: S101 - its changes are kept
@@ -167,10 +167,10 @@ def _chain(session: Session, node_id: int, selected: int | None) -> Remembered |
             session.tell.note(
                 f"node {node_id} was node {was} when it was changed: what depends on that, as COB-IDs, may differ"
             )
-    return Remembered(node, keeper, entries) if entries else None
+    return RememberedDevice(node, keeper, entries) if entries else None
 
 
-def _moved(session: Session, keeper: Keeper, identity: Identity) -> list[Recorded]:
+def _moved(session: Session, keeper: ChangeGuard, identity: Identity) -> list[ChangeHistoryEntry]:
     """The changes of the device under another node-ID, unless a device of this *identity* still answers there."""
     entry = keeper.past.moved(keeper.node_id, identity)
     if entry is None:
@@ -184,7 +184,7 @@ def _moved(session: Session, keeper: Keeper, identity: Identity) -> list[Recorde
     return [] if there == identity else keeper.past.entries(was, identity, None)
 
 
-def _newer_elsewhere(past: Past, chains: list[Remembered]) -> tuple[Finding, ...]:
+def _newer_elsewhere(past: ChangeHistory, chains: list[RememberedDevice]) -> tuple[Finding, ...]:
     """A warning where another node of the bus was changed after those that are meant."""
     last = past.newest_of_all()
     if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
@@ -194,7 +194,7 @@ def _newer_elsewhere(past: Past, chains: list[Remembered]) -> tuple[Finding, ...
     return (warning("newer-change", f"node {last.plan.node_id}", text, hint),)
 
 
-def _undone_text(undone: list[Recorded], node_id: int, *, gone: bool) -> str:
+def _undone_text(undone: list[ChangeHistoryEntry], node_id: int, *, gone: bool) -> str:
     since = _time(undone[0])
     if gone:
         what = f"what was before the last {len(undone)} changes of node {node_id}, since {since},"
@@ -206,7 +206,7 @@ def _undone_text(undone: list[Recorded], node_id: int, *, gone: bool) -> str:
     )
 
 
-def _time(entry: Recorded) -> str:
+def _time(entry: ChangeHistoryEntry) -> str:
     return f"{entry.when[:19].replace('T', ' ')} UTC"
 
 

@@ -24,7 +24,7 @@ from dvtcli.operations.changes.undo_remembered import nothing_remembered
 from dvtcli.operations.results import Changed
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.safekeeping import Keeper
+    from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.node import Node
     from dvtcli.operations.session.rehearse import Rehearse
     from dvtcli.operations.session.session import Session
@@ -58,7 +58,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _keeper(session: Session) -> Keeper:
+def _keeper(session: Session) -> ChangeGuard:
     """What keeps the selected node's files; where none is selected, of the node that was changed last on this bus."""
     network = session.open_network()
     node_id = session.selected_id()
@@ -89,7 +89,7 @@ def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
             yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
 
 
-def _backup_file(keeper: Keeper, node: Node, when: str | None, *, force: bool) -> str:
+def _backup_file(keeper: ChangeGuard, node: Node, when: str | None, *, force: bool) -> str:
     """The newest backup of the device, or the newest of those made at *when*; UsageError lists what there is.
 
     SafetyRefusal where those of its node-ID are of another device of its kind, unless *force* says that it counts.

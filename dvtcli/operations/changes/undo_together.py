@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from dvtcli.device.applied import Applied
 from dvtcli.device.change.carry_out import enter
 from dvtcli.device.change.course import combine_plans
-from dvtcli.device.change.other_pdos import as_they_are, present_beside
 from dvtcli.device.change.taken_back import foreseen
+from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.device.change.way_back import TakeBack, WayBack, way_back
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import concise_entries
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -52,5 +52,5 @@ def concise_doubts(node: Node, downloads: Mapping[int, bytes], *, force: bool) -
     doubts = [concise_doubt(node, node_id, data, force=force) for node_id, data in downloads.items()]
     if len(doubts) < 2:
         return "".join(doubts)
-    ids = several(map(str, downloads))
+    ids = join_some(map(str, downloads))
     return f"node {node.node_id} ({node.title}) is to download other values to nodes {ids} whenever they boot"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+from dvtcli.operations.exchange.dbc_options import DbcOptions
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.files import Facts
@@ -19,7 +19,7 @@ class Converted:
     source: str
     target: str
     node: str | int | None = None
-    dbc: DbcWishes = field(default_factory=DbcWishes)
+    dbc: DbcOptions = field(default_factory=DbcOptions)
 
 
 class ConversionFormat:

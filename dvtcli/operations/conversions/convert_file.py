@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.operations.conversions.conversion_format import Converted
-from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+from dvtcli.operations.exchange.dbc_options import DbcOptions
 
 if TYPE_CHECKING:
     from dvtcli.operations.conversions.conversion_format import ConversionFormat
@@ -34,7 +34,7 @@ def conversion_formats() -> Mapping[str, ConversionFormat]:
 
 
 def convert_file(
-    session: Session, file: str, target: str, node: str | int | None = None, wishes: DbcWishes | None = None
+    session: Session, file: str, target: str, node: str | int | None = None, wishes: DbcOptions | None = None
 ) -> Facts:
     """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
 
@@ -52,7 +52,7 @@ def convert_file(
     if node is not None and kind.not_of_a_node:
         why, instead = kind.not_of_a_node
         raise UsageError(why, hint=instead)
-    return kind.write(session, Converted(file, target, node, wishes or DbcWishes()))
+    return kind.write(session, Converted(file, target, node, wishes or DbcOptions()))
 
 
 def _format_of(target: str) -> ConversionFormat:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import to_disk, unfinished
 from dvtcli.domain.hint import Action, Hint, as_hint
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.doctor.failed_check import failed
 from dvtcli.operations.results.diagnosis import Check
@@ -84,7 +84,7 @@ def _left_over(folders: Iterable[Path]) -> str:
     found = [path for folder in folders for path in (*unfinished(folder), *unneeded_markers(folder))]
     if not found:
         return ""
-    return f"; files that killed processes left, which harm nobody: {several(map(str, found))}"
+    return f"; files that killed processes left, which harm nobody: {join_some(map(str, found))}"
 
 
 def _journals(folder: Path) -> Check:

@@ -15,7 +15,7 @@ from dvtcli.domain.object_dictionary import ERASED, DeviceInfo
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import must_be_whole, parse_device_file
-from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, note_about, remembered
+from dvtcli.files.device_library.file_notes import FileDescription, KnownFile, about_place, note_about, remembered
 from dvtcli.files.device_library.match import first_of, taken_of
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
 from dvtcli.files.eds.bounds import MOST_BYTES
@@ -93,7 +93,7 @@ def _add(one: Sought, given: Identity | None, *, dry_run: bool) -> AddedFile:
     outcome = REPLACED if target.path.exists() else ADDED
     is_preferred = target in there and first_of(there) == (target, True)  # else it came this moment
     if not dry_run:
-        _keep(target, data, Remembered(one.origin, preferred=is_preferred), dictionary)
+        _keep(target, data, KnownFile(one.origin, preferred=is_preferred), dictionary)
     beside = [kept for kept in there if kept != target]
     first = target if is_preferred else first_of([*beside, target], target)[0]
     return AddedFile(one.shown, outcome, *identity, str(target.path), _beside(target, beside, first))
@@ -157,7 +157,7 @@ def _holds(kept: StoredFile, data: bytes) -> bool:
         return False
 
 
-def _keep(target: StoredFile, data: bytes, known: Remembered, dictionary: ObjectDictionary) -> None:
+def _keep(target: StoredFile, data: bytes, known: KnownFile, dictionary: ObjectDictionary) -> None:
     """Write the file, then the note about it; UsageError where the file cannot be written."""
     where = target.path.parent
     try:
@@ -181,7 +181,7 @@ def put_first(one: StoredFile) -> None:
         raise UsageError(f"{one.path}: {failed.strerror or failed}", place=str(one.path)) from failed
 
 
-def remember(one: StoredFile, known: Remembered, dictionary: ObjectDictionary) -> Described:
+def remember(one: StoredFile, known: KnownFile, dictionary: ObjectDictionary) -> FileDescription:
     """Note what is in *one*, beside what is *known* of it, where a note can be written.
 
     Without one the file is read when it is listed.
@@ -192,15 +192,15 @@ def remember(one: StoredFile, known: Remembered, dictionary: ObjectDictionary) -
     return found
 
 
-def described(dictionary: ObjectDictionary) -> Described:
+def described(dictionary: ObjectDictionary) -> FileDescription:
     """What a file with *dictionary* says of itself."""
     info = dictionary.info
-    return Described(
+    return FileDescription(
         info.vendor_id, info.product_code, info.revision_number, info.vendor_name, info.product_name, len(dictionary)
     )
 
 
-def write_note(one: StoredFile, known: Remembered, found: Described) -> None:
+def write_note(one: StoredFile, known: KnownFile, found: FileDescription) -> None:
     """Note what is *known* of the file and was *found* in it; UsageError where that cannot be written."""
     place = about_place(one)
     try:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ERASED
 from dvtcli.errors import DvtcliError, UsageError
-from dvtcli.files.device_library.file_notes import Described, Remembered, about_place, remembered
+from dvtcli.files.device_library.file_notes import FileDescription, KnownFile, about_place, remembered
 from dvtcli.files.device_library.match import taken_of
 from dvtcli.files.device_library.stored_files import StoredFile, folder, identity_word, stored_file, stored_files
 from dvtcli.operations.eds_library.add_files import described, put_first, remember, write_note
@@ -135,7 +135,7 @@ def problem_of(path: Path) -> str:
     return said if isinstance(said, str) else ""
 
 
-def _said(one: StoredFile) -> Described | str:
+def _said(one: StoredFile) -> FileDescription | str:
     """What is in the file, or why it cannot be read."""
     known = remembered(one)
     try:
@@ -156,7 +156,7 @@ def _row(number: int, one: StoredFile) -> LibraryRow:
     )  # fmt: skip
 
 
-def _describe(one: StoredFile, known: Remembered) -> Described:
+def _describe(one: StoredFile, known: KnownFile) -> FileDescription:
     """What is in the file, read now, and noted for the next time."""
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
 

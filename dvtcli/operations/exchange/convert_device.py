@@ -9,11 +9,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.dictionary_difference import Difference, differences, without_values
+from dvtcli.domain.dictionary_difference import DictionaryDifference, differences, without_values
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import SUFFIX as CONCISE_SUFFIX
 from dvtcli.domain.object_dictionary import Commissioning
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import UsageError
 from dvtcli.files.carried_over import not_held
 from dvtcli.files.device_file import (
@@ -95,15 +95,15 @@ def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
 
 def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:
     """What *after*, a file that ends in *suffix*, does not say as *before* did, each kind once."""
-    found: dict[str, list[Difference]] = {}
+    found: dict[str, list[DictionaryDifference]] = {}
     for one in differences(before, after):
         if one.what not in _BESIDE:
             found.setdefault(one.what, []).append(one)
     return [_said(what, ones, suffix) for what, ones in found.items()]
 
 
-def _said(what: str, ones: list[Difference], suffix: str) -> str:
-    places = several(one.place or "the device" for one in ones)
+def _said(what: str, ones: list[DictionaryDifference], suffix: str) -> str:
+    places = join_some(one.place or "the device" for one in ones)
     named = _WORDS.get(what, what.replace("_", " "))
     why = ""
     if suffix not in VALUE_SUFFIXES and what in _OF_ONE_NODE:

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_state import NodeState
-    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+    from dvtcli.operations.exchange.dbc_options import DbcOptions
     from dvtcli.operations.session.session import Session
 
 
-def export_dbc(session: Session, file: str, wishes: DbcWishes = PLAIN) -> Facts:
+def export_dbc(session: Session, file: str, wishes: DbcOptions = PLAIN) -> Facts:
     """Write the enabled PDOs of the nodes that answer (or of those of `-n`), as they are now, to the DBC *file*.
 
     Asks before it overwrites. NoAnswer where no node answers; UsageError where the file cannot be written.
@@ -43,7 +43,7 @@ def export_dbc(session: Session, file: str, wishes: DbcWishes = PLAIN) -> Facts:
     return _write(session, file, None, state, {}, wishes)
 
 
-def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes = PLAIN) -> Facts:
+def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
     """Write what the nodes of the network file *source* send and hear once it is applied to the DBC *file*.
 
     Asks before it overwrites. Raises as reading a network file does; UsageError where the DBC file cannot be written.
@@ -68,7 +68,7 @@ def _tell_guessed(session: Session, source: str, node: NodeState, *, everything:
         session.tell.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
 
 
-def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes = PLAIN) -> Facts:
+def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
     """Write the PDOs that the SDO transfers in the recording *source* say to the DBC *file*.
 
     Asks before it overwrites. Raises as `recorded_network`; UsageError where the DBC file cannot be written.
@@ -86,7 +86,7 @@ def _write(
     source: str | None,
     state: NetworkState,
     said: Mapping[int, Rules],
-    wishes: DbcWishes,
+    wishes: DbcOptions,
     missing: Sequence[str] = (),
 ) -> Facts:
     found = messages_of(state, said, wishes)
@@ -105,7 +105,7 @@ def _write(
     return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {one}" for one in left_out)))
 
 
-def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcWishes = PLAIN) -> NetworkMessages:
+def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcOptions = PLAIN) -> NetworkMessages:
     """The messages of *state*; *said*, by node-ID, goes before what profiles and files say of values."""
     meanings = {
         one.node_id: meanings_of(one.profile, one.dictionary, [said.get(one.node_id, {})]) for one in state.nodes

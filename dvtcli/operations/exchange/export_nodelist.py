@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.eds.writer import eds_bytes
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
@@ -40,7 +40,8 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
     untold = [str(one.node_id) for one in nodes if not one.dcf]
     if len(untold) == len(nodes):
         raise UsageError(
-            f"no node that answers has an EDS here ({several(untold)}): a nodelist without a DCF says nothing of them",
+            f"no node that answers has an EDS here ({join_some(untold)}): "
+            "a nodelist without a DCF says nothing of them",
             hint=Hint(Action.ADD_EDS, why="keeps one for every node of its kind, then export again"),
         )
     if untold:
@@ -69,5 +70,5 @@ def _listed(
     left_out = [f"{one['object']} left out: {one['why']}" for one in done["left_out"]]
     notes += (f"node {node_id}: {one}" for one in left_out)
     if left_out:
-        said.append(f"node {node_id}: {several(left_out)}")
+        said.append(f"node {node_id}: {join_some(left_out)}")
     return ListedNode(node_id, node.title, name)

@@ -12,7 +12,7 @@ from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish, Want
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
 from dvtcli.domain.profile import BitPolicy
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.operations.exchange.exported_objects import Said, exported_objects, exported_values, exported_watches
 from dvtcli.operations.exchange.exported_pins import exported_pins
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
 
 
-class Described(Protocol):
+class NamedNode(Protocol):
     """A node whose objects may have names."""
 
     @property
@@ -48,7 +48,7 @@ class Described(Protocol):
         ...
 
 
-class Holder(Described, Protocol):
+class PdoHolder(NamedNode, Protocol):
     """What holds PDOs: a node, or a file that says what one holds."""
 
     def identity(self) -> dict[str, int | None]:
@@ -70,10 +70,10 @@ class Exported:
         if not self.left_out:
             return ""
         verb = "is no whole PDO" if len(self.left_out) == 1 else "are no whole PDOs"
-        return f"left out: {several(self.left_out)} {verb}, or multiplexed; the PDOs of the node show what is held"
+        return f"left out: {join_some(self.left_out)} {verb}, or multiplexed; the PDOs of the node show what is held"
 
 
-def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader, said: Said) -> Exported:
+def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader, said: Said) -> Exported:
     """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of the rest.
 
     What is as usual is in it where it is *said*.
@@ -99,19 +99,19 @@ def is_whole(config: PdoConfig) -> bool:
     return config.mpdo is None and not config.inconsistency and has_bits
 
 
-def title_word(holder: Described) -> str:
+def title_word(holder: NamedNode) -> str:
     """The node's name in the file: what its device is called, and its node-ID, so that two of a kind differ."""
     word = re.sub(r"[^a-z0-9_]", "", normalised(holder.title).replace(".", "_"))
     return f"{word}_{holder.node_id}" if word and word[0].isalpha() else f"node_{holder.node_id}"
 
 
-def _identity(holder: Holder) -> WantedIdentity:
+def _identity(holder: PdoHolder) -> WantedIdentity:
     """Which kind of device it is: another one of the same kind may have the file, too."""
     found = holder.identity()
     return WantedIdentity(found["vendor"] or None, found["product"] or None)
 
 
-def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PdoWish:
+def _pdo(holder: PdoHolder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PdoWish:
     held = config.communication
     cob_id = held.cob_id
     named = bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
@@ -130,7 +130,7 @@ def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -
     )
 
 
-def mapped_word(holder: Described, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
+def mapped_word(holder: NamedNode, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
     """The entry by its object's name where that means it alone, else by its number; the other one is its remark."""
     name = "" if holder.dictionary is None else holder.dictionary.display_name(entry.index, entry.sub_index)
     word = "" if entry.is_dummy else _named(holder, name, entry)
@@ -138,7 +138,7 @@ def mapped_word(holder: Described, entry: PdoMappingEntry, remarks: dict[str, st
     return FileWord(word or str(entry))
 
 
-def _named(holder: Described, name: str, entry: PdoMappingEntry) -> str:
+def _named(holder: NamedNode, name: str, entry: PdoMappingEntry) -> str:
     """The name as one word, where the device's file knows the object by it, with the length that is mapped."""
     word = normalised(name)
     if not re.fullmatch(r"[a-z_][a-z0-9_]*", word) or holder.dictionary is None:

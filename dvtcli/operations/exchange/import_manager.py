@@ -16,9 +16,9 @@ from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.network.wanted_state import NodeWish, WantedIdentity
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.profile.library import profile_for_identity, profile_of
-from dvtcli.operations.exchange.booted_node import booted_node
 from dvtcli.operations.exchange.export_network import network_place
 from dvtcli.operations.exchange.exported_node import eds_word
+from dvtcli.operations.exchange.node_from_frames import node_from_frames
 from dvtcli.operations.exchange.written_network import FoundNode, write_found
 from dvtcli.operations.network.described_network import simulated_word
 from dvtcli.operations.network.plan_manager import no_manager
@@ -79,7 +79,7 @@ def import_manager(session: Session, file: str, manager: int) -> Facts:
     unnamed: list[str] = []
     for node_id, downloads in _downloads(session, node, notes):
         device = _device(session, node, node_id, path, notes)
-        exported, unsaid = booted_node(device, downloads)
+        exported, unsaid = node_from_frames(device, downloads)
         dcf = None if device.eds is None else eds_word(device.eds, path)
         wish = replace(exported.wish, identity=device.identity, dcf=dcf)
         notes += _notes(wish, unsaid)

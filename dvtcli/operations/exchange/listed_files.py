@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import read_input
 from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
@@ -27,7 +27,7 @@ def nodelist_in(place: Path) -> Path | None:
         return place
     found = sorted(one for one in place.iterdir() if one.suffix.lower() == SUFFIX) if place.is_dir() else []
     if len(found) > 1:
-        names = several(one.name for one in found)
+        names = join_some(one.name for one in found)
         raise UsageError(f"{place} has several nodelists: {names}", hint=f"name one: {found[0]}")
     return found[0] if found else None
 
@@ -46,7 +46,7 @@ def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
         f"{nodelist.name}: network {one.name or 'without a name'} is left out: one file, one bus" for one in others
     )
     if first.absent:
-        notes.append(f"{nodelist.name}: not present: node {several(map(str, first.absent))}")
+        notes.append(f"{nodelist.name}: not present: node {join_some(map(str, first.absent))}")
     found = []
     for node in first.nodes:
         if node.dcf:

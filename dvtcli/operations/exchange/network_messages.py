@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names
-from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.pdo_signals import pdo_signals
 from dvtcli.operations.exchange.service_messages import service_messages
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
 
 #: how a DBC file is without any wishes
-PLAIN = DbcWishes()
+PLAIN = DbcOptions()
 #: what a CAN frame carries at most (bits)
 _MOST_BITS = 64
 #: so that `_TPDO512` fits behind a node's name
@@ -53,7 +53,7 @@ class NetworkMessages:
 
 
 def network_messages(
-    state: NetworkState, meanings: Mapping[int, Meanings], wishes: DbcWishes = PLAIN
+    state: NetworkState, meanings: Mapping[int, Meanings], wishes: DbcOptions = PLAIN
 ) -> NetworkMessages:
     """The enabled PDOs of *state*, one message a CAN-ID; *meanings*, by node-ID, says what their objects' values mean.
 

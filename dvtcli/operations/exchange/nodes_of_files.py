@@ -12,7 +12,7 @@ from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
 from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class _Described:
+class _FileNode:
     """A node as its EDS, DCF, XDD or XDC, *path*, has it."""
 
     path: Path
@@ -70,11 +70,11 @@ def nodes_of_files(folder: Path, path: Path, notes: list[str]) -> Iterator[Found
         yield _of_file(one, path, notes)
 
 
-def _of_file(one: _Described, path: Path, notes: list[str]) -> FoundNode:
+def _of_file(one: _FileNode, path: Path, notes: list[str]) -> FoundNode:
     held: dict[Pdo, PdoConfig] = {}
     lacked = _lacked(one)
     if lacked:
-        labels = several(pdo.label for pdo in lacked)
+        labels = join_some(pdo.label for pdo in lacked)
         notes.append(f"node {one.node_id}: {labels} left out: no value was read of it when {one.path.name} was made")
     for pdo in present_pdos(one.values, one.dictionary):
         if pdo in lacked:
@@ -91,7 +91,7 @@ def _of_file(one: _Described, path: Path, notes: list[str]) -> FoundNode:
     return FoundNode(replace(found, wish=wish), held, one.values)
 
 
-def _not_taken(one: _Described, wish: NodeWish) -> Iterator[str]:
+def _not_taken(one: _FileNode, wish: NodeWish) -> Iterator[str]:
     """How many values that can be set *one* has besides those in *wish*: a network file is no whole device."""
     taken = {f"{value.index:04X}:{value.sub_index:02X}" for value in wish.objects}
     taken |= {value.object.text for value in wish.values}
@@ -106,7 +106,7 @@ def _not_taken(one: _Described, wish: NodeWish) -> Iterator[str]:
         return
     defaults = Defaults(one.dictionary, one.node_id)
     unlike = [entry.object for entry in left if _default(defaults, entry) != entry.initial(one.node_id)]
-    which = f"{len(unlike)} not as by default ({several(unlike)})" if unlike else "all as by default"
+    which = f"{len(unlike)} not as by default ({join_some(unlike)})" if unlike else "all as by default"
     yield (
         f"node {one.node_id}: {plural(len(left), 'other value')} of {one.path.name} left out, {which}: "
         "apply that file itself to write what of it is configuration"
@@ -120,7 +120,7 @@ def _default(defaults: Defaults, entry: OdEntry) -> bytes | None:
         return None
 
 
-def _lacked(one: _Described) -> list[Pdo]:
+def _lacked(one: _FileNode) -> list[Pdo]:
     """PDOs that the EDS lists and of which the device told nothing when a DCF was made of it: it may lack them.
 
     Of files that others made a value that is not there is the default (CiA 306).
@@ -138,7 +138,7 @@ def _read(path: Path) -> ObjectDictionary:
     return dictionary
 
 
-def _described(folder: Path, notes: list[str]) -> list[_Described]:
+def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
     """The nodes of the EDS and DCF files of *folder*, each with its own node-ID, or the next that is free.
 
     Where *folder* is a nodelist, or has one, what that names.
@@ -146,7 +146,7 @@ def _described(folder: Path, notes: list[str]) -> list[_Described]:
     if (nodelist := nodelist_in(folder)) is not None:
         listed = listed_files(nodelist, notes)
         read = [(one, _read(one.path)) for one in listed]
-        return [_Described(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
+        return [_FileNode(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
     try:
         paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES)
     except OSError as failed:
@@ -166,5 +166,5 @@ def _described(folder: Path, notes: list[str]) -> list[_Described]:
             raise UsageError(f"{folder} has {len(paths)} files, a network has 127 nodes")
         ids[path] = free
         notes.append(f"{path.name} names no node-ID of its own: it is node {free}")
-    found = [_Described(path, ids[path], one, profile_of(one)) for path, one in dictionaries.items()]
+    found = [_FileNode(path, ids[path], one, profile_of(one)) for path, one in dictionaries.items()]
     return sorted(found, key=lambda one: one.node_id)

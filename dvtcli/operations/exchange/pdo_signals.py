@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.network.network_state import NodeState
     from dvtcli.domain.object_dictionary import OdEntry
-    from dvtcli.domain.physical import Physical
+    from dvtcli.domain.scaling import Scaling
     from dvtcli.files.dbc_text import Names
 
 _WHOLE = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
@@ -89,7 +89,7 @@ def _raw_limits(
 
 
 def _physical(
-    raw: tuple[float, float] | None, meaning: Physical
+    raw: tuple[float, float] | None, meaning: Scaling
 ) -> tuple[Fraction | float | None, Fraction | float | None]:
     """Limits are scaled as values are; a negative factor turns them round."""
     if raw is None:
@@ -98,7 +98,7 @@ def _physical(
     return ends[0], ends[1]
 
 
-def _comment(field: Field, kind: DataType | None, name: str, meaning: Physical) -> str:
+def _comment(field: Field, kind: DataType | None, name: str, meaning: Scaling) -> str:
     """The object, its type, its whole name, and the names of its bits."""
     entry = field.entry
     what = " ".join(filter(None, (f"0x{entry.index:04X}:{entry.sub_index:02X}", kind.short if kind else "", name)))

@@ -9,7 +9,7 @@ from dvtcli.device.read_pdos import WHATEVER, read_identity, read_pdo
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
 from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
 
@@ -140,7 +140,7 @@ def _follow(path: Path, followed: _Followed) -> None:
         if not one.error and not one.fd and followed.take(one.frame):
             channels.add(one.channel)
     if len(channels) > 1:
-        named = several(sorted(channels))
+        named = join_some(sorted(channels))
         hint = "record each bus into a file of its own"
         raise UsageError(f"{path} has SDO transfers of several channels ({named}): two buses?", hint=hint)
 

@@ -69,9 +69,9 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
 
 def _errors(file: str) -> int:
     """How many errors `check` finds in the file that was written: of what devices hold not all can be written again."""
-    from dvtcli.operations.network.check_networks import CheckWishes, check_networks
+    from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
-    (report,) = check_networks((file,), CheckWishes(as_findings=True)).reports
+    (report,) = check_networks((file,), CheckOptions(as_findings=True)).reports
     return report.count()["error"]
 
 

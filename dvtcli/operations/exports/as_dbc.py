@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.files.dbc_text import SUFFIX
-from dvtcli.operations.exports.export_format import ExportFormat, Wanted
+from dvtcli.operations.exports.export_format import ExportFormat, ExportRequest
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -19,7 +19,7 @@ class DbcExport(ExportFormat):
     is_of_all = True
     has_wishes = True
 
-    def write(self, session: Session, file: str, wanted: Wanted) -> Facts:
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it, as `export_dbc` does."""
         from dvtcli.operations.exchange.export_dbc import export_dbc
 

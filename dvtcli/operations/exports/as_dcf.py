@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.files.device_file import VALUE_SUFFIXES
-from dvtcli.operations.exports.export_format import ExportFormat, Wanted
+from dvtcli.operations.exports.export_format import ExportFormat, ExportRequest
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -18,7 +18,7 @@ class DcfExport(ExportFormat):
     suffixes = VALUE_SUFFIXES
     reads_twice = True
 
-    def write(self, session: Session, file: str, wanted: Wanted) -> Facts:
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it, as `export_dcf` does."""
         from dvtcli.operations.whole_device.export_dcf import export_dcf
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.operations.exports.export_format import ExportFormat, Wanted
+from dvtcli.operations.exports.export_format import ExportFormat, ExportRequest
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -16,7 +16,7 @@ class NetworkFileExport(ExportFormat):
 
     suffixes = (".yaml", ".yml")
 
-    def write(self, session: Session, file: str, wanted: Wanted) -> Facts:
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it, as `export_node` does; UsageError for another suffix."""
         from dvtcli.operations.exchange.export_network import export_node
 

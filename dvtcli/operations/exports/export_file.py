@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
-from dvtcli.operations.exchange.dbc_wishes import DbcWishes
-from dvtcli.operations.exports.export_format import Wanted
+from dvtcli.operations.exchange.dbc_options import DbcOptions
+from dvtcli.operations.exports.export_format import ExportRequest
 
 if TYPE_CHECKING:
     from dvtcli.operations.exports.export_format import ExportFormat
@@ -38,7 +38,7 @@ def is_of_all_nodes(file: str) -> bool:
 
 
 def export_file(
-    session: Session, file: str, node_id: int | None = None, *, twice: bool = False, wishes: DbcWishes | None = None
+    session: Session, file: str, node_id: int | None = None, *, twice: bool = False, wishes: DbcOptions | None = None
 ) -> Facts:
     """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, a DCF or an XDC.
 
@@ -54,10 +54,10 @@ def export_file(
         )
     if twice and not kind.reads_twice:
         raise UsageError("--twice is for a DCF or XDC", hint=Hint(Action.EXPORT, {"file": "NAME.dcf", "twice": True}))
-    return kind.write(session, file, Wanted(node_id, twice, wishes or DbcWishes()))
+    return kind.write(session, file, ExportRequest(node_id, twice, wishes or DbcOptions()))
 
 
-def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcWishes | None = None) -> Facts:
+def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcOptions | None = None) -> Facts:
     """Write all nodes that answer, or those of `-n`, to *file*: a nodelist with a DCF of each beside it, or a DBC file.
 
     *twice* and *wishes*, and what is raised for them, as of `export_file`. NoAnswer where no node answers.

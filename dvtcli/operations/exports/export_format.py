@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+from dvtcli.operations.exchange.dbc_options import DbcOptions
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ExportRequest:
     """What is to be exported: the node with *node_id* (None: the selected one, or all), read *twice*; a *dbc* how."""
 
     node_id: int | None = None
     twice: bool = False
-    dbc: DbcWishes = field(default_factory=DbcWishes)
+    dbc: DbcOptions = field(default_factory=DbcOptions)
 
 
 class ExportFormat:
@@ -36,7 +36,7 @@ class ExportFormat:
         if "suffixes" not in vars(cls):
             raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".yaml",)')
 
-    def write(self, session: Session, file: str, wanted: Wanted) -> Facts:
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write what is *wanted*, the node or all that answer or are meant by -n, to *file*.
 
         It asks before it overwrites. What is not in the file stands in the answer's row `left_out`.

@@ -11,7 +11,7 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.explained import FrameExplained
-from dvtcli.watch.explain.frame_parts import Described, frame_parts
+from dvtcli.watch.explain.frame_parts import KnownNode, frame_parts
 from dvtcli.watch.layout_fit import doubts
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def explain_frame(
     return explained(frame, decoder, described_nodes(session, file))
 
 
-def explained(frame: Frame, decoder: Decoder, described: Callable[[int], Described]) -> FrameExplained:
+def explained(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNode]) -> FrameExplained:
     """*frame* with every bit named, by what *decoder* and *described*(node-ID) know."""
     service = decoder.layout(frame).service
     return FrameExplained(
@@ -54,36 +54,36 @@ def explained(frame: Frame, decoder: Decoder, described: Callable[[int], Describ
     )
 
 
-def described_nodes(session: Session, file: str | None = None) -> Callable[[int], Described]:
+def described_nodes(session: Session, file: str | None = None) -> Callable[[int], KnownNode]:
     """Who says what is known of a node, by node-ID: the node itself, if it was met, else --eds, else the network file.
 
     Asks no node.
     """
     known = _network_nodes(file) if file is not None and Path(file).suffix.lower() in _NETWORK else {}
-    offline: list[Described] = []
+    offline: list[KnownNode] = []
     if session.base.eds is not None:
         from dvtcli.operations.opening.device_files import offline_dictionaries
 
-        offline = [Described(one, meanings_of(profile, one)) for one, profile in offline_dictionaries(session.base)]
-    nobody = Described(None, meanings_of(None, None))
+        offline = [KnownNode(one, meanings_of(profile, one)) for one, profile in offline_dictionaries(session.base)]
+    nobody = KnownNode(None, meanings_of(None, None))
 
-    def described(node_id: int) -> Described:
+    def described(node_id: int) -> KnownNode:
         node = session.network.nodes.get(node_id) if session.is_open else None
         if node is not None and node_id not in known:
-            known[node_id] = Described(node.dictionary, meanings_of(node.profile, node.dictionary))
+            known[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
         return known.get(node_id) or next(iter(offline), nobody)
 
     return described
 
 
-def _network_nodes(file: str) -> dict[int, Described]:
+def _network_nodes(file: str) -> dict[int, KnownNode]:
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.wanted.network_wish import read_wish
 
     own = rules_by_node(read_wish(file).nodes)
     return {
-        node.node_id: Described(
+        node.node_id: KnownNode(
             node.dictionary, meanings_of(node.profile, node.dictionary, [own.get(node.node_id, {})])
         )
         for node in described_network(file).nodes

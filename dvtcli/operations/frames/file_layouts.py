@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_state import NodeState
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
     from dvtcli.watch.decoder import Address, Layout
 
 _NETWORK = (".yaml", ".yml")
 
 
-def file_layouts(file: str, tell: Teller) -> Mapping[Address, Layout]:
+def file_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
     """The layouts in *file*, a network file by its suffix, else a DBC file; errors as those of reading either.
 
     *tell* is told which names in a network file nothing says the objects of, so that frames with them stay bytes.
@@ -29,7 +29,7 @@ def file_layouts(file: str, tell: Teller) -> Mapping[Address, Layout]:
     return _network_layouts(file, tell)
 
 
-def _network_layouts(file: str, tell: Teller) -> Mapping[Address, Layout]:
+def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
     """What the nodes of the network *file* send and hear once it is applied, with what it says of their values.
 
     What the file itself says goes before what is only the default of a node's file.

@@ -39,7 +39,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
 def _own_decoder(session: Session, path: Path) -> Decoder:
     """The mapping that the SDO transfers in the recording at *path* carry; it knows nothing where there are none."""
-    from dvtcli.domain.several import several
+    from dvtcli.domain.several import join_some
     from dvtcli.operations.exchange.recorded_network import recorded_network
     from dvtcli.operations.meanings.physical_meanings import meanings_of
     from dvtcli.watch.decoder import Decoder, pdo_layouts
@@ -52,8 +52,8 @@ def _own_decoder(session: Session, path: Path) -> Decoder:
     for node in state.nodes:
         meanings = meanings_of(node.profile, node.dictionary)
         decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings, f"what {path.name} itself tells"))
-    names = several(f"{pdo.label} of node {node.node_id}" for node in state.nodes for pdo in node.pdos)
-    left = f"; not {several(missing)}" if missing else ""
+    names = join_some(f"{pdo.label} of node {node.node_id}" for node in state.nodes for pdo in node.pdos)
+    left = f"; not {join_some(missing)}" if missing else ""
     session.tell.note(f"by the SDO transfers in {path.name} itself: {names}{left}")
     return decoder
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.frame_filter import FrameFilter, frame_filter
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.operations.frames.known_parties import KnownParties
@@ -21,7 +21,7 @@ from dvtcli.watch.frame_effect import effects
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
-    from dvtcli.files.recording import Recorded
+    from dvtcli.files.recording import RecordedFrame
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
 
@@ -156,7 +156,7 @@ class _Part:
                 hint=Hint(Action.DECODE, {"file": self._path}, "shows what it holds"),
             )
         if self._choice.channel is None and len(found.channels) > 1:
-            named = several(sorted(found.channels))
+            named = join_some(sorted(found.channels))
             raise UsageError(
                 f"{self._path.name} has frames of several channels: {named}",
                 hint=Hint(Action.GIVE, {"from_channel": min(found.channels)}, "chooses one")
@@ -199,14 +199,14 @@ class _Part:
             else:
                 yield one.frame, one.channel
 
-    def _cannot(self, one: Recorded) -> str:
+    def _cannot(self, one: RecordedFrame) -> str:
         if one.error:
             return "error frames"
         if one.fd:
             return "CAN FD frames"
         return "remote frames, which the bus does not carry" if one.frame.remote and not self._remote else ""
 
-    def _unmeant(self, one: Recorded, at_s: float) -> str:
+    def _unmeant(self, one: RecordedFrame, at_s: float) -> str:
         choice = self._choice
         if choice.channel not in (None, ALL, one.channel):
             return "frames of other channels"
@@ -263,7 +263,7 @@ def _ask(session: Session, path: Path, choice: Choice, found: _Found, rows: Sequ
         session.tell.note(Hint(Action.GIVE, {"dry_run": True}, more))
     asked = [row for row in rows if row.effects]
     if asked:
-        said = several(row.what for row in asked)
+        said = join_some(row.what for row in asked)
         often = f" {choice.loops} times" if choice.loops > 1 else ""
         session.consent(
             f"nodes act on {sum(row.count for row in asked)} of {found.count} frames of {path.name} ({said}); "

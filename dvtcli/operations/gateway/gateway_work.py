@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from dvtcli.domain.gateway.requests import Request
+    from dvtcli.operations.gateway.gateway_reporter import GatewayReporter
     from dvtcli.operations.gateway.line_client import LineClient
-    from dvtcli.operations.gateway.unattended import Unattended
     from dvtcli.operations.nodes.command_nmt import BegunReset
     from dvtcli.operations.session.session import Session
 
@@ -44,7 +44,7 @@ WAITING_S, SILENT_S = 5.0, 10.0
 class GatewayWork:
     """Carries requests out on *session*; changes only where *allow_changes* says so; *tell* hears what was changed."""
 
-    def __init__(self, session: Session, tell: Unattended, *, allow_changes: bool) -> None:
+    def __init__(self, session: Session, tell: GatewayReporter, *, allow_changes: bool) -> None:
         self._session, self._tell = session, tell
         self._allow_changes = allow_changes
         self._lss = LssLines(session, allow_changes=allow_changes)

@@ -25,9 +25,9 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.node_events import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 from dvtcli.operations.gateway.client_orders import NET
+from dvtcli.operations.gateway.gateway_reporter import GatewayReporter
 from dvtcli.operations.gateway.gateway_work import GatewayWork
 from dvtcli.operations.gateway.line_client import MOST_LINES, LineClient
-from dvtcli.operations.gateway.unattended import Unattended
 from dvtcli.operations.opening.serve import address, is_loopback
 from dvtcli.operations.results import Facts
 from dvtcli.simulator.network.hub import Address, Hub
@@ -76,7 +76,7 @@ def gateway(
                 hint=Hint(Action.GIVE, {"listen": "127.0.0.1:60000"}, "{}, and ssh -L for who sits elsewhere"),
             )
     bus = session.open_network().bus
-    tell, unattended = session.tell, Unattended(session.tell, told)
+    tell, unattended = session.tell, GatewayReporter(session.tell, told)
     session.tell = unattended
     served: Gateway | None = None
     work = GatewayWork(session, unattended, allow_changes=allow_changes)
@@ -169,7 +169,7 @@ class Gateway:
         where: Sequence[Address],
         work: GatewayWork,
         dialect: Dialect,
-        tell: Unattended,
+        tell: GatewayReporter,
         *,
         any_user: bool,
     ) -> None:

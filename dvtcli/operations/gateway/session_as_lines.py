@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters, plan_pdo
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import UsageError
 from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
 from dvtcli.operations.results import Facts
@@ -40,7 +40,7 @@ def save_lines(session: Session, file: str) -> Facts:
     plan = NetworkPlan("what this session changed", tuple(sorted(nodes, key=lambda one: one.node_id)))
     ask_before_overwriting(session, path)
     make_file(session, path, plan_as_lines(session, plan, stores))
-    shown = several(f"node {one.node_id}" for one in plan.nodes)
+    shown = join_some(f"node {one.node_id}" for one in plan.nodes)
     counted = plural(plan.writes, "SDO download")
     said = Hint(Action.RUN, {"file": file}, f"{verbatim(file)}: {counted} for {shown}. Run it: {{}}")
     return Facts("save", (("file", file), ("commands", plan.writes)), (said,))

@@ -16,12 +16,12 @@ from dvtcli.domain.learning.storage import RESTORE, STORE
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.known_devices.learnt_compared import is_advice, said
 from dvtcli.operations.opening.simulated_nodes import family_named
-from dvtcli.operations.whole_device.look_through import look_through
+from dvtcli.operations.whole_device.read_whole_device import read_every_object
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.learning.learnt_value import Conclusions
-    from dvtcli.domain.learning.probe_table import Known
+    from dvtcli.domain.learning.probe_table import KnownAnswers
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.files.learnt_folder import Origin
     from dvtcli.files.sim_state import Values
@@ -78,7 +78,7 @@ def values_found(session: Session, node: Node) -> Values:
     """
     if node.dictionary is None:
         return {}
-    looked = look_through(session, node, only=lambda one, _known: one.entry.data_type not in (None, DOMAIN))
+    looked = read_every_object(session, node, only=lambda one, _known: one.entry.data_type not in (None, DOMAIN))
     held = values_of(looked.objects)
     return {
         place: data
@@ -93,7 +93,7 @@ def save_learnt(
     name: str,
     learnt: Conclusions,
     pdos: Mapping[Pdo, PdoConfig],
-    known: Sequence[Known],
+    known: Sequence[KnownAnswers],
     values: Values,
 ) -> tuple[str, ...]:
     """Write what was *learnt* as *name*; the files. Without an EDS one is made of *pdos*, and what is *known* of them.
@@ -146,7 +146,9 @@ def _take_up(session: Session) -> None:
         node.profile = as_file_says(session.network.files.profile(node_id), node.dictionary)
 
 
-def _described(node: Node, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known]) -> str:
+def _described(
+    node: Node, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]
+) -> str:
     """An EDS of what was read of *node*, for which no file is known."""
     from dvtcli.device.learn.read_device import read_device
     from dvtcli.domain.learning.read_dictionary import described

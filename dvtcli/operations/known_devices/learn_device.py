@@ -22,7 +22,7 @@ from dvtcli.domain.learning.forecast import forecast, most_until_refused, most_w
 from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.learning.storage import not_asked, storage_for_family, storage_for_profile
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, stopped_node
 from dvtcli.operations.known_devices.keep_learnt import refuse_name, refuse_other, save_learnt, values_found
 from dvtcli.operations.known_devices.learnt_compared import differences, profile_to_compare
@@ -30,11 +30,11 @@ from dvtcli.operations.results import LearnForecast, LearntDevice
 
 if TYPE_CHECKING:
     from dvtcli.device.learn.safely import Asked
-    from dvtcli.device.learn.saving import Saved
+    from dvtcli.device.learn.saving import SignatureAnswers
     from dvtcli.device.node import Node
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.learning.absence import Absence
-    from dvtcli.domain.learning.probe import Answer, Probe, Subject
+    from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbedPdo
     from dvtcli.domain.learning.storage import Storage
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session import Session
@@ -52,10 +52,10 @@ class _Prepared:
     """
 
     node: Node
-    found: Found
+    found: InitialState
     pdos: Mapping[Pdo, PdoConfig]
-    subjects: list[Subject]
-    instead: list[Subject]
+    subjects: list[ProbedPdo]
+    instead: list[ProbedPdo]
     probes: list[Probe]
     limit: int
     storage: Storage
@@ -121,7 +121,7 @@ def learn(
     )  # fmt: skip
 
 
-def _claimed(node: Node) -> Found:
+def _claimed(node: Node) -> InitialState:
     """The node as it was found, which no other dvtcli writes to now; SafetyRefusal where it cannot be asked."""
     found = node.begin_change()
     if found.state is NmtState.STOPPED:
@@ -178,7 +178,7 @@ def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool)
     return _Prepared(node, found, pdos, asked, instead, probes, limit, storage, isolated, tuple(saves))
 
 
-def _most_instead(subject: Subject, instead: Sequence[Subject], *, isolated: bool) -> list[int]:
+def _most_instead(subject: ProbedPdo, instead: Sequence[ProbedPdo], *, isolated: bool) -> list[int]:
     """How many downloads there are at most if another PDO of that direction is asked instead of *subject*."""
     others = [one for one in instead if one.pdo.direction is subject.pdo.direction]
     return [most_writes(one, forecast(one, isolated=isolated)) + most_until_refused(subject) for one in others]
@@ -190,15 +190,15 @@ def _consent(session: Session, prepared: _Prepared) -> None:
     is_operational = prepared.found.state is NmtState.OPERATIONAL
     if prepared.saves:
         require_storable(node, force=session.options.force)
-    labels = several(subject.pdo.label for subject in prepared.subjects)
+    labels = join_some(subject.pdo.label for subject in prepared.subjects)
     enabled = [subject.pdo.label for subject in prepared.subjects if subject.held.enabled]
     verb = "is" if len(enabled) == 1 else "are"
     others = [subject.pdo.label for subject in prepared.instead]
     while_off = ", off meanwhile" if any(subject.held.enabled for subject in prepared.instead) else ""
     parts = [
         f"{labels} of node {node.node_id} will be written up to {prepared.limit} times and put back",
-        f"{several(others)} instead{while_off}, if an entry of 0 cannot be put back" if others else "",
-        f"{several(enabled)} {verb} enabled, and off meanwhile" if enabled else "",
+        f"{join_some(others)} instead{while_off}, if an entry of 0 cannot be put back" if others else "",
+        f"{join_some(enabled)} {verb} enabled, and off meanwhile" if enabled else "",
         prepared.storage.wears,
         _saving_text(prepared),
         "the node is OPERATIONAL, will be PRE-OPERATIONAL meanwhile, and OPERATIONAL again after that"
@@ -214,19 +214,19 @@ def _saving_text(prepared: _Prepared) -> str:
     """What --with-store does, in words; empty without it."""
     if not prepared.saves:
         return ""
-    unstored = several(prepared.node.pending.unstored)
+    unstored = join_some(prepared.node.pending.unstored)
     what = f"what it holds now, {unstored} with it," if unstored else "what it holds now"
     place = prepared.saves[0].label
     return f'0x{place} is written twice: a wrong signature, then "save": {what} is what it comes up with after that'
 
 
-def _note_saved(node: Node, saved: Saved) -> None:
+def _note_saved(node: Node, saved: SignatureAnswers) -> None:
     """Changes of this session that were saved are no longer pending."""
     if saved.sub_index is not None:
         mark_stored(node, node.pending.was_stored(saved.sub_index, len(node.history)))
 
 
-def _answers(asked: Asked, storage: Storage) -> list[Answer]:
+def _answers(asked: Asked, storage: Storage) -> list[ProbeAnswer]:
     """What the node answered about its PDOs, and about saving, if it was told to save."""
     about_pdos = [answer for one in asked.known for answer in one.answers.values()]
     return [*about_pdos, *(asked.saved.answers or not_asked(storage, "only if a store is allowed"))]

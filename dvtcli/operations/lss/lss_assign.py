@@ -10,7 +10,7 @@ from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
 from dvtcli.operations.lss.lss_identity import Identity, in_words, who_is_there
@@ -69,7 +69,7 @@ def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> li
         raise UsageError(f"{file}: no node has an identity, by which LSS could find it", hint=hint)
     others = [f"{wish.name} ({wish.node_id})" for wish in nodes if wish not in wishes]
     if others:
-        session.tell.note(f"no identity in {file}, left alone: {several(others)}")
+        session.tell.note(f"no identity in {file}, left alone: {join_some(others)}")
     return wishes
 
 

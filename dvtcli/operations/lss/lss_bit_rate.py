@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BIT_TIMINGS
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import lss_bus
 from dvtcli.operations.lss.lss_node_id import told_id
@@ -38,7 +38,7 @@ def lss_bit_rate(
     looks at the interface and the file, and sends nothing.
     """
     if bit_rate not in BIT_TIMINGS:
-        known = several([str(rate) for rate in BIT_TIMINGS])
+        known = join_some([str(rate) for rate in BIT_TIMINGS])
         raise UsageError(f"LSS knows no bit rate {bit_rate}", hint=f"the standard's are {known}")
     bus = lss_bus(session)
     before = _way_back(bus, bit_rate)

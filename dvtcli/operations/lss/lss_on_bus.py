@@ -12,7 +12,7 @@ from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import ANSWER_ID, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
 from dvtcli.operations.lss.lss_identity import Identity, who_is_there
@@ -66,10 +66,11 @@ def _refuse_others(file: str, there: Collection[int]) -> None:
 
     wanted = {wish.node_id: wish.name for wish in read_wish(file).nodes}
     if others := [f"node {node_id}" for node_id in there if node_id not in wanted]:
-        raise SafetyRefusal(f"{several(others)} on the bus, and not in {file}", hint="take it off, or into the file")
+        raise SafetyRefusal(f"{join_some(others)} on the bus, and not in {file}", hint="take it off, or into the file")
     if missing := [f"{name} ({node_id})" for node_id, name in wanted.items() if node_id not in there]:
         raise SafetyRefusal(
-            f"not on the bus, but in {file}: {several(missing)}", hint=Hint(Action.FIND_NODES, why="shows who is there")
+            f"not on the bus, but in {file}: {join_some(missing)}",
+            hint=Hint(Action.FIND_NODES, why="shows who is there"),
         )
 
 
@@ -79,11 +80,11 @@ def _refuse_running(session: Session, bus: CanopenBus, there: Collection[int]) -
     unknown = [f"node {node_id}" for node_id, state in states.items() if state is None]
     if unknown:
         session.tell.warning(
-            f"{several(unknown)}: no heartbeat says whether it is OPERATIONAL; the machine must stand still"
+            f"{join_some(unknown)}: no heartbeat says whether it is OPERATIONAL; the machine must stand still"
         )
     if running:
         raise SafetyRefusal(
-            f"OPERATIONAL: {several(running)}",
+            f"OPERATIONAL: {join_some(running)}",
             hint=Hint(Action.ENTER_PRE_OPERATIONAL, {"node": "all"}, "{}, once the machine stands still"),
         )
 

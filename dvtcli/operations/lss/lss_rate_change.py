@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
 from dvtcli.operations.lss.lss_find import lss_bus, selected
 from dvtcli.operations.lss.lss_identity import require_on
@@ -250,4 +250,4 @@ def _with_details(error: LeftChanged, failed: DvtcliError) -> LeftChanged:
 
 def names(nodes: Sequence[LssGiven]) -> str:
     """Who *nodes* are, in words."""
-    return several([str(one.address) if one.node_id == UNCONFIGURED else f"node {one.node_id}" for one in nodes])
+    return join_some([str(one.address) if one.node_id == UNCONFIGURED else f"node {one.node_id}" for one in nodes])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import PARTS, LssAddress
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import NoAnswer, SafetyRefusal
 from dvtcli.operations.lss.lss_find import selected
 from dvtcli.operations.lss.lss_node_id import told_id
@@ -43,7 +43,7 @@ def to_store(
     master.let_wait()
     if out_of_reach:
         session.tell.warning(
-            f"not told to store, since LSS does not reach them: {several(out_of_reach)}; "
+            f"not told to store, since LSS does not reach them: {join_some(out_of_reach)}; "
             "whether they keep their node-IDs is set in their makers' ways"
         )
     return kept

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from dvtcli.operations.lss.lss_find import selected
 from dvtcli.operations.lss.lss_node_id import answering_now, take_back, told_id
@@ -41,7 +41,7 @@ def store_all(
             refused = isinstance(failed, DeviceRefused)
             failed.details.append(("refused" if refused else "silent", _who(one)))
             if stored:
-                failed.details.append(("stored", several([_who(other) for other in stored])))
+                failed.details.append(("stored", join_some([_who(other) for other in stored])))
             if one in kept:
                 raise _partly_stored(bus, master, stored, everybody, steps, failed) from failed
             doubtful = [] if refused else [one]
@@ -57,9 +57,11 @@ def prove_all(session: Session, master: LssMaster, stored: Sequence[LssGiven]) -
             proved.append(prove_by_reset(session, master, one))
         except DvtcliError as failed:
             if proved:
-                failed.details.append(("proved", several([_who(other) for other in proved])))
+                failed.details.append(("proved", join_some([_who(other) for other in proved])))
             if stored[number:]:
-                failed.details.append(("stored", f"{several([_who(other) for other in stored[number:]])}, not proved"))
+                failed.details.append(
+                    ("stored", f"{join_some([_who(other) for other in stored[number:]])}, not proved")
+                )
             raise
     return proved
 
@@ -120,7 +122,7 @@ def _partly_stored(
         error.details += failed.details
         error.hint = store_again([one.node_id for one in others], "before the power goes: the same words again, or")
     error.details.append(
-        ("unknown", f"{several(one.name for one in others)} may have another node-ID after the next power-on")
+        ("unknown", f"{join_some(one.name for one in others)} may have another node-ID after the next power-on")
     )
     return error
 
@@ -139,8 +141,8 @@ def _unstored(
             left.append(f"{_who(one)} may have node-ID {one.node_id} stored: {stuck.text}")
     if error is failed and not left:
         failed.state = "rolled_back"
-        again = f"; {several([one.name for one in stored])} stored that again" if stored else ""
-        again += f"; {several([one.name for one in kept])} stored what it had" if kept else ""
+        again = f"; {join_some([one.name for one in stored])} stored that again" if stored else ""
+        again += f"; {join_some([one.name for one in kept])} stored what it had" if kept else ""
         failed.state_text = f"all have the node-IDs they had before{again}; nobody keeps a new one"
         failed.hint = Hint(
             Action.GIVE, {"store": True}, "the same words without {} give the new node-IDs, until the power goes"

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.meanings import NOTHING, Understood
-from dvtcli.domain.several import few_bytes
+from dvtcli.domain.meanings import NOTHING, ScaledValue
+from dvtcli.domain.several import hex_preview
 from dvtcli.errors import SdoProtocolError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.values import ValueRead
@@ -34,7 +34,7 @@ def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
     return BY_SHORT_NAME["vs" if index in _STRINGS else _BY_SIZE.get(size, "os")]
 
 
-def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, Understood]:
+def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
     """What the values of the objects in *sizes* (printed form, and how many bytes) mean, where somebody says."""
     meanings = meanings_of(node.profile, node.dictionary)
     found = {}
@@ -42,7 +42,7 @@ def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, Understood]:
         index, sub_index = (int(part, 16) for part in place.split(":"))
         meaning, kind = meanings.of(index, sub_index), type_of(node, index, sub_index, size)
         if meaning.says or kind.kind in _NEEDS_TYPE or _is_count(node, index, sub_index):
-            found[place] = Understood(kind, meaning)
+            found[place] = ScaledValue(kind, meaning)
     return found
 
 
@@ -59,9 +59,9 @@ def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
     try:
         value = kind.decode(data)
     except ValueError:
-        return few_bytes(data)
+        return hex_preview(data)
     if isinstance(value, bytes):
-        return few_bytes(data)
+        return hex_preview(data)
     return meanings_of(node.profile, node.dictionary).of(index, sub_index).text(value, 8 * len(data)) or str(value)
 
 

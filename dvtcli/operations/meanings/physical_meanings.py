@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.domain.physical import Physical
     from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.domain.scaling import Scaling
 
 #: a number as many countries write it
 _DECIMAL_COMMA = re.compile(r"[+-]?\d{1,30},\d{1,30}[^\d,]*")
@@ -34,12 +34,12 @@ def meanings_of(
     return Meanings((*more, *family), standards(), dictionary, only_described=True)
 
 
-def meaning_of(node: Node, index: int, sub_index: int) -> Physical:
+def meaning_of(node: Node, index: int, sub_index: int) -> Scaling:
     """What the values of one object of *node* mean."""
     return meanings_of(node.profile, node.dictionary).of(index, sub_index)
 
 
-def _is_understood(kind: DataType, meaning: Physical, text: str) -> bool:
+def _is_understood(kind: DataType, meaning: Scaling, text: str) -> bool:
     try:
         typed_bytes(kind, meaning, text)
     except ValueError:
@@ -47,13 +47,13 @@ def _is_understood(kind: DataType, meaning: Physical, text: str) -> bool:
     return True
 
 
-def _bit_words(meaning: Physical, kind: DataType) -> str:
+def _bit_words(meaning: Scaling, kind: DataType) -> str:
     """Which words stand for which bits, of an object whose number is made of bits."""
     digits = (kind.bits or 8) // 4
     return ", ".join(f"{one.text} is 0x{one.bits:0{digits}X}" for one in meaning.states)
 
 
-def typed_bytes(kind: DataType, meaning: Physical, text: str) -> bytes:
+def typed_bytes(kind: DataType, meaning: Scaling, text: str) -> bytes:
     """The bytes of what a person types: a number with its unit or a word of *meaning*, else as *kind* reads it.
 
     ValueError where it fits neither.
@@ -62,7 +62,7 @@ def typed_bytes(kind: DataType, meaning: Physical, text: str) -> bytes:
     return kind.parse(text) if raw is None else kind.encode(raw)
 
 
-def how_to_write(meaning: Physical, kind: DataType, text: str = "") -> str | None:
+def how_to_write(meaning: Scaling, kind: DataType, text: str = "") -> str | None:
     """How a value of the object may be written, where *text* is not understood; None where only raw can be."""
     if _DECIMAL_COMMA.fullmatch(text.strip()) and _is_understood(kind, meaning, text.replace(",", ".")):
         return f"with a decimal point: {text.strip().replace(',', '.')}"

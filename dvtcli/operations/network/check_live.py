@@ -21,14 +21,14 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.several import plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
 from dvtcli.operations.network.check_networks import (
-    CheckWishes,
+    CheckOptions,
     asked_rules,
     check_networks,
     chosen_rules,
     findings_of,
 )
+from dvtcli.operations.network.eds_by_identity import words_on_bus
 from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
-from dvtcli.operations.network.words_on_bus import words_on_bus
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.operations.wanted.network_wish import read_wish
 
@@ -43,7 +43,7 @@ LISTEN_S = 2.0
 _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
 
-def check_all(session: Session, files: Sequence[str], wishes: CheckWishes) -> NetworksChecked:
+def check_all(session: Session, files: Sequence[str], wishes: CheckOptions) -> NetworksChecked:
     """Look at each of *files*, at the nodes on the bus, and hold the files against those.
 
     One judge for both: the bus's bit rate counts for the files, too, and nodes that these lead to no EDS for are
@@ -66,7 +66,7 @@ def _read(file: str) -> NetworkWish | None:
         return None  # its own report says so
 
 
-def _bit_rate(session: Session, wishes: CheckWishes) -> int | None:
+def _bit_rate(session: Session, wishes: CheckOptions) -> int | None:
     return wishes.bit_rate or session.wire.bitrate or session.options.bitrate
 
 
@@ -79,7 +79,7 @@ def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> Netwo
 
 def check_live(
     session: Session,
-    wishes: CheckWishes | None = None,
+    wishes: CheckOptions | None = None,
     files: Sequence[str] = (),
     on_bus: Mapping[str, Mapping[int, str]] | None = None,
 ) -> NetworksChecked:
@@ -90,7 +90,7 @@ def check_live(
     what describes nodes besides. UsageError without a bus, or for a rule that there is not; NoAnswer where no node
     tells what it holds.
     """
-    wishes = wishes or CheckWishes()
+    wishes = wishes or CheckOptions()
     rules = chosen_rules(wishes)
     refuse_without_bus(session)
     told = on_bus or {}
@@ -126,7 +126,7 @@ def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:
     )
 
 
-def _seconds(session: Session, wishes: CheckWishes) -> float:
+def _seconds(session: Session, wishes: CheckOptions) -> float:
     if wishes.for_s is not None:
         return wishes.for_s
     return 0.0 if session.wire.simulated else LISTEN_S
@@ -154,13 +154,13 @@ def _described(file: str, on_bus: Mapping[int, str]) -> NetworkState | None:
 
 def against_file(session: Session, file: str, wish: NetworkWish, live: NetworkState) -> tuple[NetworkFinding, ...]:
     """Where *live*, what is on the bus, contradicts *wish*, from *file*: nodes that are not there, or other devices."""
-    wishes = CheckWishes()
+    wishes = CheckOptions()
     state = _described(file, words_on_bus(session, file, wish))
     return () if state is None else _against(file, state, live, wishes, _bit_rate(session, wishes)).findings
 
 
 def _against(
-    file: str, state: NetworkState, live: NetworkState, wishes: CheckWishes, bit_rate: int | None
+    file: str, state: NetworkState, live: NetworkState, wishes: CheckOptions, bit_rate: int | None
 ) -> NetworkReport:
     """What of the network *state* of *file* the nodes on the bus contradict."""
     from dvtcli.domain.network.check.network_rules import AGAINST_FILE

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import FileNote, Mark, NetworkWish
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.files.network.file_log import FileLog
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
 
 #: Rules that no state is asked for.
 FILE_RULES = (
@@ -36,7 +36,7 @@ FILE_RULES = (
 
 
 @dataclass(frozen=True, slots=True)
-class CheckWishes:
+class CheckOptions:
     """How `check` looks: which rules by name (*only*, none: all; not those in *without*).
 
     With *strict* a warning is as bad as an error; *bit_rate* (bit/s) is the bus's, None for what a file says. With
@@ -55,7 +55,7 @@ class CheckWishes:
 
 
 def check_networks(
-    files: Sequence[str], wishes: CheckWishes | None = None, on_bus: Mapping[str, Mapping[int, str]] | None = None
+    files: Sequence[str], wishes: CheckOptions | None = None, on_bus: Mapping[str, Mapping[int, str]] | None = None
 ) -> NetworksChecked:
     """Look at each of *files*: what the rules found; *on_bus* has for each what describes nodes besides, by node-ID.
 
@@ -63,14 +63,14 @@ def check_networks(
     InputFileError with all that is wrong in it, or UsageError where it is not there. UsageError for a rule that there
     is not.
     """
-    wishes = wishes or CheckWishes()
+    wishes = wishes or CheckOptions()
     rules, names = chosen_rules(wishes), tuple(dict.fromkeys(files))
     report = _report if len(names) == 1 and not wishes.as_findings else _report_anyway
     told = on_bus or {}
     return NetworksChecked(tuple(report(file, wishes, rules, told.get(file, {})) for file in names))
 
 
-def chosen_rules(wishes: CheckWishes) -> tuple[LintRule, ...]:
+def chosen_rules(wishes: CheckOptions) -> tuple[LintRule, ...]:
     """The rules that *wishes* name; UsageError for one that there is not."""
     from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 
@@ -102,11 +102,11 @@ def change_rules() -> tuple[LintRule, ...]:
     )
     from dvtcli.operations.plans import plan_network
     from dvtcli.operations.stores import possible_stores
-    from dvtcli.operations.wanted import lacked, linked_wishes, stamping
+    from dvtcli.operations.wanted import linked_wishes, missing_objects, stamping
 
     files = (
         can_id, communication, described_step, entry_length, mappable, mapped_object, no_way_back, producer, raw_write,
-        whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, lacked, linked_wishes, stamping,
+        whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, missing_objects, linked_wishes, stamping,
         plan_network,
     )  # fmt: skip
     return tuple(
@@ -119,7 +119,7 @@ def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
-def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]) -> NetworkReport:
+def _report(file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]) -> NetworkReport:
     """What there is to say of *file*; InputFileError or UsageError where it cannot be read."""
     wish = read_wish(file)
     state, findings = judged_file(file, wish, wishes, on_bus)
@@ -157,7 +157,7 @@ def _undescribed(state: NetworkState) -> Iterator[FileNote]:
 
 
 def _report_anyway(
-    file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]
+    file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]
 ) -> NetworkReport:
     """The same, with findings of what cannot be read."""
     try:
@@ -184,9 +184,9 @@ def _at(one: FileComplaint, rule: str) -> NetworkFinding:
 def judged_file(
     file: str,
     wish: NetworkWish,
-    wishes: CheckWishes,
+    wishes: CheckOptions,
     on_bus: Mapping[int, str] | None = None,
-    tell: Teller | None = None,
+    tell: Reporter | None = None,
 ) -> tuple[NetworkState, tuple[NetworkFinding, ...]]:
     """Make the network that *wish*, from *file*, describes; tell what the rules of a change and of networks say of it.
 

@@ -14,7 +14,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries
 from dvtcli.domain.network.concise_pdos import concise_of
 from dvtcli.domain.network.wanted_state import WantedIdentity
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import read_input
 from dvtcli.files.network.file_log import FileLog
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.rules import Finding
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
 
 #: The longest that is read (bytes): 0x1F22 is a DOMAIN, and of some kB.
 _MOST_BYTES = 1 << 20
@@ -62,7 +62,7 @@ class ConciseNetwork:
     untold: tuple[NodeWish, ...]
 
 
-def concise_dcf(file: str, node: str | int | None = None, tell: Teller | None = None) -> ConciseDcf:
+def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None = None) -> ConciseDcf:
     """The concise DCF of one node of the network *file*: that with the name or node-ID *node*, None for the only one.
 
     Nodes that nothing describes are left out, with their links. UsageError where *node* is none, or one of those, or
@@ -78,7 +78,7 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Teller | None = 
     return next(one for one in _concise(file, read, tell).nodes if one.node_id == chosen.node_id)
 
 
-def concise_dcfs(file: str, tell: Teller | None = None, on_bus: Mapping[int, str] | None = None) -> ConciseNetwork:
+def concise_dcfs(file: str, tell: Reporter | None = None, on_bus: Mapping[int, str] | None = None) -> ConciseNetwork:
     """The concise DCF of every node of the network *file* that something describes, also what *on_bus* has for it.
 
     Raises as `concise_dcf`.
@@ -87,7 +87,7 @@ def concise_dcfs(file: str, tell: Teller | None = None, on_bus: Mapping[int, str
 
 
 def _concise(
-    file: str, read: NetworkWish, tell: Teller | None, on_bus: Mapping[int, str] | None = None
+    file: str, read: NetworkWish, tell: Reporter | None, on_bus: Mapping[int, str] | None = None
 ) -> ConciseNetwork:
     words = words_of(file, read, on_bus)
     wish = read.of(words.keys())
@@ -112,7 +112,7 @@ def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
     found = [one for one in wish.nodes if node is None or str(node) in (one.name, str(one.node_id))]
     if len(found) == 1:
         return found[0]
-    names = several(f"{one.name} ({one.node_id})" for one in wish.nodes) or "none"
+    names = join_some(f"{one.name} ({one.node_id})" for one in wish.nodes) or "none"
     text = "a concise DCF is for one node" if node is None else f"no node is {node!r}"
     raise UsageError(
         f"{file}: {text}; it has {names}",

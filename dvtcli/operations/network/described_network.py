@@ -29,7 +29,7 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
-from dvtcli.operations.network.guessed_mappings import guessed_mappings
+from dvtcli.operations.network.mapping_from_frames import guessed_mappings
 from dvtcli.operations.plans.network_states import network_after, network_state, with_link_marks, with_wish
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.session.session import Session
@@ -38,12 +38,12 @@ from dvtcli.operations.wanted.network_wish import eds_of, read_wish
 
 if TYPE_CHECKING:
     from dvtcli.files.device_library.match import Match
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
 
 
 def described_network(
     file: str,
-    tell: Teller | None = None,
+    tell: Reporter | None = None,
     *,
     for_rules: bool = False,
     with_links: bool = True,
@@ -152,7 +152,7 @@ def _simulated(
     file: str,
     wish: NetworkWish,
     words: Mapping[int, str],
-    tell: Teller | None,
+    tell: Reporter | None,
     failures: list[DvtcliError] | None,
     *,
     for_rules: bool,

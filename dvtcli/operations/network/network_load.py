@@ -33,7 +33,7 @@ _HOW = "NODE:tpdoN=MS, such as 5:tpdo3=40; NODE is a node-ID, or a name in the f
 
 
 @dataclass(frozen=True, slots=True)
-class LoadWishes:
+class LoadOptions:
     """What is asked of `load`.
 
     *for_s* is how long the bus is listened to (0: not at all), *bit_rate* (bit/s) counts instead of the bus's own.
@@ -48,13 +48,13 @@ class LoadWishes:
     inhibit: Mapping[tuple[int | str | None, Pdo], int] = field(default_factory=dict)
 
 
-def network_load(session: Session, file: str | None = None, wishes: LoadWishes | None = None) -> NetworkLoad:
+def network_load(session: Session, file: str | None = None, wishes: LoadOptions | None = None) -> NetworkLoad:
     """What the nodes of the network *file*, else those on the bus, need at worst, and what the bus carries.
 
     Without a bus the file counts alone, its nodes as `described_network` has them; UsageError where there is neither.
     InputFileError with all that is wrong in the file.
     """
-    wishes = wishes or LoadWishes()
+    wishes = wishes or LoadOptions()
     if file is None:
         refuse_without_bus(session)
     measured = _measured(session, wishes.for_s) if has_bus(session) else None
@@ -108,7 +108,7 @@ def _measured(session: Session, for_s: float) -> Measured:
     return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames)
 
 
-def _what_if(session: Session, state: NetworkState, wishes: LoadWishes) -> WhatIf:
+def _what_if(session: Session, state: NetworkState, wishes: LoadOptions) -> WhatIf:
     inhibit: dict[Endpoint, int] = {}
     for (node, pdo), time in wishes.inhibit.items():
         having = [one for one in state.nodes if pdo in one.pdos]

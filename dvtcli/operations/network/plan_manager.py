@@ -22,7 +22,7 @@ from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.changes.change import names
 from dvtcli.operations.network.concise_network import concise_dcfs
-from dvtcli.operations.network.words_on_bus import words_of_present
+from dvtcli.operations.network.eds_by_identity import words_of_present
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import value_change
 from dvtcli.operations.wanted.chosen_nodes import named_nodes

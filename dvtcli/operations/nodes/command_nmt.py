@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.device.nmt_gate import Access
+from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.resets import SentReset, reset_all_and_wait, send_reset
 from dvtcli.device.seen_state import CONFIRM_S, seen_state, seen_states
 from dvtcli.domain.hint import Hint
@@ -146,10 +146,10 @@ def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[Hint
     return tuple(dict.fromkeys(text for text in said if text))  # one of several nodes is said once
 
 
-def _access(session: Session, node_id: int) -> Access:
+def _access(session: Session, node_id: int) -> NodeAccess:
     """A node that was not met yet may be stopped, and silent: it is commanded before it is asked who it is."""
     met = session.network.nodes.get(node_id)
-    return met.access if met is not None else Access(session.bus, node_id, GENERIC)
+    return met.access if met is not None else NodeAccess(session.bus, node_id, GENERIC)
 
 
 def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | None:

@@ -50,7 +50,7 @@ def load_program(
     before = _identity(node)
     _consent(session, node, number, file, len(program))
     node.begin_change()
-    noted = _Noted(session, node.node_id, number, file)
+    noted = _ProgramNote(session, node.node_id, number, file)
     loading = ProgramDownload(session.bus, node.node_id, number, noted.begins, session.cancellation)
     was, started_s = loading.identification(), time.monotonic()
     try:
@@ -119,7 +119,7 @@ def _consent(session: Session, node: Node, number: int, file: str, size: int) ->
 
 
 @dataclass(frozen=True, slots=True)
-class _Noted:
+class _ProgramNote:
     """The note of *file* on its way into program *number* of *node_id*, from the first stage until the end is known."""
 
     session: Session

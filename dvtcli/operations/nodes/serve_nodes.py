@@ -11,14 +11,14 @@ from dvtcli.operations.opening.serve import LOOPBACK
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
-    from dvtcli.operations.opening.serve import Serving, Wanted
+    from dvtcli.operations.opening.serve import ServeRequest, Serving
     from dvtcli.operations.session.session import Session
 
 #: more nodes than these are counted, not named
 _NAMED = 8
 
 
-def serve(session: Session, wanted: Wanted, begun: Callable[[Facts], None], ready: Path | None = None) -> None:
+def serve(session: Session, wanted: ServeRequest, begun: Callable[[Facts], None], ready: Path | None = None) -> None:
     """Serve the nodes of *wanted* until Ctrl-C; *begun* is told where, once clients can come.
 
     *ready* is a file that has `HOST:PORT`, or the joined bus, from then until the end. BusUnavailable where an address

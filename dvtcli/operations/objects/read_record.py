@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.domain.standard_names import standard_name
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
@@ -73,7 +73,7 @@ def _as_type(
             wrong.append(f"{one.object} ({len(one.raw)} bytes)")
     if wrong:
         raise SdoProtocolError(
-            f"{data_type.short} does not fit {several(wrong)}",
+            f"{data_type.short} does not fit {join_some(wrong)}",
             node=node.node_id,
             hint=Hint(Action.GIVE, {"as_type": None}, "read one of them with {}"),
         )

@@ -26,7 +26,7 @@ def transfer_progress(session: Session, node_id: int, text: str, size: int | Non
 
     None is for an upload: its size is told on the way.
     """
-    watch = _Transfer(session, node_id, text, size)
+    watch = _FrameCount(session, node_id, text, size)
     stop = session.wire.tap(watch.take)
     try:
         yield
@@ -34,7 +34,7 @@ def transfer_progress(session: Session, node_id: int, text: str, size: int | Non
         stop()
 
 
-class _Transfer:
+class _FrameCount:
     """The frames of one node's SDO channel, counted."""
 
     def __init__(self, session: Session, node_id: int, text: str, size: int | None) -> None:

@@ -20,7 +20,7 @@ from dvtcli.operations.opening.simulated_nodes import (
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 OpenBus = Callable[[Options], CanopenBus]
 
 
-class Simulate(Protocol):
+class StartSimulation(Protocol):
     """Starts simulated devices on a bus of their own, and joins it."""
 
     def __call__(
@@ -36,7 +36,7 @@ class Simulate(Protocol):
         devices: Sequence[StrictDevice],
         *,
         faults: Sequence[Fault],
-        signals: Sequence[Signal],
+        signals: Sequence[SimulatedSignal],
         timeout_s: float,
         bit_rate: int,
     ) -> CanopenBus:
@@ -45,7 +45,7 @@ class Simulate(Protocol):
 
 
 def bus_of(
-    options: Options, open_bus: OpenBus | None = None, simulate: Simulate | None = None
+    options: Options, open_bus: OpenBus | None = None, simulate: StartSimulation | None = None
 ) -> tuple[CanopenBus, tuple[Simulated, ...]]:
     """Open the bus that *options* name, or with *open_bus*; which nodes are simulated on it, with their node-IDs.
 

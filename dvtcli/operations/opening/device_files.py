@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dvtcli.device.file_fits import unlike_file
+from dvtcli.device.read_cache import ReadCache
 from dvtcli.device.read_pdos import read_identity
-from dvtcli.device.remembered import Memory
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoReader
 from dvtcli.domain.profile import DeviceProfile
@@ -44,13 +44,13 @@ class DeviceFiles:
     #: EDS and profile of single nodes, where somebody chose them
     own_eds: dict[int, Path] = field(default_factory=dict)
     own_profile: dict[int, str] = field(default_factory=dict)
-    _memories: dict[int, Memory] = field(default_factory=dict)
+    _memories: dict[int, ReadCache] = field(default_factory=dict)
     #: what was said of files and of the bus, which is said once
     _said: set[str] = field(default_factory=set)
 
-    def memory(self, node_id: int) -> Memory:
+    def memory(self, node_id: int) -> ReadCache:
         """The way by which a node is asked who it is; it remembers the answers."""
-        return self._memories.setdefault(node_id, Memory(self.bus, node_id, lambda: self.bus.sdo(node_id)))
+        return self._memories.setdefault(node_id, ReadCache(self.bus, node_id, lambda: self.bus.sdo(node_id)))
 
     def forget(self, node_id: int) -> None:
         """Another device may be there: it is asked anew who it is."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer
 
 
@@ -17,7 +17,7 @@ def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> Non
         return
     if sent := acts():
         error.state = "unknown"
-        error.state_text = f"unknown: {several(sent)} went out before that; read back what the device holds"
+        error.state_text = f"unknown: {join_some(sent)} went out before that; read back what the device holds"
 
 
 def read_in_vain(error: DvtcliError) -> DvtcliError:

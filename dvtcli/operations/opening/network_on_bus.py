@@ -10,21 +10,21 @@ from dvtcli.operations.opening.open_network import Network
 from dvtcli.operations.opening.progress_text import look_progress, step_progress
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.whole import Whole
+    from dvtcli.device.change.change_group import ChangeGroup
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.opening.simulated_nodes import Simulated
     from dvtcli.operations.user.keeping import Keeping
-    from dvtcli.operations.user.said import Said
+    from dvtcli.operations.user.said import SessionOptions
 
 
 def network_on_bus(
-    session: Said,
+    session: SessionOptions,
     bus: CanopenBus,
     simulated: tuple[Simulated, ...],
     *,
     only_one: Callable[[], bool],
     comes_back: bool,
-    whole: Whole,
+    whole: ChangeGroup,
 ) -> Network:
     """The nodes of *bus*, of which some are *simulated*; what is to be said is said to the session's user.
 
@@ -41,7 +41,7 @@ def network_on_bus(
     )  # fmt: skip
 
 
-def _keeping(session: Said, bus: CanopenBus, whole: Whole) -> Keeping:
+def _keeping(session: SessionOptions, bus: CanopenBus, whole: ChangeGroup) -> Keeping:
     """Only of nodes that outlive this process."""
     from dvtcli.operations.user.keeping import Keeping, state_folder
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.file_fits import as_file_says
-from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
+from dvtcli.device.read_progress import ReadProgress
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.opening.device_files import DeviceFiles
 
@@ -50,7 +50,7 @@ class Network:
     #: node-IDs that answered when all were asked last
     scanned: tuple[int, ...] = ()
     #: told of every object that is read of a node ahead of a change or for a list
-    on_look: Callable[[Looking], None] = lambda _looking: None
+    on_look: Callable[[ReadProgress], None] = lambda _looking: None
     #: shows what nobody may miss
     warn: Callable[[Hint | str], None] = lambda _text: None
     #: shows what is good to know
@@ -161,7 +161,7 @@ class Network:
             with suppress(SdoAborted, UsageError):  # what cannot be read is not called lost
                 if lost := node.look_after_gap():
                     self.warn(
-                        f"node {node.node_id} does not hold any more what was set and not stored: {several(lost)}; "
+                        f"node {node.node_id} does not hold any more what was set and not stored: {join_some(lost)}; "
                         "it may have restarted"
                     )
             self.left.pop(node.node_id, None)

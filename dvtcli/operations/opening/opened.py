@@ -12,33 +12,33 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, InputFileError, UsageError
-from dvtcli.operations.user.said import Said
+from dvtcli.operations.user.said import SessionOptions
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.whole import Whole
+    from dvtcli.device.change.change_group import ChangeGroup
     from dvtcli.device.node import Node
     from dvtcli.domain.heard import LastFrames
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.opening.bus_of_options import OpenBus, Simulate
+    from dvtcli.operations.opening.bus_of_options import OpenBus, StartSimulation
     from dvtcli.operations.opening.open_network import Network
-    from dvtcli.operations.opening.serve import Serving, Wanted
+    from dvtcli.operations.opening.serve import ServeRequest, Serving
     from dvtcli.operations.opening.simulated_nodes import Simulated
     from dvtcli.operations.user.options import Options
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
 
 
-class Opened(Said):
+class Opened(SessionOptions):
     """A session with the bus that it opens: the one that the options name, or another one with *open_bus*."""
 
     def __init__(
-        self, options: Options | None = None, tell: Teller | None = None, *, open_bus: OpenBus | None = None
+        self, options: Options | None = None, tell: Reporter | None = None, *, open_bus: OpenBus | None = None
     ) -> None:
         super().__init__(options, tell)
         #: called when the bus is about to be opened
         self.on_open: Callable[[], None] = lambda: None
         self._open_bus = open_bus
         #: makes the bus of simulated nodes; None: the usual one
-        self.simulate: Simulate | None = None
+        self.simulate: StartSimulation | None = None
         self._network: Network | None = None
         self._twin: Network | None = None
         self._untap: Callable[[], None] | None = None
@@ -252,7 +252,7 @@ class Opened(Said):
             wrong.at_start = True
             raise
 
-    def serving(self, wanted: Wanted) -> AbstractContextManager[Serving]:
+    def serving(self, wanted: ServeRequest) -> AbstractContextManager[Serving]:
         """Simulated nodes for other programs, instead of a bus of our own."""
         from dvtcli.operations.opening.serve import serving
 
@@ -277,11 +277,11 @@ class Opened(Said):
         return self.network.bus
 
     @cached_property
-    def whole(self) -> Whole:
+    def whole(self) -> ChangeGroup:
         """The changes that stand or fall together, as those of an atomic script."""
-        from dvtcli.device.change.whole import Whole
+        from dvtcli.device.change.change_group import ChangeGroup
 
-        return Whole()
+        return ChangeGroup()
 
     def met_nodes(self) -> Iterator[Node]:
         """Every node that was looked at so far, and every twin of one."""
@@ -291,7 +291,7 @@ class Opened(Said):
     def writes(self) -> dict[int, int]:
         """How often something was written to each node, no twin, however it ended, or stored there; by node-ID."""
         nodes = {node.node_id: node for node in (*self.left_nodes(), *self._nodes())}
-        return {node_id: node.came_up.writes + node.pending.stores for node_id, node in nodes.items()}
+        return {node_id: node.boot_snapshot.writes + node.pending.stores for node_id, node in nodes.items()}
 
     def acts(self) -> list[str]:
         """What was sent since the last call, to no twin, that nodes act on; a line that begins asks for it first."""

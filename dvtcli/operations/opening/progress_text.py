@@ -8,7 +8,7 @@ from dvtcli.domain.pdo import Pdo
 
 if TYPE_CHECKING:
     from dvtcli.device.change.progress import Progress
-    from dvtcli.device.looking import Looking
+    from dvtcli.device.read_progress import ReadProgress
 
 
 def step_progress(progress: Progress) -> tuple[str, int, int]:
@@ -20,7 +20,7 @@ def step_progress(progress: Progress) -> tuple[str, int, int]:
     return f"{text}; reading back" if is_last else text, progress.done, progress.total
 
 
-def look_progress(looking: Looking) -> tuple[str, int, int]:
+def look_progress(looking: ReadProgress) -> tuple[str, int, int]:
     """What to say of an object that is read: words, and how many of how many PDOs were."""
     pdo = Pdo.at(looking.index)
     whose = "" if pdo is None else f" of {pdo.label}"

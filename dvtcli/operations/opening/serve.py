@@ -44,7 +44,7 @@ _LONGEST_LATENCY_MS = 60_000
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ServeRequest:
     """What `sim` was asked for.
 
     *nodes* as for `--sim`; *address* is where to listen, None for nowhere; *join* says that the bus of the options is
@@ -95,7 +95,7 @@ def is_loopback(host: str) -> bool:
 
 @contextmanager
 def serving(
-    options: Options, wanted: Wanted, warn: Callable[[str], None], tell: Tell = lambda _event: None
+    options: Options, wanted: ServeRequest, warn: Callable[[str], None], tell: Tell = lambda _event: None
 ) -> Iterator[Serving]:
     """Open everything that *wanted* needs, and leave it at the end; *warn* takes what nobody should miss.
 
@@ -135,7 +135,7 @@ def serving(
         yield Serving(server, nodes, hub.port, None if joined is None else joined.name)
 
 
-def _warn_of_doubles(devices: list[StrictDevice], wanted: Wanted, warn: Callable[[str], None]) -> None:
+def _warn_of_doubles(devices: list[StrictDevice], wanted: ServeRequest, warn: Callable[[str], None]) -> None:
     """Say which of *devices* came up with the same node-ID."""
     for one, many in Counter(device.node_id for device in devices).items():
         if many > 1 and one != UNCONFIGURED:

@@ -22,7 +22,7 @@ from dvtcli.operations.user.options import is_file, node_id
 if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.simulator.device.family import Family
-    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
 
@@ -159,7 +159,7 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
     return faults
 
 
-def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Signal, ...]:
+def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[SimulatedSignal, ...]:
     """What each `--signal` means; UsageError for a wrong one, or without simulated nodes; InputFileError for a file."""
     if not words:
         return ()

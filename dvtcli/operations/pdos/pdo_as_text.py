@@ -5,12 +5,12 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.change.private_file import write_private
-from dvtcli.device.change.safekeeping import who_else
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.files.pdo_yaml import Word, read_pdo_yaml, write_pdo_yaml, wrong_at
+from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.operations.changes.change import configure_pdo
 from dvtcli.operations.meanings.named_objects import entry_at
 from dvtcli.operations.user.keeping import state_folder
@@ -77,7 +77,7 @@ def _name(node: Node, entry: PdoMappingEntry) -> str:
     return node.dictionary.display_name(entry.index, entry.sub_index) if known and node.dictionary else ""
 
 
-def _resolved(word: Word, node: Node) -> MappedObject | Skipped:
+def _resolved(word: MappingWord, node: Node) -> MappedObject | Skipped:
     try:
         return entry_at(node, word.text)
     except UsageError as wrong:

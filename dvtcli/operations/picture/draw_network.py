@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural
 from dvtcli.errors import UsageError
-from dvtcli.operations.picture.gather import PictureWishes, network_picture
+from dvtcli.operations.picture.gather import PictureOptions, network_picture
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".htm", ".svg", ".dot", ".gv")
 
 
-def draw_network(session: Session, target: str, file: str | None = None, wishes: PictureWishes | None = None) -> Facts:
+def draw_network(session: Session, target: str, file: str | None = None, wishes: PictureOptions | None = None) -> Facts:
     """Write the network of *file*, or of the bus, to *target*; asks before it overwrites. Raises as `network_picture`.
 
     UsageError for another suffix, or where *target* cannot be written.

@@ -19,7 +19,7 @@ from dvtcli.domain.network.picture import NetworkPicture, PictureFinding
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal
 from dvtcli.files.network.physical_keys import rules_by_node
 from dvtcli.operations.network.check_live import LISTEN_S, against_file
-from dvtcli.operations.network.check_networks import CheckWishes, chosen_rules, findings_of, judged_file
+from dvtcli.operations.network.check_networks import CheckOptions, chosen_rules, findings_of, judged_file
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
 from dvtcli.operations.network.network_load import USUAL_BIT_RATE
 from dvtcli.operations.picture.differing_rows import differences
@@ -42,7 +42,7 @@ _Heard = tuple[Measured | None, HeardTraffic | None]
 
 
 @dataclass(frozen=True, slots=True)
-class PictureWishes:
+class PictureOptions:
     """How a picture is taken: its *title* (None: the file's or the bus's name), and the *bit_rate* (bit/s) of the bus.
 
     A bus is listened to for *for_s* seconds (None: 2, and not at all where nobody else can be on it).
@@ -53,34 +53,34 @@ class PictureWishes:
     for_s: float | None = None
 
 
-def network_picture(session: Session, file: str | None = None, wishes: PictureWishes | None = None) -> NetworkPicture:
+def network_picture(session: Session, file: str | None = None, wishes: PictureOptions | None = None) -> NetworkPicture:
     """The network of *file* where there is no bus; else that of the nodes on the bus, compared with *file* if given.
 
     Raises as `described_network`; UsageError where there is neither, NoAnswer where no node tells what it holds.
     """
-    wishes = wishes or PictureWishes()
+    wishes = wishes or PictureOptions()
     if file is not None and not has_bus(session):
         return _of_file(session, file, wishes)
     refuse_without_bus(session)
     return _of_bus(session, file, wishes)
 
 
-def _of_file(session: Session, file: str, wishes: PictureWishes) -> NetworkPicture:
+def _of_file(session: Session, file: str, wishes: PictureOptions) -> NetworkPicture:
     told, wish = wishes.bit_rate or session.options.bitrate, read_wish(file)
-    state, found = judged_file(file, wish, CheckWishes(bit_rate=told), tell=session.tell)
+    state, found = judged_file(file, wish, CheckOptions(bit_rate=told), tell=session.tell)
     return _picture(
         state, wishes.title or Path(file).stem, Path(file).name, told, found, said=rules_by_node(wish.nodes)
     )
 
 
-def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> NetworkPicture:
+def _of_bus(session: Session, file: str | None, wishes: PictureOptions) -> NetworkPicture:
     wish = None if file is None else read_wish(file)
     heard = _heard(session, wishes)
     return session.read_together(lambda: _of_nodes(session, file, wish, wishes, heard))
 
 
 def _of_nodes(
-    session: Session, file: str | None, wish: NetworkWish | None, wishes: PictureWishes, heard: _Heard
+    session: Session, file: str | None, wish: NetworkWish | None, wishes: PictureOptions, heard: _Heard
 ) -> NetworkPicture:
     """The picture of the nodes on the bus, on which *heard* was received, compared with the *wish* of *file*."""
     wished = () if wish is None else wish.nodes
@@ -95,13 +95,13 @@ def _of_nodes(
     state = replace(state, nodes=tuple(replace(one, name=names.get(one.node_id, "")) for one in state.nodes))
     told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate
     network = CheckedNetwork(state, told, traffic)
-    found = list(findings_of(network, chosen_rules(CheckWishes())))
+    found = list(findings_of(network, chosen_rules(CheckOptions())))
     title = wishes.title or (session.wire.name if file is None else Path(file).stem)
     picture = _picture(state, title, session.wire.name, told, found, measured, said=rules_by_node(wished))
     return picture if file is None or wish is None else _compared(session, picture, state, file, wish)
 
 
-def _heard(session: Session, wishes: PictureWishes) -> _Heard:
+def _heard(session: Session, wishes: PictureOptions) -> _Heard:
     """What passes on the bus: counted for the load, and kept for the rules."""
     simulated = session.wire.simulated
     for_s = wishes.for_s if wishes.for_s is not None else 0.0 if simulated else LISTEN_S

@@ -9,7 +9,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.whole import Storing
+from dvtcli.device.change.change_group import Storing
 from dvtcli.device.seen_state import present_state
 from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from dvtcli.device.node import Node
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.plan import Plan
-    from dvtcli.operations.changes.take_back_network import Course
+    from dvtcli.operations.changes.roll_back_network import NetworkTransaction
     from dvtcli.operations.session.session import Session
 
 
@@ -129,7 +129,9 @@ def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan])
             session.record.add(node_id, change_lines(plan))
 
 
-def _claims_at_store(session: Session, course: Course, claims: Claims, found: Mapping[int, Found]) -> ClaimsAtStore:
+def _claims_at_store(
+    session: Session, course: NetworkTransaction, claims: Claims, found: Mapping[int, InitialState]
+) -> ClaimsAtStore:
     """What each node that is written or stores holds by now: what it was changed to, and what the file says."""
     planned = [one for one in claims.planned if len(one.plan) or one.stores]
     held = {one.node_id: one.holds for one in planned if not len(one.plan)}

@@ -11,14 +11,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.expected import moves
-from dvtcli.device.change.other_pdos import is_of_pdo
 from dvtcli.device.change.put_back import first_difference
+from dvtcli.device.change.untouched_pdos import is_of_pdo
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.device.read_whole import PAUSE_S
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
 from dvtcli.operations.changes.final_verify import require_held
 
@@ -113,14 +113,15 @@ class Claims:
                 left = LeftChanged(
                     fault.text,
                     node=node.node_id,
-                    why=several(altered.values()),
+                    why=join_some(altered.values()),
                     state="left_changed",
                     hint=Hint(
-                        Action.WRITE, why=f"sets {several(altered)} again, if that is to be so: a file's plan does not"
+                        Action.WRITE,
+                        why=f"sets {join_some(altered)} again, if that is to be so: a file's plan does not",
                     ),
                 )
                 left.state_text = (
-                    f"node {node.node_id} holds {several(altered)} otherwise than before; what was planned is rolled "
+                    f"node {node.node_id} holds {join_some(altered)} otherwise than before; what was planned is rolled "
                     "back, read back equal; nothing was stored"
                 )
                 raise left from fault
@@ -181,9 +182,9 @@ def _refuse_altered(node: Node, planned: NodePlan) -> None:
     altered = node.observed(partial(_altered, node, planned))
     if altered:
         raise DeviceRefused(
-            f"node {node.node_id} altered {several(altered)} beside what was written",
+            f"node {node.node_id} altered {join_some(altered)} beside what was written",
             node=node.node_id,
-            why=several(altered.values()),
+            why=join_some(altered.values()),
             hint="these settings depend on each other in this device: its manual says how",
         )
 

@@ -35,13 +35,13 @@ from dvtcli.operations.results.failures import lacking_error, together
 from dvtcli.operations.stores.possible_stores import refuse_stores_of
 from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.wanted.chosen_nodes import named_nodes, of_nodes
-from dvtcli.operations.wanted.lacked import LackedOfWish, refuse_lacking, without_lacked
+from dvtcli.operations.wanted.identify_nodes import IdentifiedNodes, meet
 from dvtcli.operations.wanted.linked_wishes import with_links
-from dvtcli.operations.wanted.meet_network import Met, meet
+from dvtcli.operations.wanted.missing_objects import LackedOfWish, refuse_lacking, without_lacked
 from dvtcli.operations.wanted.network_wish import read_wish, skipped_rules
+from dvtcli.operations.wanted.resolve_names import NodeWants, node_wants
 from dvtcli.operations.wanted.stamping import stamping, stamps_of, trusted
 from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
-from dvtcli.operations.wanted.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -204,7 +204,7 @@ def _unread(node: Node, wish: NodeWish) -> NodePlan:
     return NodePlan(wish.name, plan, node.identity(), node.title, wish.mark.line, is_read=False)
 
 
-def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
+def _judged(session: Session, met: IdentifiedNodes, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
     """The plan of each node that was met; what is wrong is put to its failures.
 
     If a node's words mean nothing there, the others are judged all the same, and its own PDOs that mean something.

@@ -10,7 +10,7 @@ from dvtcli.device.change.journal import ACCEPTED, DISCARDED, Journals, read_jou
 from dvtcli.device.change.own_journal import journal_files
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.recover.stores_begun import furthest, stored_before
 from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
@@ -88,8 +88,8 @@ def _question(paths: Sequence[Path]) -> str:
             journal = read_journal(path)
         except (InputFileError, SafetyRefusal):
             continue  # it stays, and that is the error
-        named.append(f"{several(journal.labels)} of node {journal.plan.node_id}")
-    return f"{several(named)} will stay as held now, and no recover puts that back any more; accept?"
+        named.append(f"{join_some(journal.labels)} of node {journal.plan.node_id}")
+    return f"{join_some(named)} will stay as held now, and no recover puts that back any more; accept?"
 
 
 def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliError:
@@ -131,7 +131,7 @@ def _accepted(session: Session, path: Path) -> tuple[tuple[tuple[str, Any], ...]
         return rows, (*text, "dry run: the journal stays")
     said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
     if unknown := [one.label for one in states if not one.is_known]:
-        said += f"; what it holds of {several(unknown)} is not known"
+        said += f"; what it holds of {join_some(unknown)} is not known"
     return rows, (*text, said, *_after_accepting(node, journal, others))
 
 
@@ -218,7 +218,7 @@ def _one_at_a_time(paths: Sequence[Path]) -> UsageError:
         hint = Hint(Action.RECOVER, {"node": _number_of(damaged), "discard": True}, f"sets {damaged} aside")
     return UsageError(
         "several changes were interrupted on this bus: --discard closes one at a time",
-        why=f"they are in {several(map(str, paths))}",
+        why=f"they are in {join_some(map(str, paths))}",
         hint=hint,
     )
 

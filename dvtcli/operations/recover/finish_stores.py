@@ -14,7 +14,7 @@ from dvtcli.device.stamped import held_stamp, is_stamp, stamp_changes
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.domain.stamp import DATE, TIME, Stamp
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
 from dvtcli.operations.changes.final_verify import ClaimsAtStore
@@ -26,8 +26,8 @@ from dvtcli.operations.stores.unfinished_stores import Stores, back_and_again
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from dvtcli.device.change.change_group import GroupMember, Storing
     from dvtcli.device.change.journal import Journal
-    from dvtcli.device.change.whole import Part, Storing
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session import Session
@@ -84,12 +84,12 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     return Facts("recover", rows, (_said(session, part, ids),))
 
 
-def _verified(part: Part) -> tuple[Storing, ...]:
+def _verified(part: GroupMember) -> tuple[Storing, ...]:
     """The nodes that *part* names and that are still to hold what was verified: what was accepted is over."""
     return tuple(one for one in (*part.stores, *part.equal) if not one.is_accepted)
 
 
-def _refuse_untold(journals: Sequence[Journal], part: Part) -> None:
+def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
     """SafetyRefusal if nothing says what a node of the stores is to hold: neither a journal of its own nor the others.
 
     Its journal was closed, or cannot be used.
@@ -97,7 +97,7 @@ def _refuse_untold(journals: Sequence[Journal], part: Part) -> None:
     own = {journal.plan.node_id for journal in journals}
     untold = [one.node_id for one in part.stores if one.node_id not in own and not (one.holds or one.is_accepted)]
     if untold:
-        ids = several(map(str, untold))
+        ids = join_some(map(str, untold))
         raise SafetyRefusal(
             f"what node {ids} is to hold is not known: nothing is stored",
             node=untold[0],
@@ -106,13 +106,15 @@ def _refuse_untold(journals: Sequence[Journal], part: Part) -> None:
         )
 
 
-def _said(session: Session, part: Part, ids: str) -> str:
+def _said(session: Session, part: GroupMember, ids: str) -> str:
     if session.dry_run:
         return f"dry run: node {ids} would store" if ids else "dry run: every node has stored; the journals stay"
     return f"{part.name} is complete: " + (f"node {ids} stored" if ids else "every node holds it, and had stored it")
 
 
-def _claims(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> ClaimsAtStore:
+def _claims(
+    session: Session, journals: Sequence[Journal], part: GroupMember, nodes: Mapping[int, Node]
+) -> ClaimsAtStore:
     """What every node was verified to hold, as the journals say.
 
     A node that only stores has none of its own, or one that only tests a proof.
@@ -152,7 +154,7 @@ def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
 def _store(
     session: Session,
     journals: Sequence[Journal],
-    part: Part,
+    part: GroupMember,
     claims: ClaimsAtStore,
     tests: Mapping[int, Sequence[Change]],
     stamps: Mapping[int, Sequence[Change]],
@@ -187,7 +189,7 @@ def _store(
             _start(nodes[journal.plan.node_id], journal)
 
 
-def _ended_stamps(claims: ClaimsAtStore, part: Part) -> dict[int, tuple[Change, ...]]:
+def _ended_stamps(claims: ClaimsAtStore, part: GroupMember) -> dict[int, tuple[Change, ...]]:
     """The stamps to be written anew on nodes that are to store: they ended with a store that was refused."""
     found: dict[int, tuple[Change, ...]] = {}
     for node_id in waiting(part):
@@ -202,7 +204,7 @@ def _ended_stamps(claims: ClaimsAtStore, part: Part) -> dict[int, tuple[Change, 
 def _put_tests_back(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Change]]) -> None:
     for node_id, changes in tests.items():
         nodes[node_id].gate.enter()
-        put_test_back(nodes[node_id], changes, several(change.label for change in changes))
+        put_test_back(nodes[node_id], changes, join_some(change.label for change in changes))
 
 
 def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:

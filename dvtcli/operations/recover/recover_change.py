@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import alters
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.recover.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
@@ -142,16 +142,16 @@ def _question(session: Session, journals: Sequence[Journal]) -> str:
         try:
             plan = Recovery.begin(session.node(node_id), journal).plan
         except DvtcliError as failed:
-            unread.append(f"{several(journal.labels)} of node {node_id} cannot be read now ({failed.text})")
+            unread.append(f"{join_some(journal.labels)} of node {node_id} cannot be read now ({failed.text})")
             continue
         written = list(dict.fromkeys(change.label for change in plan.changes if alters(change)))
         changed = [change.label for change in journal.plan.changes if alters(change)]
         others = [label for label in dict.fromkeys(journal.part.asked or changed) if label not in written]
-        back += [f"{several(written)} of node {node_id}"] if written else []
-        same += [f"{several(others)} of node {node_id}"] if others else []
+        back += [f"{join_some(written)} of node {node_id}"] if written else []
+        same += [f"{join_some(others)} of node {node_id}"] if others else []
     what = "the interrupted learning" if all(one.part.asked for one in journals) else "the interrupted change"
-    said = [f"{several(back)} will be put back as before {what}"] if back else []
-    said += [f"as before {what}, and only compared: {several(same)}"] if same else []
+    said = [f"{join_some(back)} will be put back as before {what}"] if back else []
+    said += [f"as before {what}, and only compared: {join_some(same)}"] if same else []
     return f"{'; '.join([*said, *unread])}; recover?"
 
 

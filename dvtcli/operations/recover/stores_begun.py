@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from dvtcli.device.change.change_group import GroupMember
     from dvtcli.device.change.journal import Journal
-    from dvtcli.device.change.whole import Part
 
 
-def furthest(journals: Sequence[Journal]) -> Part:
+def furthest(journals: Sequence[Journal]) -> GroupMember:
     """Of the journals that say how far the stores had come the one that says most: they are written one by one.
 
     The store of a node whose own journal is among them was not accepted: who began to say so did not come to its end.
@@ -26,7 +26,7 @@ def furthest(journals: Sequence[Journal]) -> Part:
     return replace(part, stores=stores)
 
 
-def _progress(part: Part) -> tuple[int, int, int]:
+def _progress(part: GroupMember) -> tuple[int, int, int]:
     """How many nodes were accepted, how many answered their store, and how many were asked."""
     return (
         sum(one.is_accepted for one in part.stores),
@@ -35,12 +35,12 @@ def _progress(part: Part) -> tuple[int, int, int]:
     )
 
 
-def waiting(part: Part) -> list[int]:
+def waiting(part: GroupMember) -> list[int]:
     """Node-IDs of the stores of *part* that are not known to be done, and not over: what was accepted stays so."""
     return [one.node_id for one in part.stores if one.waits]
 
 
-def stores_of(part: Part) -> dict[str, list[int]]:
+def stores_of(part: GroupMember) -> dict[str, list[int]]:
     """The nodes of *part* that stored, those that may have, and those that refused or were not asked yet."""
     done = [one.node_id for one in part.stores if one.is_done]
     asked = [one.node_id for one in part.stores if one.is_begun and one.waits and not one.is_refused]

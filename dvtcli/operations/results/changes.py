@@ -12,7 +12,7 @@ from dvtcli.domain.rules import Finding
 from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes, physical_document
 
 if TYPE_CHECKING:
-    from dvtcli.domain.meanings import Understood
+    from dvtcli.domain.meanings import ScaledValue
     from dvtcli.errors import DvtcliError
 
 
@@ -45,7 +45,7 @@ class Changed(Answer):
     #: objects that were acknowledged and cannot be read back, as `2050:00`
     unreadable: tuple[str, ...] = ()
     #: what the values of single objects mean, by object
-    understood: Mapping[str, Understood] = field(default_factory=dict)
+    understood: Mapping[str, ScaledValue] = field(default_factory=dict)
     #: whether a later `undo` knows of it
     remembered: bool = True
 

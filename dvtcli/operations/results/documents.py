@@ -12,8 +12,8 @@ from dvtcli.domain.hint import next_step
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import Lacked
-    from dvtcli.domain.physical import Physical
     from dvtcli.domain.rules import Finding
+    from dvtcli.domain.scaling import Scaling
 
 Document = dict[str, Any]
 #: formats of answers that compare PDOs and objects one by one
@@ -176,7 +176,7 @@ def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
     ]
 
 
-def physical_document(value: Value | None, meaning: Physical) -> Document | None:
+def physical_document(value: Value | None, meaning: Scaling) -> Document | None:
     """What *value* means, beside raw: number and unit, words, names of bits that are set; None where nobody says."""
     if value is None or isinstance(value, str | bytes | CanopenTime) or not meaning.words(value):
         return None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.proof import RESTART_NAMES, Proof
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import DvtcliError, RuleError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
     failed.why, failed.hint, failed.state = proof.unproved, proof.hint, "unknown"
     failed.state_text = _state(word, proof)
     if proof.differences:
-        differing = several(proof.differing)
+        differing = join_some(proof.differing)
         verb = "differs" if len(proof.differing) == 1 else "differ"
         failed.why = f"after the {RESTART_NAMES[proof.by]} {differing} {verb} from {proof.against}"
         failed.hint = _AGAIN[word]
@@ -50,7 +50,7 @@ def _state(word: str, proof: Proof) -> str:
     restart = RESTART_NAMES[proof.by]
     put_back = f"; {proof.put_back}" if proof.put_back else ""
     if proof.differences:
-        lost = f"lost with the {restart}: {several(proof.differing)}; " if word == "store" else ""
+        lost = f"lost with the {restart}: {join_some(proof.differing)}; " if word == "store" else ""
         told = "what it came up with" if lost else "what is listed"
         return f"{lost}the node holds {told}, read after the {restart}{put_back}"
     if word == "restore":
@@ -91,7 +91,7 @@ def not_as_wanted(node: int | None, exit_code: int, differing: Sequence[str], ag
 
     *node* is None where there are several.
     """
-    text = f"{several(differing)} {'differs' if len(differing) == 1 else 'differ'} from {against}"
+    text = f"{join_some(differing)} {'differs' if len(differing) == 1 else 'differ'} from {against}"
     failed = DvtcliError(text if differing else "no frame was seen of what should have sent one", node=node)
     failed.exit_code = exit_code
     failed.state_text = "read back, nothing was written"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Answer, Document, Short, hex_bytes, json_value, physical_document
 
@@ -31,7 +31,7 @@ class FrameSeen(Answer):
     node: int | None = None
     pdo: str | None = None
     signals: Mapping[str, Value] = field(default_factory=dict)
-    meanings: Mapping[str, Physical] = field(default_factory=dict)
+    meanings: Mapping[str, Scaling] = field(default_factory=dict)
     exit_code: int = 0
     objects: Mapping[str, str] = field(default_factory=dict)
     mapped_bytes: int | None = None
@@ -85,7 +85,7 @@ class PlottedSignal(Short):
 
     name: str
     object: str
-    meaning: Physical
+    meaning: Scaling
     count: int
     low: float
     high: float

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.learning.learnt_value import Conclusions, Learnt, Value
-from dvtcli.domain.learning.probe import Answer, Probe
+from dvtcli.domain.learning.probe import Probe, ProbeAnswer
 from dvtcli.operations.results.documents import Answer as Answered
 from dvtcli.operations.results.documents import Document, Short
 
@@ -41,7 +41,7 @@ class LearntDevice(Answered):
     node: int
     title: str
     pdos: Sequence[str]
-    answers: Sequence[Answer]
+    answers: Sequence[ProbeAnswer]
     conclusions: Conclusions
     writes: int
     saves: int
@@ -60,7 +60,7 @@ class LearntDevice(Answered):
         return 3 if self.compared is not None and self.compared[1] else 0
 
     @property
-    def not_learnt(self) -> list[Answer]:
+    def not_learnt(self) -> list[ProbeAnswer]:
         """The probes that have no answer."""
         return [answer for answer in self.answers if answer.code is None]
 
@@ -140,7 +140,7 @@ def _probe(probe: Probe) -> Document:
     return {**rows, "abort": None, "accepted": None, "held": None, "why": ""}
 
 
-def _answer(answer: Answer) -> Document:
+def _answer(answer: ProbeAnswer) -> Document:
     code = answer.code
     return {
         **_probe(answer.probe),

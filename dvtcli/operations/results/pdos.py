@@ -9,7 +9,7 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.heard import Period
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import UsageError
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document
 
@@ -20,7 +20,7 @@ class MappedName(Short):
 
     name: str = ""
     type_name: str = ""
-    meaning: Physical = NOTHING
+    meaning: Scaling = NOTHING
 
     @property
     def unit(self) -> str:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.meanings import NOTHING
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document
 
 
@@ -23,7 +23,7 @@ class ValueRead(Answer):
     value: Value
     raw: bytes
     type_name: str
-    meaning: Physical = NOTHING
+    meaning: Scaling = NOTHING
     written: bool = False
     exit_code: int = 0
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.meanings import NOTHING
-from dvtcli.domain.physical import Physical
+from dvtcli.domain.scaling import Scaling
 from dvtcli.operations.results.documents import CASES, Answer, Document, Short, hex_bytes, json_value, physical_document
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class ObjectDifference(Short):
     unread: str = ""
     apart: str = ""
     #: what its values mean
-    meaning: Physical = NOTHING
+    meaning: Scaling = NOTHING
 
     def value(self, data: bytes | None) -> Any:
         """*data* decoded; None where it is not known, or no value of its type."""

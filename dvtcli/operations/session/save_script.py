@@ -13,7 +13,7 @@ from dvtcli.domain.end_state import end_state, left_out_stores, touched
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.read_back import reader_of
 from dvtcli.operations.results import Facts
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Section = tuple[int, list[str]]
 
 
-class Saved(Enum):
+class SavedSession(Enum):
     """What of a session is saved."""
 
     ENDS = "what its changes come to"
@@ -37,10 +37,10 @@ class Saved(Enum):
     EVERYTHING = "everything that the nodes' PDOs hold"
 
 
-ENDS, STEPS, EVERYTHING = Saved
+ENDS, STEPS, EVERYTHING = SavedSession
 
 
-def script_text(session: Session, what: Saved = ENDS) -> str:
+def script_text(session: Session, what: SavedSession = ENDS) -> str:
     """*what* this session knows, as the text of a script that runs; UsageError where there is nothing to save."""
     return _script(session, _SECTIONS[what](session))[0]
 
@@ -53,7 +53,7 @@ def script_of(session: Session, node_id: int) -> str:
 def save_script(
     session: Session,
     file: str,
-    what: Saved = ENDS,
+    what: SavedSession = ENDS,
     spelled: Callable[[str], str] | None = None,
     read_back: ReadBack | None = None,
 ) -> Facts:
@@ -182,7 +182,7 @@ def _script(session: Session, sections: list[Section]) -> tuple[str, str]:
         lines += [f"node {node_id}"] if named and node_id else []
         lines += [*(pins[node_id][0] if node_id else []), *section]
     shown = [f"node {node_id} ({pins[node_id][1]})" if named else pins[node_id][1] for node_id in node_ids]
-    return "\n".join([*lines, ""]), several(shown) or "any node"
+    return "\n".join([*lines, ""]), join_some(shown) or "any node"
 
 
 def _default_id(session: Session) -> int | None:
@@ -215,4 +215,8 @@ def make_file(session: Session, path: Path, content: str | bytes, read_back: Rea
     session.made.append(str(path))
 
 
-_SECTIONS: dict[Saved, Callable[[Session], list[Section]]] = {ENDS: ended_lines, STEPS: _steps, EVERYTHING: _everything}
+_SECTIONS: dict[SavedSession, Callable[[Session], list[Section]]] = {
+    ENDS: ended_lines,
+    STEPS: _steps,
+    EVERYTHING: _everything,
+}

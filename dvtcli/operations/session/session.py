@@ -1,6 +1,6 @@
 """A session: the bus that is open, which of its nodes is meant, and what was done to them so far.
 
-Knows no lines, no scripts and no screen: what is to be said goes to a `Teller`.
+Knows no lines, no scripts and no screen: what is to be said goes to a `Reporter`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.opening.bus_of_options import OpenBus
     from dvtcli.operations.session.record import Record
     from dvtcli.operations.user.options import Options
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
 
 T = TypeVar("T")
 #: Exit codes after which a device may be half configured, and must not go back to OPERATIONAL.
@@ -36,7 +36,7 @@ class Session(Opened):
     """
 
     def __init__(
-        self, options: Options | None = None, tell: Teller | None = None, *, open_bus: OpenBus | None = None
+        self, options: Options | None = None, tell: Reporter | None = None, *, open_bus: OpenBus | None = None
     ) -> None:
         super().__init__(options, tell, open_bus=open_bus)
         self.selected: int | None = None

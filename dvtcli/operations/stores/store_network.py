@@ -10,8 +10,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
+from dvtcli.device.change.change_group import Storing
 from dvtcli.device.change.own_journal import complete_wholes
-from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.stores.possible_stores import store_group
 from dvtcli.operations.stores.store_restore import end_stamp, store_settings
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.operations.changes.final_verify import ClaimsAtStore
-    from dvtcli.operations.changes.take_back_network import Course
+    from dvtcli.operations.changes.roll_back_network import NetworkTransaction
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
 
 
 def store_network(
     session: Session,
-    course: Course,
+    course: NetworkTransaction,
     stores: tuple[Storing, ...],
     claims: ClaimsAtStore,
     prove: str | None,

@@ -10,8 +10,8 @@ from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
 from dvtcli.device.change.proven import prepare_proof, prove_store, refuse_deaf_to_reset, refuse_unprovable
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.change.proving import Restart
-from dvtcli.device.held import Held
 from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
+from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
 from dvtcli.device.store_parameters import RESTORE, STORE, chosen, sign
 from dvtcli.device.storing import mark_stored, prepare_store, require_storable
@@ -59,7 +59,7 @@ def store_settings(
     prepare_store(node, force=session.options.force)
     before = place = None
     if restart is not None:
-        before = Held.now(node)
+        before = Snapshot.now(node)
         place = prepare_proof(node, before, sub_index, restart)
     stored_at = node.pending.stored_at
     done = sign(
@@ -138,7 +138,7 @@ def why_to_store(node: Node, sub_index: int | None) -> str:
     node.begin_change()  # from here on no other dvtcli writes to it
     if node.bus.downloads_of_others(node.node_id):
         return "another SDO client wrote to it since its last boot-up"
-    known = replace(node.came_up, pdos=dict(node.came_up.pdos))  # reading again would count as what came up
+    known = replace(node.boot_snapshot, pdos=dict(node.boot_snapshot.pdos))  # reading again would count as what came up
     boot_ups, now = node.bus.boot_ups(node.node_id), node.pdos()
     return known.why_not(node.bus.boot_ups(node.node_id), now) or (
         "it restarted meanwhile" if node.bus.boot_ups(node.node_id) != boot_ups else ""
@@ -245,12 +245,12 @@ def end_stamp(session: Session, node: Node, why: str) -> None:
         node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
 
 
-def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[str, ...]]:
+def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tuple[str, ...]]:
     """What *node* holds ahead of a restore, and what was lost to find out: without its EDS, what it comes up with."""
     if node.dictionary is None or node.unlike_file:
         return restart_and_read(node, restart)
     try:
-        return Held.now(node), ()
+        return Snapshot.now(node), ()
     except SdoAborted:  # a node that refuses to be read is not kept from its defaults
         return None, ()
 

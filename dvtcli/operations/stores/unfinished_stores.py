@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.domain.who_stored import WhoStored
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dvtcli.device.change.whole import Storing
+    from dvtcli.device.change.change_group import Storing
     from dvtcli.operations.results import Stored
 
 #: What helps where a node lost what was set, and there is no journal.
@@ -55,8 +55,8 @@ def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
     first, fault = next(iter(course.failed.items()))
     refused = [node_id for node_id, one in course.failed.items() if not _is_unsure(one)]
     unsure = [node_id for node_id in course.failed if node_id not in refused]
-    said = [f"whether node {several(map(str, unsure))} stored it is not known"] if unsure else []
-    said += [f"node {several(map(str, refused))} did not store it"] if refused else []
+    said = [f"whether node {join_some(map(str, unsure))} stored it is not known"] if unsure else []
+    said += [f"node {join_some(map(str, refused))} did not store it"] if refused else []
     left = LeftChanged(
         f"every node holds what was planned, and {', and '.join(said)}",
         node=first,
@@ -70,7 +70,7 @@ def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
     )
     _say_who(course, left)
     if journals:
-        left.details.append(("journals", several(map(str, journals))))
+        left.details.append(("journals", join_some(map(str, journals))))
     left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
     return left
 
@@ -88,11 +88,11 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
     missing = tuple(node_id for node_id in node_ids if node_id not in (*kept, *unsure))
     if not stored or not (unsure or missing):
         return None
-    said = [f"node {several(map(str, missing))} did not"] if missing else []
-    said += [f"of node {several(map(str, unsure))} it is not known"] if unsure else []
+    said = [f"node {join_some(map(str, missing))} did not"] if missing else []
+    said += [f"of node {join_some(map(str, unsure))} it is not known"] if unsure else []
     first = next(iter(faults.values()), None)
     error = LeftChanged(
-        f"node {several(map(str, stored))} stored, {' and '.join(said)}",
+        f"node {join_some(map(str, stored))} stored, {' and '.join(said)}",
         node=(*missing, *unsure)[0],
         place=first.place if isinstance(first, DvtcliError) else None,
         why="; ".join(f"node {node_id}: {str(fault) or 'interrupted'}" for node_id, fault in faults.items()) or None,

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.operations.results import Synced
 from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
 
@@ -44,7 +44,7 @@ def _held_back(session: Session) -> Hint | str:
     held = [node.node_id for node in session.network.nodes.values() if node.gate.found is not None]
     if not held:
         return ""
-    named = several(f"node {node_id}" for node_id in held)
+    named = join_some(f"node {node_id}" for node_id in held)
     return Hint(
         Action.START_NODE,
         why=f"{named} sent none: this script changes PDOs, so it stays PRE-OPERATIONAL until the last line; "

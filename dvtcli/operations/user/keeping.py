@@ -10,15 +10,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.change_group import ChangeGroup
+from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.journal import Journals
-from dvtcli.device.change.safekeeping import Keeper
-from dvtcli.device.change.whole import Whole
-from dvtcli.device.past import Past
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.trust import unusable
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import InputFileError, SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.options import Options
@@ -42,11 +42,11 @@ class Keeping:
     #: what is being done now, for another dvtcli that finds a node's lock taken
     doing: Callable[[], str]
     #: what the changes that are made now belong to
-    whole: Whole = field(default_factory=Whole)
+    whole: ChangeGroup = field(default_factory=ChangeGroup)
     #: what was said of interrupted changes: one of several nodes is said once
     _said: set[Hint | str] = field(default_factory=set)
 
-    def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
+    def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         """Lock, backup and journal of a node; says so if a change of it was interrupted, or if nothing can be kept."""
         keeper = self._keeper(node_id, dictionary)
         needed = (keeper.lock.folder, keeper.journals.folder, self.folder / "backups")
@@ -67,16 +67,16 @@ class Keeping:
         """What is noted of program downloads that are under way on this bus, or were not completed."""
         return ProgramNotes(self.folder / "programs", self.bus)
 
-    def interrupted(self, node_id: int, keeper: Keeper | None) -> Hint | str:
+    def interrupted(self, node_id: int, keeper: ChangeGuard | None) -> Hint | str:
         """What to say of a change of the node that was interrupted and not finished; empty where there is none.
 
         Of a node that was not met yet, and has no *keeper*, it is said to the user, too, as it is when it is met.
         """
         return _interrupted(keeper or self.keeper(node_id, None))[0]
 
-    def past(self) -> Past:
+    def past(self) -> ChangeHistory:
         """The changes on this bus that are remembered."""
-        return Past(state_folder(None) / "changes", self.bus, self.say)
+        return ChangeHistory(state_folder(None) / "changes", self.bus, self.say)
 
     @staticmethod
     def is_fixed(dictionary: ObjectDictionary | None) -> Callable[[Pdo], bool]:
@@ -88,15 +88,15 @@ class Keeping:
 
         return told
 
-    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
+    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         locks = state_folder(None) / "locks"
         fixed = self.is_fixed(dictionary)
-        keeper = Keeper(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.whole)
+        keeper = ChangeGuard(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.whole)
         keeper.past.selected = self.selected
         return keeper
 
 
-def _interrupted(keeper: Keeper) -> tuple[Hint | str, bool]:
+def _interrupted(keeper: ChangeGuard) -> tuple[Hint | str, bool]:
     """What to say of a change that was interrupted, empty where there is none; and whether its journal is damaged."""
     try:
         journal = keeper.interrupted()
@@ -108,7 +108,7 @@ def _interrupted(keeper: Keeper) -> tuple[Hint | str, bool]:
 
 def _how_to_finish(journal: Journal) -> Hint:
     changed = _changed(journal)
-    labels, node_id = several(journal.labels), journal.plan.node_id
+    labels, node_id = join_some(journal.labels), journal.plan.node_id
     if journal.part.whole is None and journal.part.asked:
         what = f"the learning of this device, which asked {labels} of node {node_id},"
         return Hint(Action.RECOVER, {"node": node_id}, f"{what} was interrupted: {{}} puts the old configuration back")
@@ -136,7 +136,7 @@ def _changed(journal: Journal) -> str:
     ids = sorted({journal.plan.node_id, *(one.plan.node_id for one in together)})
     if len(ids) > 1:
         return f"nodes {', '.join(map(str, ids))}"
-    return f"{several(journal.labels)} of node {ids[0]}"
+    return f"{join_some(journal.labels)} of node {ids[0]}"
 
 
 def state_folder(options: Options | None) -> Path:

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from dvtcli.domain.hint import Hint
+    from dvtcli.operations.user.reporter import Reporter
     from dvtcli.operations.user.secret_objects import Secrets
     from dvtcli.operations.user.settings import Settings
-    from dvtcli.operations.user.telling import Teller
 
 
-class Said:
+class SessionOptions:
     """A session as far as its user goes: *options* count from the beginning, *tell* hears what the user should know."""
 
-    def __init__(self, options: Options | None = None, tell: Teller | None = None) -> None:
+    def __init__(self, options: Options | None = None, tell: Reporter | None = None) -> None:
         self.tell = tell or _nobody()
         self.base = self.options = options or Options()
         self.cancellation = Cancellation()
@@ -115,7 +115,7 @@ class Said:
         return Secrets.known()
 
 
-def _nobody() -> Teller:
-    from dvtcli.operations.user.telling import Silent
+def _nobody() -> Reporter:
+    from dvtcli.operations.user.reporter import NullReporter
 
-    return Silent()
+    return NullReporter()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.options import Options, checked, is_repeated
-from dvtcli.operations.user.settings_search import Found, content, project_file, user_file
+from dvtcli.operations.user.settings_search import SettingsFile, content, project_file, user_file
 
 if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
@@ -72,7 +72,7 @@ class File:
     belongs to, *keys* all that the file sets.
     """
 
-    def __init__(self, found: Found, *, users_own: bool, believed: bool = False) -> None:
+    def __init__(self, found: SettingsFile, *, users_own: bool, believed: bool = False) -> None:
         """Read it, as a trusted file if *believed*; SafetyRefusal if others can write it, InputFileError if wrong."""
         from dvtcli.files.settings_file import MOST_BYTES, aliases, parsed, tables
         from dvtcli.operations.user.trusted_settings import digest, is_trusted

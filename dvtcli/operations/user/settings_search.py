@@ -21,14 +21,14 @@ NAME = "dvtcli.toml"
 _ROOTS = (".git", ".hg")
 
 
-class Found(NamedTuple):
+class SettingsFile(NamedTuple):
     """A settings file at *path*; *named* in the environment, so that it is not asked whose it is."""
 
     path: str
     named: bool = False
 
 
-def project_file() -> Found | None:
+def project_file() -> SettingsFile | None:
     """The file that DVTCLI_CONFIG names, else the nearest `dvtcli.toml` here or above.
 
     It is looked for as far as the root of the repository or the user's home, and never upward into what is above a
@@ -38,7 +38,7 @@ def project_file() -> Found | None:
     if named := os.environ.get(VARIABLE):
         if not os.path.exists(named):  # noqa: PTH110 - pathlib costs 7 ms of a --help
             raise UsageError(f"{VARIABLE}={named}: no such file", hint=f"unset {VARIABLE}, or let it name a file")
-        return Found(os.path.abspath(named), named=True)  # noqa: PTH100
+        return SettingsFile(os.path.abspath(named), named=True)  # noqa: PTH100
     for folder in _folders():
         path = os.path.join(folder, NAME)  # noqa: PTH118
         try:
@@ -51,7 +51,7 @@ def project_file() -> Found | None:
                 place=folder,
                 hint=f"{VARIABLE}=FILE names one; {VARIABLE}={os.devnull} is none",
             ) from failed
-        return Found(path)
+        return SettingsFile(path)
     return None
 
 
@@ -95,13 +95,13 @@ def _homes() -> set[str]:
     return homes
 
 
-def user_file() -> Found | None:
+def user_file() -> SettingsFile | None:
     """The user's own `config.toml`, None where there is none."""
     path = str(user_folder("config") / "config.toml")
-    return Found(path) if os.path.lexists(path) else None
+    return SettingsFile(path) if os.path.lexists(path) else None
 
 
-def content(found: Found, most_bytes: int) -> bytes:
+def content(found: SettingsFile, most_bytes: int) -> bytes:
     """What is in the file, one byte more than *most_bytes* at most.
 
     SafetyRefusal with the cure where somebody else may have put it there, InputFileError where it cannot be read.
@@ -147,7 +147,7 @@ def _is_project(path: str) -> bool:
 def why_unusable(path: str) -> DvtcliError | None:
     """Why the next start would not take the settings file *path*, None where it would."""
     try:
-        content(Found(os.path.abspath(path)), 0)  # noqa: PTH100
+        content(SettingsFile(os.path.abspath(path)), 0)  # noqa: PTH100
     except DvtcliError as refused:
         return refused
     return None

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.results import Facts
 from dvtcli.operations.user.settings import File
-from dvtcli.operations.user.settings_search import NAME, Found, project_file
+from dvtcli.operations.user.settings_search import NAME, SettingsFile, project_file
 from dvtcli.operations.user.trusted_settings import forget, is_trusted, real_path, trust
 
 
@@ -64,7 +64,7 @@ def _where(path: str | None) -> str:
 def _read(path: str, *, remove: bool) -> File | None:
     """The file at *path*; None where what is to be removed cannot be read."""
     try:
-        return File(Found(path), users_own=False, believed=True)
+        return File(SettingsFile(path), users_own=False, believed=True)
     except (InputFileError, SafetyRefusal):
         if remove:
             return None

@@ -27,7 +27,7 @@ from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import RuleError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.wanted.linked_heartbeats import LinkedHeartbeats
-from dvtcli.operations.wanted.wanted_words import pdo_request
+from dvtcli.operations.wanted.resolve_names import pdo_request
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -10,7 +10,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.virtual_pdos import read_pins
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import UsageError
 from dvtcli.operations.pdos.virtual_pdo_ties import object_index, tied_name
 
@@ -37,7 +37,7 @@ def wanted_pins(node: Node, wishes: Iterable[PinWish], log: FileLog) -> Iterator
         if name in node.profile.vpdo:
             yield from _group(node, read_pins(node, name), pins, log)
         else:
-            have = several(node.profile.vpdo) or "no virtual PDOs"
+            have = join_some(node.profile.vpdo) or "no virtual PDOs"
             log.complain(pins[0].mark, f"node {node.node_id} ({node.profile.title}) has no {name!r}, but {have}")
 
 

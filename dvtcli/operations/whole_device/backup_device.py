@@ -11,14 +11,14 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.scan_objects import AREAS, scan_objects
 from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, read_whole_device, whole_device_text
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.whole_device.export_dcf import SUFFIXES, dcf_of, left_out, why_unread
-from dvtcli.operations.whole_device.look_through import described, look_through, told
+from dvtcli.operations.whole_device.read_whole_device import described, read_every_object, told
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.files.dcf.write_dcf import DcfText
     from dvtcli.operations.session.session import Session
-    from dvtcli.operations.whole_device.look_through import WholeDevice
+    from dvtcli.operations.whole_device.read_whole_device import WholeDevice
 
 
 def backup_device(
@@ -68,12 +68,12 @@ def _held(
     """Every object of *node*, and who it is: read without a restart in between."""
     if node.dictionary is None:
         return scan_objects(node, Configuration(node.profile), areas, told(session, node)), node.identity()
-    return look_through(session, node, twice=twice).objects, node.identity()
+    return read_every_object(session, node, twice=twice).objects, node.identity()
 
 
 def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool) -> Facts:
     def read() -> tuple[WholeDevice, DcfText]:
-        whole = look_through(session, node, twice=twice)
+        whole = read_every_object(session, node, twice=twice)
         return whole, dcf_of(session, whole, path.name)[0]
 
     whole, text = session.read_together(read)
@@ -111,7 +111,7 @@ def _must_have_read(node: Node, count: int, out: Mapping[str, str]) -> None:
         raise UsageError(
             f"no object of node {node.node_id} could be read: nothing is kept, and no file was written",
             node=node.node_id,
-            why=several(f"{place} ({why})" for place, why in out.items()),
+            why=join_some(f"{place} ({why})" for place, why in out.items()),
             hint=Hint(Action.SHOW_NODE, why="is its EDS that of another device? {} names it"),
         )
 
@@ -127,7 +127,7 @@ def _answer(file: str, node: Node, count: int, out: Mapping[str, str]) -> Facts:
     )
     said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, kept)]
     if out:
-        said.append(f"note: left out: {several(f'{place} ({why})' for place, why in out.items())}")
+        said.append(f"note: left out: {join_some(f'{place} ({why})' for place, why in out.items())}")
     rows = (
         ("file", file), ("node", node.node_id), ("objects", count),
         ("left_out", [{"object": place, "why": why} for place, why in out.items()]),

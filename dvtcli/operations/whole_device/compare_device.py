@@ -13,17 +13,17 @@ from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 from dvtcli.operations.whole_device.beyond_count import count_beneath, wants_more
+from dvtcli.operations.whole_device.comparison_target import SecondSide, side_of_file, side_of_node
 from dvtcli.operations.whole_device.device_suffix import holds_values
 from dvtcli.operations.whole_device.held_device import HeldDevice, held_by, told_of
 from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
-from dvtcli.operations.whole_device.object_kind import Kind
-from dvtcli.operations.whole_device.second_side import SecondSide, side_of_file, side_of_node
+from dvtcli.operations.whole_device.object_kind import DifferenceKind
 
 if TYPE_CHECKING:
     from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
-    from dvtcli.domain.physical import Physical
     from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.domain.scaling import Scaling
     from dvtcli.operations.session.session import Session
 
 
@@ -69,8 +69,9 @@ def _compared(first: HeldDevice, second: SecondSide, node: int | None, *, shows_
         raise _nothing_compared(first, second)
     found = comparison.found
     return WholeCompared(
-        node, first.name, second.name, comparison.count, tuple(found[Kind.SETTING]), tuple(found[Kind.ABOUT]),
-        tuple(found[Kind.APART]), _unsaid(first, second, node), _unlike(first, second),
+        node, first.name, second.name, comparison.count,
+        tuple(found[DifferenceKind.SETTING]), tuple(found[DifferenceKind.ABOUT]),
+        tuple(found[DifferenceKind.APART]), _unsaid(first, second, node), _unlike(first, second),
         unread=tuple(comparison.unread), shows_all=shows_all,
     )  # fmt: skip
 
@@ -81,7 +82,7 @@ class _Pair:
 
     place: ObjectAddress
     entry: OdEntry
-    kind: Kind
+    kind: DifferenceKind
     before: bytes | None
     after: bytes | None
     is_assumed: bool
@@ -96,16 +97,18 @@ class _Comparison:
     meanings: Meanings
     asks_node: bool
     count: int = 0
-    found: dict[Kind, list[ObjectDifference]] = field(default_factory=lambda: {kind: [] for kind in Kind})
+    found: dict[DifferenceKind, list[ObjectDifference]] = field(
+        default_factory=lambda: {kind: [] for kind in DifferenceKind}
+    )
     unread: list[str] = field(default_factory=list)
 
     def look_at(self, place: ObjectAddress) -> None:
         """Compare the object at *place*."""
         pair = self._pair(place)
         if not self._is_said(pair):
-            if pair.kind is Kind.SETTING and (pair.before is not None or pair.after is not None):
+            if pair.kind is DifferenceKind.SETTING and (pair.before is not None or pair.after is not None):
                 self.unread.append(_label(place))
-        elif pair.is_assumed and pair.kind is not Kind.SETTING:
+        elif pair.is_assumed and pair.kind is not DifferenceKind.SETTING:
             pass  # what a device comes up with is a setting's only
         elif (beneath := count_beneath(place, self.first.objects, self.second.objects)) is not None:
             self._look_beyond(pair, beneath)
@@ -136,19 +139,19 @@ class _Comparison:
         self._found(pair, before, after, unread=f"not mapped: the count is {count}")
 
     def _look_at_values(self, pair: _Pair) -> None:
-        self.count += pair.kind is Kind.SETTING
+        self.count += pair.kind is DifferenceKind.SETTING
         if same_value(pair.entry.data_type, pair.before, pair.after):
             return
         self._found(
             pair, pair.before, pair.after,
             unread=self.second.objects[pair.place].why if pair.after is None else "",
-            apart=self.second.why_apart(pair.entry) if pair.kind is Kind.APART else "",
+            apart=self.second.why_apart(pair.entry) if pair.kind is DifferenceKind.APART else "",
             meaning=self.meanings.of(*pair.place),
         )  # fmt: skip
 
     def _found(
         self, pair: _Pair, before: bytes | None, after: bytes | None, *,
-        unread: str = "", apart: str = "", meaning: Physical = NOTHING,
+        unread: str = "", apart: str = "", meaning: Scaling = NOTHING,
     ) -> None:  # fmt: skip
         name, data_type = _name(pair.place, self.second.dictionary, self.first.dictionary), pair.entry.data_type
         found = ObjectDifference(_label(pair.place), name, data_type, before, after, unread, apart, meaning)
@@ -178,7 +181,7 @@ def _unsaid(first: HeldDevice, second: SecondSide, node: int | None) -> int:
     if node is not None and second.dictionary is not None:
         known = {(entry.index, entry.sub_index) for entry in second.dictionary.entries() if entry.access.readable}
     one_sided = known - said if node is not None else known ^ said
-    return sum(second.kind(second.entry(place)) is Kind.SETTING for place in one_sided)
+    return sum(second.kind(second.entry(place)) is DifferenceKind.SETTING for place in one_sided)
 
 
 def _unlike(first: HeldDevice, second: SecondSide) -> str:

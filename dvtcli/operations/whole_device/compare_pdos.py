@@ -12,13 +12,13 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
 from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
-from dvtcli.operations.wanted.lacked import refuse_lacking
+from dvtcli.operations.wanted.missing_objects import refuse_lacking
 from dvtcli.operations.whole_device.device_suffix import holds_values
 from dvtcli.operations.whole_device.held_device import told_of
 from dvtcli.operations.whole_device.meant_nodes import node_of_file, selected_nodes
@@ -155,7 +155,9 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
         said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
         blind = [f"{label} of node {node_id}" for node_id, wish in wishes.items() for label in wish.unreadable]
         if blind:
-            said = f"{against} set{'' if against == SESSION else 's'} {several(blind)} only, which cannot be read back"
+            said = (
+                f"{against} set{'' if against == SESSION else 's'} {join_some(blind)} only, which cannot be read back"
+            )
         raise UsageError(
             f"nothing to compare: {said}",
             hint=Hint(Action.VERIFY, {"file": "FILE"}, "compares with a script")

@@ -12,7 +12,7 @@ from dvtcli.device.read_whole import ReadObject, values_of
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import UsageError
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
 from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, device_file_bytes, is_xml, parse_device_file
@@ -21,7 +21,7 @@ from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.input_file import read_input
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
-from dvtcli.operations.whole_device.look_through import WholeDevice, described, look_through
+from dvtcli.operations.whole_device.read_whole_device import WholeDevice, described, read_every_object
 
 if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
@@ -43,7 +43,7 @@ def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice
     described(node)
     refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
     ask_before_overwriting(session, path)
-    whole = look_through(session, node, twice=twice, only=is_exported)
+    whole = read_every_object(session, node, twice=twice, only=is_exported)
     text, eds = dcf_of(session, whole, path.name)
     make_file(session, path, text.data)
     return _answer(file, whole, text, eds)
@@ -129,7 +129,7 @@ def _answer(file: str, whole: WholeDevice, text: DcfText, eds: Path) -> Facts:
     )
     said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, written)]
     if out:
-        said.append(f"note: left out: {several(f'{place} ({why})' for place, why in out.items())}")
+        said.append(f"note: left out: {join_some(f'{place} ({why})' for place, why in out.items())}")
     rows = (
         ("file", file), ("node", node.node_id), ("eds", eds.name), ("objects", len(text.said)),
         ("not_default", [_label(place) for place in others]),

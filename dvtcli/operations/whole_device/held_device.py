@@ -17,7 +17,7 @@ from dvtcli.operations.whole_device.device_suffix import holds_values
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
 
 _COB_ID_FLAGS, _COB_ID_BYTES = 0xE000_0000, 4
 
@@ -102,7 +102,7 @@ def held_by(file: str, node_id: int | None = None) -> HeldDevice:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
 
 
-def told_of(file: str, tell: Teller) -> HeldDevice:
+def told_of(file: str, tell: Reporter) -> HeldDevice:
     """As `held_by`, and *tell* gets what of the file's values nobody reads."""
     held = held_by(file)
     for text in held.unread:

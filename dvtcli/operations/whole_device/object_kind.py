@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _COMMUNICATION, _STATES = range(0x1000, 0x2000), (0x1001, 0x1002)
 
 
-class Kind(Enum):
+class DifferenceKind(Enum):
     """What a difference between two values of an object means."""
 
     SETTING = "it is configured otherwise"
@@ -41,14 +41,16 @@ def is_setting(why: NotWritten | None) -> bool:
     return why is None or why.may_be_setting or why in (NotWritten.FLAGGED, NotWritten.SAFETY)
 
 
-def kind_of(known: Configuration, entry: OdEntry) -> Kind:
+def kind_of(known: Configuration, entry: OdEntry) -> DifferenceKind:
     """What a difference of the object that *entry* describes means; what a PDO is set to counts, fixed or not."""
     if (pdo := Pdo.at(entry.index)) is not None:
         is_parameter = entry.index == pdo.mapping_index or entry.sub_index in BY_SUB_INDEX
-        return Kind.SETTING if is_parameter else Kind.APART
+        return DifferenceKind.SETTING if is_parameter else DifferenceKind.APART
     why = known.why_not(entry)
     if is_setting(why):
-        return Kind.SETTING
+        return DifferenceKind.SETTING
     if why is not NotWritten.READ_ONLY or entry.index in _STATES:
-        return Kind.APART
-    return Kind.ABOUT if entry.index in _COMMUNICATION or entry.access is Access.CONST else Kind.APART
+        return DifferenceKind.APART
+    return (
+        DifferenceKind.ABOUT if entry.index in _COMMUNICATION or entry.access is Access.CONST else DifferenceKind.APART
+    )

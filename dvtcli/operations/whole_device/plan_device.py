@@ -26,7 +26,7 @@ from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import checked_network, plans_of, with_unknown_syncs
 from dvtcli.operations.results.failures import together
 from dvtcli.operations.sync.unknown_sync import short_frames
-from dvtcli.operations.wanted.meet_network import meet, unlike_wanted
+from dvtcli.operations.wanted.identify_nodes import meet, unlike_wanted
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
 from dvtcli.operations.whole_device.held_device import held_by, told_of
 from dvtcli.operations.whole_device.included import included_of

@@ -16,11 +16,11 @@ from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import SdoAborted
 from dvtcli.files.eds.written_values import same_value
-from dvtcli.operations.wanted.wanted_words import NodeWants
+from dvtcli.operations.wanted.resolve_names import NodeWants
 from dvtcli.operations.whole_device.included import Included, idle
-from dvtcli.operations.whole_device.look_through import configuration, described
 from dvtcli.operations.whole_device.object_kind import entry_of, is_setting
 from dvtcli.operations.whole_device.pdo_of_file import pdo_of_file
+from dvtcli.operations.whole_device.read_whole_device import configuration, described
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

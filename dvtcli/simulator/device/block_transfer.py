@@ -20,7 +20,7 @@ _LAST = 0x80
 _CRC = 0x04
 
 
-class BlockTransfer(Protocol):
+class ServedBlockTransfer(Protocol):
     """A block transfer that is under way; *multiplexer* is index and sub-index as on the wire."""
 
     multiplexer: bytes
@@ -35,7 +35,7 @@ class BlockTransfer(Protocol):
         ...
 
 
-class BlockDownload:
+class ServedBlockDownload:
     """A block download to the object of *request*, which initiates it; Refusal where that is hopeless."""
 
     def __init__(self, device: StrictDevice, request: bytes) -> None:
@@ -98,7 +98,7 @@ class BlockDownload:
         return b"\xa1" + bytes(7)
 
 
-class BlockUpload:
+class ServedBlockUpload:
     """A block upload of *data*, as *request* initiates it; Refusal where its block size is not 1..127."""
 
     def __init__(self, request: bytes, data: bytes, *, has_crc: bool = True) -> None:

@@ -30,7 +30,7 @@ _NEVER_TAKEN = (FaultKind.LOSE_REQUEST, FaultKind.RESET, FaultKind.SILENT, Fault
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class FaultyReply:
     """What the server sends on a request: *frames* in order, *delay_s* seconds after it."""
 
     frames: tuple[bytes, ...] = ()
@@ -82,7 +82,7 @@ class FaultyServer:
 
             break_device(self._server.device, fault)
 
-    def handle(self, request: bytes, now_s: float) -> Answer:
+    def handle(self, request: bytes, now_s: float) -> FaultyReply:
         """The answer to *request* at *now_s*, faults included."""
         if len(request) != 8 or self._server.in_block(request):
             return self._plain(request)
@@ -96,14 +96,14 @@ class FaultyServer:
             fault = self._due.pop(self.downloads, None)
             answer = self._plain(request) if fault is None else self._acted(fault, request, now_s)
             if int.from_bytes(request[1:3], "little") == STORE:
-                return Answer(answer.frames, answer.delay_s + self._store_delay_s)
+                return FaultyReply(answer.frames, answer.delay_s + self._store_delay_s)
             return answer
         return self._plain(request)
 
-    def _acted_at_read(self, fault: Fault, request: bytes, now_s: float) -> Answer:
+    def _acted_at_read(self, fault: Fault, request: bytes, now_s: float) -> FaultyReply:
         if fault.kind is FaultKind.REFUSE_READ:
             return _refusal(fault, request)
-        answer = self._plain(request) if fault.kind is FaultKind.RESET_AFTER_READ else Answer()
+        answer = self._plain(request) if fault.kind is FaultKind.RESET_AFTER_READ else FaultyReply()
         self._reset(now_s + (fault.seconds or 0.0))
         return answer
 
@@ -136,12 +136,12 @@ class FaultyServer:
         if self._enable_alters is not None and frames and frames[0][0] != 0x80 and _enables(request):
             self._alter(self._enable_alters)
 
-    def _acted(self, fault: Fault, request: bytes, now_s: float) -> Answer:
+    def _acted(self, fault: Fault, request: bytes, now_s: float) -> FaultyReply:
         if fault.kind is FaultKind.REFUSE:
             return _refusal(fault, request)
         if fault.kind in _NEVER_TAKEN:
             self._lose(fault, now_s)
-            return Answer()
+            return FaultyReply()
         self._wrong_toggle = fault.kind is FaultKind.TOGGLE
         index, sub_index = int.from_bytes(request[1:3], "little"), request[3]
         held = self._server.device.value(index, sub_index) if fault.kind is FaultKind.CORRECTS else b""
@@ -152,16 +152,16 @@ class FaultyServer:
             case FaultKind.CORRECTS:
                 self._corrections.append((now_s + (fault.seconds or 0.0), index, sub_index, held))
             case FaultKind.LOSE_RESPONSE:
-                return Answer()
+                return FaultyReply()
             case FaultKind.LATE:
-                return Answer(frames, fault.seconds or 0.0)
+                return FaultyReply(frames, fault.seconds or 0.0)
             case FaultKind.DUPLICATE:
-                return Answer(frames * 2)
+                return FaultyReply(frames * 2)
             case FaultKind.FOREIGN:
-                return Answer((_for_another_object(request), *frames))
+                return FaultyReply((_for_another_object(request), *frames))
             case FaultKind.MALFORMED:
-                return Answer(tuple(frame[:3] for frame in frames))
-        return Answer(frames)
+                return FaultyReply(tuple(frame[:3] for frame in frames))
+        return FaultyReply(frames)
 
     def _lose(self, fault: Fault, now_s: float) -> None:
         """The request is not taken; most kinds break more than that."""
@@ -177,22 +177,22 @@ class FaultyServer:
         self._corrections.clear()
         self.boots_at_s = boots_at_s
 
-    def _plain(self, request: bytes) -> Answer:
+    def _plain(self, request: bytes) -> FaultyReply:
         """The server's own answer; the toggle bit is wrong in the first segment after it was asked for."""
         specifier = request[0] >> 5 if len(request) == 8 else None
         if specifier == UPLOAD_SEGMENT and self._segmented is not None:
             data, self._segmented = self._segmented, None
             head = (request[0] & _TOGGLE ^ _TOGGLE) | (7 - len(data)) << 1 | 1
-            return Answer((bytes([head]) + data.ljust(7, b"\0"),))
+            return FaultyReply((bytes([head]) + data.ljust(7, b"\0"),))
         self._segmented = None
         response = self._server.handle(request)
         if response is None:
-            return Answer()
+            return FaultyReply()
         if self._wrong_toggle and response[0] != 0x80:
             response = self._with_wrong_toggle(specifier, response)
         if specifier == INITIATE_DOWNLOAD:
             self._taken(request, (response,))
-        return Answer((response, *self._server.take_more()))
+        return FaultyReply((response, *self._server.take_more()))
 
     def _with_wrong_toggle(self, specifier: int | None, response: bytes) -> bytes:
         """*response*, spoilt if it is a segment; an expedited read is turned into one of segments, as servers may."""
@@ -219,8 +219,8 @@ def altered(device: StrictDevice, fault: Fault) -> bytes:
     return value.to_bytes(size, "little")
 
 
-def _refusal(fault: Fault, request: bytes) -> Answer:
-    return Answer((b"\x80" + request[1:4] + (fault.code or 0).to_bytes(4, "little"),))
+def _refusal(fault: Fault, request: bytes) -> FaultyReply:
+    return FaultyReply((b"\x80" + request[1:4] + (fault.code or 0).to_bytes(4, "little"),))
 
 
 def _moment(fault: Fault) -> str:

@@ -13,7 +13,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import ERROR_HISTORY, Emergencies
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.heartbeat import CONSUMER_TIMES, Guarded, Heartbeat, HeartbeatConsumer
+from dvtcli.simulator.device.heartbeat import CONSUMER_TIMES, GuardingResponse, Heartbeat, HeartbeatConsumer
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.pdos_at_work import PdoExchange
 from dvtcli.simulator.device.sync_producer import SYNC_COB_ID, ServiceCobIds, SyncProducer
@@ -40,7 +40,7 @@ class FrameServices:
         self._sync_producer = SyncProducer(memory)
         self._heartbeat = Heartbeat(memory)
         self._producers = HeartbeatConsumer(memory, self._errors)
-        self._guarded = Guarded(memory)
+        self._guarded = GuardingResponse(memory)
         #: how often the device has started so far
         self.starts = 0
         #: those that judge the values of their own objects

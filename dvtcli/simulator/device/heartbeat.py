@@ -46,7 +46,7 @@ class Heartbeat:
         return [Frame(HEARTBEAT + self._memory.node_id, bytes([state]))]
 
 
-class Guarded:
+class GuardingResponse:
     """Node guarding's answer: what the state is, on a remote frame (CiA 301, 7.2.8.3.2.1).
 
     Of a device that has a guard time (0x100C) and produces no heartbeats; its life is not guarded.

@@ -24,7 +24,7 @@ from dvtcli.simulator.device.pdo_guard import PdoGuard
 from dvtcli.simulator.device.refusal import Refusal
 
 
-class Service(Protocol):
+class DeviceService(Protocol):
     """A part of the device with objects of its own, such as SYNC or EMCY."""
 
     def check(self, index: int, _sub_index: int, data: bytes, /) -> None:
@@ -36,7 +36,7 @@ class Judge:
     """Judges the downloads to one device; *services* are asked after the PDO rules and the file's limits."""
 
     def __init__(
-        self, memory: Memory, family: Family, gates: Gates, store: ParameterAreas, services: Sequence[Service]
+        self, memory: Memory, family: Family, gates: Gates, store: ParameterAreas, services: Sequence[DeviceService]
     ) -> None:
         self._memory = memory
         self._family = family

@@ -16,7 +16,7 @@ from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.block_transfer import BlockTransfer
+    from dvtcli.simulator.device.block_transfer import ServedBlockTransfer
 
 DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT, BLOCK_UPLOAD, BLOCK_DOWNLOAD = range(7)
 _SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
@@ -26,7 +26,7 @@ _OUT_OF_MEMORY = 0x0504_0005
 
 
 @dataclass(slots=True)
-class _Transfer:
+class _SegmentedTransfer:
     """A segmented transfer: *multiplexer* is index and sub-index as on the wire, *size* what the client announced."""
 
     multiplexer: bytes
@@ -45,8 +45,8 @@ class SdoServer:
 
     def __init__(self, device: StrictDevice) -> None:
         self.device = device
-        self._transfer: _Transfer | None = None
-        self._block: BlockTransfer | None = None
+        self._transfer: _SegmentedTransfer | None = None
+        self._block: ServedBlockTransfer | None = None
         #: what follows the response to the last request, in order: the other segments of a sub-block
         self.more: list[bytes] = []
         self._services: dict[int, Callable[[bytes], bytes]] = {
@@ -110,7 +110,7 @@ class SdoServer:
         self.reset()
         return b"\x80" + multiplexer + Abort.TIME_OUT.to_bytes(4, "little")
 
-    def _go_on(self, block: BlockTransfer, request: bytes) -> bytes | None:
+    def _go_on(self, block: ServedBlockTransfer, request: bytes) -> bytes | None:
         """Let *block* take *request*."""
         try:
             responses = block.handle(request)
@@ -126,20 +126,20 @@ class SdoServer:
         """A client that allows it (protocol switch threshold) gets short data without a block transfer."""
         if request[0] & 0x03:
             raise Refusal(Abort.COMMAND_SPECIFIER)
-        from dvtcli.simulator.device.block_transfer import BlockUpload
+        from dvtcli.simulator.device.block_transfer import ServedBlockUpload
 
         data = self.device.upload(*_object(request[1:4]))
         if len(data) <= request[5] and request[5]:
             return self._initiate_upload(request)
         self._transfer = None
-        self._block = block = BlockUpload(request, data, has_crc=self.device.family.block_crc)
+        self._block = block = ServedBlockUpload(request, data, has_crc=self.device.family.block_crc)
         return block.first()
 
     def _initiate_block_download(self, request: bytes) -> bytes:
-        from dvtcli.simulator.device.block_transfer import BlockDownload
+        from dvtcli.simulator.device.block_transfer import ServedBlockDownload
 
         self._transfer = None
-        self._block = block = BlockDownload(self.device, request)
+        self._block = block = ServedBlockDownload(self.device, request)
         return block.first()
 
     def _initiate_upload(self, request: bytes) -> bytes:
@@ -148,7 +148,7 @@ class SdoServer:
         data = self.device.upload(*_object(place))
         if 1 <= len(data) <= 4:
             return bytes([0x43 | (4 - len(data)) << 2]) + place + data.ljust(4, b"\0")
-        self._transfer = _Transfer(place, upload=True, data=bytearray(data))
+        self._transfer = _SegmentedTransfer(place, upload=True, data=bytearray(data))
         return b"\x41" + place + len(data).to_bytes(4, "little")
 
     def _upload_segment(self, request: bytes) -> bytes:
@@ -172,7 +172,7 @@ class SdoServer:
         else:
             size = int.from_bytes(request[4:8], "little") if size_given else None
             self.device.begin_download(*where, size)
-            self._transfer = _Transfer(place, upload=False, size=size)
+            self._transfer = _SegmentedTransfer(place, upload=False, size=size)
         return b"\x60" + place + bytes(4)
 
     def _expedited_length(self, index: int, sub_index: int) -> int:
@@ -190,13 +190,13 @@ class SdoServer:
             self._finish_download(transfer)
         return bytes([0x20 | request[0] & _TOGGLE]) + bytes(7)
 
-    def _finish_download(self, transfer: _Transfer) -> None:
+    def _finish_download(self, transfer: _SegmentedTransfer) -> None:
         if transfer.size is not None and len(transfer.data) < transfer.size:
             raise Refusal(Abort.TOO_SHORT)
         self._transfer = None
         self.device.download(*transfer.object, bytes(transfer.data))
 
-    def _running(self, request: bytes, *, upload: bool) -> _Transfer:
+    def _running(self, request: bytes, *, upload: bool) -> _SegmentedTransfer:
         """The transfer that a segment belongs to, its toggle bit checked and flipped."""
         transfer = self._transfer
         if transfer is None or transfer.upload is not upload:

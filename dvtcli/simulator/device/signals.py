@@ -39,7 +39,7 @@ _FORMS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class SimulatedSignal:
     """What object *index*:*sub_index* does: *shape* gives its value at a time in seconds since it began, 0…
 
     *node_id* is 1..127, None for the first simulated node.
@@ -51,7 +51,7 @@ class Signal:
     node_id: int | None = None
 
     @classmethod
-    def parse(cls, text: str) -> Signal:
+    def parse(cls, text: str) -> SimulatedSignal:
         """Read `[NODE:]INDEX[:SUB]=SHAPE(…)`, index and sub-index in hex; ValueError says what would be right.
 
         `sine(AMPLITUDE,PERIOD)` around 0; `ramp(FROM,TO,PERIOD)`, then from FROM again; `square(A,B,PERIOD)`, half of
@@ -70,17 +70,19 @@ class Signal:
         return cls(int(found["index"], 16), int(found["sub"] or "0", 16), shape, node_id)
 
 
-def read_signals(words: Iterable[str], dictionaries: Sequence[tuple[int, ObjectDictionary]]) -> tuple[Signal, ...]:
+def read_signals(
+    words: Iterable[str], dictionaries: Sequence[tuple[int, ObjectDictionary]]
+) -> tuple[SimulatedSignal, ...]:
     """What each of *words* says, for nodes by node-ID and dictionary; ValueError names the word that is wrong.
 
     Wrong are also a node that is not simulated, an object that holds no number, and two signals for one object.
     RowsError and OSError come from files.
     """
-    found: dict[tuple[int, int, int], Signal] = {}
+    found: dict[tuple[int, int, int], SimulatedSignal] = {}
     known = dict(dictionaries)
     for word in words:
         try:
-            signal = Signal.parse(word)
+            signal = SimulatedSignal.parse(word)
             node_id = dictionaries[0][0] if signal.node_id is None else signal.node_id
             if node_id not in known:
                 raise ValueError(f"no simulated node {node_id}")
@@ -110,7 +112,7 @@ def number_type(dictionary: ObjectDictionary, index: int, sub_index: int) -> Dat
 class SignalSource:
     """*signal* at work on *device*; ValueError where the device has no such number object. *due_s* as in `Source`."""
 
-    def __init__(self, device: StrictDevice, signal: Signal) -> None:
+    def __init__(self, device: StrictDevice, signal: SimulatedSignal) -> None:
         self.due_s = 0.0
         self._device = device
         self._signal = signal

@@ -23,7 +23,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
 
 #: what nodes run at where nobody says it (bit/s)
@@ -42,7 +42,7 @@ class InProcessBus(FrameBus[Frame]):
         devices: Sequence[StrictDevice],
         *,
         faults: Sequence[Fault] = (),
-        signals: Sequence[Signal] = (),
+        signals: Sequence[SimulatedSignal] = (),
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
         bit_rate: int = BIT_RATE,
@@ -136,7 +136,7 @@ def simulate(
     devices: Sequence[StrictDevice],
     *,
     faults: Sequence[Fault] = (),
-    signals: Sequence[Signal] = (),
+    signals: Sequence[SimulatedSignal] = (),
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
     bit_rate: int = BIT_RATE,

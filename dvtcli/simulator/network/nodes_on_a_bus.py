@@ -14,7 +14,7 @@ from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
 
@@ -39,7 +39,7 @@ class NodesOnABus:
         self,
         devices: Sequence[StrictDevice],
         faults: Sequence[Fault],
-        signals: Sequence[Signal],
+        signals: Sequence[SimulatedSignal],
         say: Callable[[Frame, float], None],
         *,
         bit_rate: int | None = None,

@@ -16,8 +16,8 @@ from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.faulty import Answer, FaultyServer
-    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.faulty import FaultyReply, FaultyServer
+    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
@@ -67,7 +67,7 @@ class SimulatedNode:
         """Whether a fault has killed the bus."""
         return self._faulty is not None and self._faulty.bus_failed
 
-    def animate(self, signals: Sequence[Signal] = ()) -> None:
+    def animate(self, signals: Sequence[SimulatedSignal] = ()) -> None:
         """Let *signals* move their objects from now on, and the family's plant what is left to it.
 
         ValueError where the device has no such number.
@@ -178,7 +178,7 @@ class SimulatedNode:
             self.server.give_up()
         self._asked_s = now_s
 
-    def _timed(self, answer: Answer, now_s: float) -> list[Frame]:
+    def _timed(self, answer: FaultyReply, now_s: float) -> list[Frame]:
         """The frames of *answer* that are due now; a server answers in order, so a late answer delays the next ones."""
         if self._faulty is not None and self._faulty.boots_at_s is not None:
             self._later.clear()
@@ -193,7 +193,7 @@ class SimulatedNode:
 def stations(
     devices: Sequence[StrictDevice],
     faults: Sequence[Fault] = (),
-    signals: Sequence[Signal] = (),
+    signals: Sequence[SimulatedSignal] = (),
     *,
     bit_rate: int | None = None,
     known_rates: Collection[int] | None = (),

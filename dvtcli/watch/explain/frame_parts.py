@@ -13,8 +13,8 @@ from dvtcli.domain.frame import Field, layout
 from dvtcli.domain.lss_services import REQUEST_ID
 from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.standard_names import standard_name
 from dvtcli.watch.decoder import Decoder, Layout, Signal
 from dvtcli.watch.explain.lss_parts import lss_parts
@@ -47,7 +47,7 @@ _FUNCTION_NAMES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Described:
+class KnownNode:
     """What is known of one node: its dictionary, if any, and what its objects mean."""
 
     dictionary: ObjectDictionary | None
@@ -69,14 +69,14 @@ class Described:
         return name, said(value, meaning, 8 * len(data))
 
 
-def said(value: Value, meaning: Physical, bits: int) -> str:
+def said(value: Value, meaning: Scaling, bits: int) -> str:
     """*value* in words: with its unit or meaning where there is one."""
     if isinstance(value, bytes):
         return value.hex(" ").upper()
     return meaning.text(value, bits) or str(value)
 
 
-def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], Described]) -> list[FramePart]:
+def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNode]) -> list[FramePart]:
     """Every part of *frame*, the CAN-ID's first; *described* says what is known of a node, by node-ID."""
     known = decoder.layout(frame)
     parts = list(_id_parts(frame, known))

@@ -73,7 +73,7 @@ class Quiet(StrictDevice):
 
 
 def test_a_reset_without_a_boot_up_but_with_heartbeats_tells_the_state() -> None:
-    from dvtcli.device.nmt_gate import Access
+    from dvtcli.device.nmt_gate import NodeAccess
     from dvtcli.device.resets import reset_and_wait
     from dvtcli.errors import NoAnswer
     from tests.device.test_reset import WithoutSdo
@@ -83,7 +83,7 @@ def test_a_reset_without_a_boot_up_but_with_heartbeats_tells_the_state() -> None
     device.set_value(0x1017, 0, b"\x64\0")
     bus = WithoutSdo([device])  # any answer would end the wait
     with pytest.raises(NoAnswer) as caught:
-        reset_and_wait(Access(bus, NODE, profile("generic")), NmtCommand.RESET_NODE)
+        reset_and_wait(NodeAccess(bus, NODE, profile("generic")), NmtCommand.RESET_NODE)
     assert (caught.value.state_text or "").startswith("PRE-OPERATIONAL, as its heartbeat says")
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from dvtcli.cli.view.answers.load_lines import load_lines
 from dvtcli.cli.view.lines import Line
-from dvtcli.operations.network.network_load import LoadWishes, load_after, network_load
+from dvtcli.operations.network.network_load import LoadOptions, load_after, network_load
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.operations.plans.plan_network import plan_network
 from tests.commands.bench import Bench, Ran
@@ -199,7 +199,7 @@ def test_a_row_fits_the_screen_and_says_what_limits_a_frame(width: int, for_s: f
     """In virtual time: nothing is waited for."""
     bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("gen4@1", "generic@5"))], simulated=False)
     with Bench((), {"sim": (), "node": 1}, bus) as bench:
-        loaded = network_load(bench.session, None, LoadWishes(for_s))
+        loaded = network_load(bench.session, None, LoadOptions(for_s))
         lines = [text_of(line) for line in load_lines(loaded, width)]
     rows = [line for line in lines if line.startswith("  0x")]
     assert len(rows) >= 3

@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.frames.file_layouts import file_layouts
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.seen import FrameStore
@@ -65,7 +65,7 @@ def test_what_a_node_holds_goes_before_a_default(line: Path) -> None:
 
 
 def test_the_monitor_has_an_event_for_it(line: Path) -> None:
-    store, late = FrameStore(decoder := Decoder(file_layouts(str(line), Silent()))), FrameStore(Decoder())
+    store, late = FrameStore(decoder := Decoder(file_layouts(str(line), NullReporter()))), FrameStore(Decoder())
     for one in (store, late):
         for frame in (Frame(0x181, b"7\x12"), Frame(0x281, bytes(6)), Frame(0x181, b"7\x12")):
             one.take(frame)

@@ -14,7 +14,7 @@ from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.send_frames import send_frames
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.frame_effect import Parties, effects
 from dvtcli.watch.lateness import Lateness
@@ -180,7 +180,7 @@ def test_a_can_id_without_a_sign_of_data_is_no_empty_frame() -> None:
 def test_what_has_no_end_is_not_counted_to_it() -> None:
     told: list[tuple[str, int, int]] = []
 
-    class Broken(Silent):
+    class Broken(NullReporter):
         """Breaks off when it is told how far it is."""
 
         def progress(self, text: str, done: int, total: int) -> None:

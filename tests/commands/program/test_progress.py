@@ -19,7 +19,7 @@ from dvtcli.operations.known_devices.learn_device import learn
 from dvtcli.operations.results import LearntDevice
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.telling import Silent
+from dvtcli.operations.user.reporter import NullReporter
 from tests.posix import NO_TERMINAL
 from tests.sample import heavy
 
@@ -33,7 +33,7 @@ def said_at_once(stderr: TextIO) -> Output:
     return output
 
 
-class Follower(Silent):
+class Follower(NullReporter):
     """Keeps what it is told of progress."""
 
     def __init__(self) -> None:

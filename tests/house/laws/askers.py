@@ -47,9 +47,9 @@ HARMLESS: dict[str, frozenset[str]] = {
     "device/change/put_back.py": frozenset({"PATIENCE_S", "RETRY_S", "first_difference"}),
     "device/store_parameters.py": frozenset({"STORE", "RESTORE", "SIGNATURES", "Signed", "chosen", "word_of"}),
     "device/access_level.py": frozenset({"level_finding"}),
-    "device/nmt_gate.py": frozenset({"Access"}),
+    "device/nmt_gate.py": frozenset({"NodeAccess"}),
     "device/seen_state.py": frozenset({"HEARTBEAT_TIME", "CONTROLWORDS", "STATUSWORDS"}),
-    "device/learn/saving.py": frozenset({"Saved", "read_storage"}),
+    "device/learn/saving.py": frozenset({"SignatureAnswers", "read_storage"}),
 }
 
 

@@ -11,7 +11,7 @@ from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, ChangedNodes
@@ -26,7 +26,7 @@ def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
 def change_lines(result: Changed, width: int) -> Iterator[Line]:
     """The steps as they were taken, and what became of them."""
     count = len(result.plan)
-    labels = several(_written(result))
+    labels = join_some(_written(result))
     labels += f" of node {result.node}" if result.named else ""
     if not count and result.not_put_back:
         yield f"{labels} NOT put back as it was; nothing was written."
@@ -105,7 +105,7 @@ def _is(result: Changed) -> str:
 def _counted(result: Changed, labels: str, verb: str) -> str:
     """What was changed with what became of it; many are counted before some of them are named."""
     names = _written(result)
-    if several(names) == ", ".join(names):
+    if join_some(names) == ", ".join(names):
         return f"{labels} {verb}"
     noun = "change" if any(":" in name for name in names) else "PDO"
     return f"{plural(len(names), noun)} {verb} ({labels})"

@@ -10,7 +10,7 @@ from dvtcli.domain.hint import Hint
 from dvtcli.operations.results.dvt import DvtAnswer
 
 
-class Said(Protocol):
+class HasLines(Protocol):
     """An answer that says its lines itself."""
 
     @property
@@ -19,7 +19,7 @@ class Said(Protocol):
         ...
 
 
-def text_lines(result: Said, _width: int) -> Iterable[Line]:
+def text_lines(result: HasLines, _width: int) -> Iterable[Line]:
     """The lines as they are."""
     return result.text
 

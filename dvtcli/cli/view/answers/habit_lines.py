@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.operations.results.habit_listing import HabitListing, Wanted
 
 
 def habit_lines(result: HabitListing, width: int) -> Iterator[Line]:
     """What was forgotten, then a line for each thing that a device takes only if a PDO, or the node, is in a state."""
     if result.forgotten:
-        yield f"forgotten: what {several(result.forgotten)} was found to want"
+        yield f"forgotten: what {join_some(result.forgotten)} was found to want"
     if not result.rows:
         yield "nothing is remembered of any device"
         return

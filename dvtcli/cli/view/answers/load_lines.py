@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.network.stream import NO_LIMIT, NO_SYNC
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import StreamNeed
@@ -173,7 +173,7 @@ def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
             _who(one.node, one.label) for one in streams if (one.why if one.why in (NO_LIMIT, NO_SYNC) else "") == why
         ]
         if names:
-            yield several(names), text, hint
+            yield join_some(names), text, hint
 
 
 def _not_whole(measured: Measured) -> str:
@@ -185,7 +185,7 @@ def _not_whole(measured: Measured) -> str:
 def _in_time(result: NetworkLoad) -> Iterator[Line]:
     late = [one for one in result.need.late if one.response_us is not None or not result.need.unlimited]
     if late:
-        names = several(_who(one.stream.node, one.stream.label) for one in late)
+        names = join_some(_who(one.stream.node, one.stream.label) for one in late)
         yield [Cell("late  ", "bold"), Cell(f"{names} may be there after the deadline", "red")]
     elif result.need.fits:
         yield "every frame is there before its deadline at worst"

@@ -13,7 +13,7 @@ from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import STAMP, PdoChange
 from dvtcli.domain.rules import errors_in
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.operations.results.networks import action
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
         are, verb = ("is", "differs") if len(node.remaining) == 1 else ("are", "differ")
         what = f"{plural(len(node.remaining), 'setting')} of node {node.node_id} {verb} from {plan.file}"
         hint = f"{named}{more} writes {'it' if are == 'is' else 'such'}" if lifted else ""
-        hint = hint or several(one.object for one in node.remaining)
+        hint = hint or join_some(one.object for one in node.remaining)
         yield [Cell(f"! {what} and {are} not written: {hint}", "yellow")]
 
 
@@ -152,7 +152,7 @@ def _load(need: BusNeed) -> Iterator[Line]:
             Cell(f": {whose}. All other frames: {share} at {rate}."),
         ]
     else:
-        late = several(f"{one.stream.node}:{one.stream.pdo or one.stream.kind}" for one in need.late)
+        late = join_some(f"{one.stream.node}:{one.stream.pdo or one.stream.kind}" for one in need.late)
         yield f"Worst-case bus load at {rate} afterwards: {share}{f'; too late: {late}' if late else ''}."
 
 
@@ -192,7 +192,7 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
         yield [Cell(f"{text}{reverts}.", "dim")]
     for node_id, labels in result.kept_without.items():
         if labels and node_id not in stored:
-            yield [Cell(f"Kept by node {node_id} without a store: {several(labels)}.", "dim")]
+            yield [Cell(f"Kept by node {node_id} without a store: {join_some(labels)}.", "dim")]
 
 
 def _stored(result: NetworkApplied) -> Iterator[Line]:

@@ -13,7 +13,7 @@ from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.network.concise_difference import download_lines
 from dvtcli.domain.parameter_text import entry_text, parameter_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.shown_value import step_text
 from dvtcli.operations.results.networks import action, differing
 
@@ -40,7 +40,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
     if not node.is_read:
         yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{STAMP:04X}) is that of the file")]
     if node.store and node.unstored:
-        yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
+        yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {join_some(node.unstored)}")]
     if node.unchanged > 0:
         yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
     if node.also_equal:
@@ -49,7 +49,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
     if node.is_asked_nothing and not any(found.rule == "asked-nothing" for found in node.findings):
         yield [Cell("  ! ", "yellow"), Cell("the file asks for nothing of it: nothing was compared")]
     if node.lacks:
-        yield [Cell("  ! ", "yellow"), Cell(f"the device has no {several(node.lacks)}")]
+        yield [Cell("  ! ", "yellow"), Cell(f"the device has no {join_some(node.lacks)}")]
     yield from _left_out(node)
 
 
@@ -60,14 +60,14 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
         yield from _downloads(one.object, one.held, one.said)
     if len(node.remaining) > _MOST_REMAINING:
         rest = [one.object for one in node.remaining[_MOST_REMAINING:]]
-        yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {several(rest)}")]
+        yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {join_some(rest)}")]
     by_why: dict[str, list[str]] = {}
     for one in node.left_out:
         if not one.remains:
             by_why.setdefault(one.why, []).append(f"{one.object}{_values(node, one)}")
     silent = by_why.pop(NotWritten.READ_ONLY, [])
     for why, places in by_why.items():
-        yield [Cell("  ! ", "yellow"), Cell(f"not written: {several(places)} {why}")]
+        yield [Cell("  ! ", "yellow"), Cell(f"not written: {join_some(places)} {why}")]
     if silent:
         yield [Cell(f"  = {plural(len(silent), 'read-only object')} of the file left aside", "dim")]
 

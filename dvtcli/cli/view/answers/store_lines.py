@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.wrap import wrapped
 from dvtcli.domain.proof import RESTART_NAMES, Proof
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.operations.results.failures import compared_text
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def _outcome(result: Stored) -> Iterator[Line]:
     if proof.canary:
         yield [Cell(f"changed in RAM after that, to see what a {RESTART_NAMES[proof.by]} takes: {proof.canary}", "dim")]
     if proof.lost and result.word == "store":
-        yield [Cell(f"not stored, and lost by the {RESTART_NAMES[proof.by]}: {several(proof.lost)}", "yellow")]
+        yield [Cell(f"not stored, and lost by the {RESTART_NAMES[proof.by]}: {join_some(proof.lost)}", "yellow")]
     yield from _shown_by(result, proof)
 
 

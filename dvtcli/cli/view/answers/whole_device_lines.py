@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.network.concise_difference import download_lines
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.shown_value import cut_text
 from dvtcli.domain.shown_value import value_text as physical_text
 
@@ -40,10 +40,10 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
             yield from _reasons(found)
         elif found:
             verb = "is no setting" if len(found) == 1 else "are no settings"
-            yield f"{label:<11} {several(one.object for one in found)} {verb}: not counted; --all shows them"
+            yield f"{label:<11} {join_some(one.object for one in found)} {verb}: not counted; --all shows them"
     if result.unread:
         verb = "was" if len(result.unread) == 1 else "were"
-        yield f"not read    {several(result.unread)} {verb} not read by one side: not compared"
+        yield f"not read    {join_some(result.unread)} {verb} not read by one side: not compared"
     if result.unsaid:
         silent = "one of them" if result.node is None else result.first
         yield f"            {silent} says nothing of {plural(result.unsaid, 'more setting')}: not compared"
@@ -56,7 +56,7 @@ def _reasons(found: Iterable[ObjectDifference]) -> Iterator[Line]:
         if one.apart:
             by_why.setdefault(one.apart, []).append(one.object)
     for why, places in by_why.items():
-        yield [Cell(f"            {several(places)} {why}", "dim")]
+        yield [Cell(f"            {join_some(places)} {why}", "dim")]
 
 
 def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) -> Iterable[Line]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.answers.whole_device_lines import value_text
 from dvtcli.domain.parameter_text import parameter_text
 from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.shown_value import step_text
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.networks import NetworkPlanned, differing
@@ -76,7 +76,7 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
         says = (f"differs, not written: {left.why}",)
         yield Case(node.node_id, left.object, says, level, result.plan.file, node.line)
     if node.store and node.unstored:
-        says = (f"not stored yet: {several(node.unstored)}",)
+        says = (f"not stored yet: {join_some(node.unstored)}",)
         yield Case(node.node_id, "store", says, level, result.plan.file, node.line)
     for finding in node.findings:
         level = "notice" if str(finding.severity) == "note" else "warning"

@@ -16,7 +16,7 @@ from dvtcli.domain.network.network_state import (
     SLAVE_ASSIGNMENT,
     NodeState,
 )
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 _BOOT = "CiA 302-2, 0x1F80 to 0x1F89"
 _DOWNLOAD = "CiA 302-3, 0x1F22: concise DCF"
@@ -153,7 +153,7 @@ def concise_dcf(network: CheckedNetwork) -> NetFound:
             differs = [] if node is None else _differs(node, data)
             if differs:
                 more = f" and {len(differs) - 3} more" if len(differs) > 3 else ""
-                yield held(manager, CONCISE_DCF, node_id), f"node {node_id}: {several(differs[:3])}{more}"
+                yield held(manager, CONCISE_DCF, node_id), f"node {node_id}: {join_some(differs[:3])}{more}"
 
 
 def _differs(node: NodeState, data: bytes) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from functools import partial
 
-from dvtcli.domain.lint.lint_rule import ERROR, WARNING, Check, LintRule
+from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule, RuleCheck
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import (
@@ -26,10 +26,10 @@ _DECLARED: dict[str, Rule] = {
 }
 
 
-def _judged(name: str, severity: Severity, sense: str, of: str = "") -> Check[CheckedNetwork, NetSpot]:
+def _judged(name: str, severity: Severity, sense: str, of: str = "") -> RuleCheck[CheckedNetwork, NetSpot]:
     """What the rule *of* `map` (by default of the same name) says, where it means it as strongly."""
     rule = LintRule(name, severity, f"an enabled PDO {sense}", _DECLARED[of or name].source)
-    return Check(rule, partial(_look, of or name, severity))
+    return RuleCheck(rule, partial(_look, of or name, severity))
 
 
 def _look(name: str, severity: Severity, network: CheckedNetwork) -> NetFound:

@@ -16,7 +16,7 @@ from dvtcli.domain.network.heard_traffic import HeardId
 from dvtcli.domain.network.network_state import PRODUCER_HEARTBEAT, SYNC_COB_ID, Identifier, NetworkState, identifier_of
 from dvtcli.domain.network.stream import EVENT_DRIVEN, Stream
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.several import join_some, plural
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
 _SYNC = "CiA 301, 7.2.5: one producer"
@@ -41,7 +41,7 @@ def sync_not_heard(network: CheckedNetwork) -> NetFound:
         return
     if traffic.seconds * 1_000_000 < _PATIENCE * max(periods, default=0):
         return
-    listed = several(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
+    listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
     node, pdo, _ = network.synchronous[0]
     yield at(node, pdo), f"no SYNC within {traffic.seconds:.1f} s, and these wait for it: {listed}"
 
@@ -122,7 +122,7 @@ def other_length(network: CheckedNetwork) -> NetFound:
         heard = None if network.traffic is None else network.traffic.by_id.get(identifier_of(config))
         is_known = config.has_mapping and not config.inconsistency and config.mpdo is None
         if heard is not None and is_known and heard.lengths != {byte_length(config.bits)}:
-            lengths = several(str(one) for one in sorted(heard.lengths))
+            lengths = join_some(str(one) for one in sorted(heard.lengths))
             yield at(node, pdo), f"{lengths} bytes were heard, it maps {byte_length(config.bits)}"
 
 
@@ -146,7 +146,7 @@ def from_nobody(network: CheckedNetwork) -> NetFound:
     for identifier, heard in () if network.traffic is None else sorted(network.traffic.by_id.items()):
         if identifier not in _known(network) and network.traffic is not None:
             hears = [f"{node.node_id}:{pdo}" for node, pdo, held in network.rpdos if identifier_of(held) == identifier]
-            who = f"; {several(hears)} {'hear' if len(hears) > 1 else 'hears'} it" if hears else ""
+            who = f"; {join_some(hears)} {'hear' if len(hears) > 1 else 'hears'} it" if hears else ""
             often = f"{network.traffic.rate_hz(identifier):.1f} a second" if heard.frames > 1 else "once"
             yield NetSpot(), f"0x{identifier[0]:03X} was heard, {often}, and no node that was read sends it{who}"
 

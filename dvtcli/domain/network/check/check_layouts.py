@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dvtcli.domain.command_object import commanded_by_other, is_controlword
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.network.check.checked_network import CheckedNetwork, Heard, NetFound, at
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, PdoConnection, at
 from dvtcli.domain.network.links import LinkSide
 from dvtcli.domain.network.network_state import Identifier, identifier_of
 from dvtcli.domain.network.wanted_state import Endpoint
@@ -204,7 +204,7 @@ def _commanded(network: CheckedNetwork, *, controlwords: bool) -> NetFound:
             yield one.spot, f"{consumer.name(heard)} hears {producer.name(sent)} of {one.sender}"
 
 
-def _sides(one: Heard) -> tuple[LinkSide, LinkSide]:
+def _sides(one: PdoConnection) -> tuple[LinkSide, LinkSide]:
     """The producer and the consumer of *one*."""
     sender, hearer = one.producer, one.consumer
     return (
@@ -213,7 +213,7 @@ def _sides(one: Heard) -> tuple[LinkSide, LinkSide]:
     )
 
 
-def _whole(network: CheckedNetwork) -> Iterator[Heard]:
+def _whole(network: CheckedNetwork) -> Iterator[PdoConnection]:
     """Those pairs of which both sides are known."""
     for one in network.heard:
         odd = any(side.inconsistency or side.mpdo is not None or not side.mapping for side in (one.takes, one.sends))
@@ -228,7 +228,7 @@ def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMapp
         start += entry.bits
 
 
-def _pairs(network: CheckedNetwork) -> Iterator[tuple[Heard, PdoMappingEntry, PdoMappingEntry]]:
+def _pairs(network: CheckedNetwork) -> Iterator[tuple[PdoConnection, PdoMappingEntry, PdoMappingEntry]]:
     """Each object that hears one object, or a part of one."""
     for one in _whole(network):
         for start, heard in _starts(one.takes.mapping):

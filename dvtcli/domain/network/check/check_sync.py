@@ -11,7 +11,7 @@ from dvtcli.domain.network.network_state import (
     SYNC_WINDOW,
 )
 from dvtcli.domain.services import PRODUCES
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 _TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"
 _COUNTER = "CiA 301, 7.5.2.20 and 7.5.2.37: SYNC counter, SYNC start value"
@@ -36,7 +36,7 @@ def sync_from_elsewhere(network: CheckedNetwork) -> NetFound:
 def _without_sync(network: CheckedNetwork) -> NetFound:
     if network.state.sync_periods_us or not network.synchronous:
         return
-    listed = several(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
+    listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
     first, pdo, _ = network.synchronous[0]
     yield at(first, pdo), f"nobody sends SYNC, and these wait for it: {listed}"
 

@@ -37,7 +37,7 @@ NetFound = Iterator[tuple[NetSpot, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class PdoConnection:
     """One RPDO that hears one TPDO: consumer first."""
 
     consumer: NodeState
@@ -112,13 +112,13 @@ class CheckedNetwork:
         return (*self.tpdos, *self.rpdos)
 
     @cached_property
-    def heard(self) -> tuple[Heard, ...]:
+    def heard(self) -> tuple[PdoConnection, ...]:
         """Every RPDO with each TPDO of another node that it hears."""
         sent: dict[Identifier, list[tuple[NodeState, Pdo, PdoConfig]]] = {}
         for one in self.tpdos:
             sent.setdefault(identifier_of(one[2]), []).append(one)
         return tuple(
-            Heard(consumer, rpdo, takes, producer, tpdo, sends)
+            PdoConnection(consumer, rpdo, takes, producer, tpdo, sends)
             for consumer, rpdo, takes in self.rpdos
             for producer, tpdo, sends in sent.get(identifier_of(takes), ())
             if producer.node_id != consumer.node_id

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from dvtcli.domain.lint.lint_rule import Check, LintRule, checks_of
+from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
 from dvtcli.domain.network.check import (
     check_against_file,
     check_boot,
@@ -19,7 +19,7 @@ from dvtcli.domain.network.check import (
 )
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 
-CHECKS: list[Check[CheckedNetwork, NetSpot]] = [
+CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
     *checks_of(
         check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_boot, check_heard,
         check_against_file,

@@ -18,8 +18,8 @@ from dvtcli.domain.lint import (
     lint_standard,
     lint_values,
 )
-from dvtcli.domain.lint.described import Described, Spot, object_text
-from dvtcli.domain.lint.lint_rule import Check, LintRule, checks_of
+from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
+from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.files.eds.findings import EdsFinding
 from dvtcli.files.eds.ini import IniSection
@@ -37,10 +37,10 @@ from dvtcli.files.eds.lint.named import named
 from dvtcli.files.eds.read_rules import READ_RULES
 from dvtcli.files.eds.reader import EdsFile
 
-TEXT_CHECKS: list[Check[LintedText, int]] = checks_of(
+TEXT_CHECKS: list[RuleCheck[LintedText, int]] = checks_of(
     lint_lines, lint_keys, lint_file_info, lint_device_info, lint_lists, lint_commissioning
 )
-DEVICE_CHECKS: list[Check[Described, Spot]] = [
+DEVICE_CHECKS: list[RuleCheck[DescribedDevice, Spot]] = [
     *lint_pdo_defaults.CHECKS,
     *checks_of(lint_pdos, lint_standard, lint_services, lint_objects, lint_mappability, lint_values),
 ]
@@ -60,7 +60,7 @@ def lint(file: EdsFile, name: str, wanted: Collection[str], profile: DeviceProfi
         if asked.rule.name in wanted:
             found += (_finding(asked.rule, line, said) for line, said in asked.look(text))
     configured, any_node = text.is_dcf or file.node_id is not None, file.node_id is None
-    device = Described(file.dictionary, file.node_id or 1, configured, any_node, profile)
+    device = DescribedDevice(file.dictionary, file.node_id or 1, configured, any_node, profile)
     for check in DEVICE_CHECKS:
         if check.rule.name in wanted:
             found += (_finding(check.rule, places.line(spot), said, spot.object) for spot, said in check.look(device))

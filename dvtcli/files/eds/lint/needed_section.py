@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.files.eds.lint.linted_text import Found, LintedText
 
 
@@ -19,4 +19,4 @@ def missing_keys(text: LintedText, name: str, needed: Iterable[str]) -> Found:
     section, values = text.section(name.lower()), text.values(name.lower())
     missing = [key for key in needed if key.lower() not in values]
     if section is not None and missing:
-        yield section.line, f"[{name}] lacks {several(missing)}"
+        yield section.line, f"[{name}] lacks {join_some(missing)}"

@@ -16,17 +16,17 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
-    from dvtcli.device.observe import Found
+    from dvtcli.device.observe import InitialState
     from dvtcli.domain.ports import SdoReader, SdoTransport
 
 
 @dataclass(slots=True)
-class OtherPdos:
+class UntouchedPdos:
     """The PDOs beside a plan: the *cob_ids* as they were before it, and *wholes*, those that were read whole.
 
     *present* names all of them, for a way back: it may read the node. *unlike_kept* judges what was not read before the
@@ -102,7 +102,7 @@ class OtherPdos:
         """The device's state after the way back from *plan*; None where all were put back whole."""
         if not self._in_part:
             return None
-        own, altered = (several(one.label for one in some) for some in (plan.changes, self._in_part))
+        own, altered = (join_some(one.label for one in some) for some in (plan.changes, self._in_part))
         return (
             f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; what else it held "
             "was not read before: look at it"
@@ -111,9 +111,9 @@ class OtherPdos:
 
 def altered_too(plan: Plan, altered: Mapping[Pdo, str]) -> DeviceRefused:
     """The device did what *plan* says, and more: it *altered* other PDOs, as the words say."""
-    own, first = several(change.label for change in plan.changes), next(iter(altered))
+    own, first = join_some(change.label for change in plan.changes), next(iter(altered))
     return DeviceRefused(
-        f"node {plan.node_id} took {own}, but altered {several(pdo.label for pdo in altered)} with it",
+        f"node {plan.node_id} took {own}, but altered {join_some(pdo.label for pdo in altered)} with it",
         node=plan.node_id,
         place=f"{first.communication_index:04X}:01",
         why="; ".join(altered.values()),
@@ -132,7 +132,7 @@ def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
     return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in own}
 
 
-def wholes_beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoConfig]:
+def wholes_beside(node: Changeable, plan: Plan, found: InitialState) -> dict[Pdo, PdoConfig]:
     """The PDOs that *plan* leaves alone, to be compared before a store: those that were read whole since *found*."""
     if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
@@ -168,7 +168,7 @@ def altered_of(sdo: SdoReader, changes: Iterable[PdoChange]) -> dict[PdoChange, 
 
 def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliError | None = None) -> LeftChanged:
     """The way back *plan* was carried out, and other PDOs that the device *altered* with it could not be put back."""
-    own, labels = several(change.label for change in plan.changes), several(change.label for change in altered)
+    own, labels = join_some(change.label for change in plan.changes), join_some(change.label for change in altered)
     left = LeftChanged(
         f"node {plan.node_id} altered {labels} when {own} was put back, and {labels} could not be put back",
         node=plan.node_id,

@@ -18,7 +18,7 @@ MOST_NUMBER = 10**18
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class ChangeHistoryEntry:
     """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device.
 
     *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none. *stored* are the
@@ -57,7 +57,7 @@ class Recorded:
         return selected is None or selected in (self.plan.node_id, self.selected)
 
 
-def document(one: Recorded) -> dict[str, Any]:
+def document(one: ChangeHistoryEntry) -> dict[str, Any]:
     """*one* as JSON."""
     return {
         "id": one.id,
@@ -74,7 +74,7 @@ def document(one: Recorded) -> dict[str, Any]:
     }
 
 
-def recorded_changes(document: Any) -> Iterator[Recorded]:
+def recorded_changes(document: Any) -> Iterator[ChangeHistoryEntry]:
     """What a file's *document* holds, oldest first; ValueError where it is none of ours."""
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise ValueError(f"it does not say {SCHEMA}")
@@ -87,7 +87,7 @@ def recorded_changes(document: Any) -> Iterator[Recorded]:
         stored, maybe_stored = one.get("stored", []), one.get("maybe_stored", [])
         if not isinstance(stored, list) or not isinstance(maybe_stored, list):
             raise ValueError("stored is no list")
-        yield Recorded(
+        yield ChangeHistoryEntry(
             str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected,
             frozenset(map(str, stored)), one.get("undoes") is True,
             read_number(one, "number", MOST_NUMBER) if "number" in one else 0, frozenset(map(str, maybe_stored)),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class DbcWishes:
+class DbcOptions:
     """*services* (see `SERVICES`) adds their frames; *split_bits* makes a signal of each bit where bits have names.
 
     With *everything* PDOs that are off are in it, too, as if they were on.
@@ -18,4 +18,4 @@ class DbcWishes:
 
     def __bool__(self) -> bool:
         """Whether anything is wanted otherwise than by default."""
-        return self != DbcWishes()
+        return self != DbcOptions()

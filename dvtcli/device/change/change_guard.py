@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dvtcli.device.change.backing_up import BackingUp
+from dvtcli.device.change.change_group import ChangeGroup, GroupMember
 from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.own_journal import ROOM_OF_TEST, OwnJournal, journal_files, room_beside
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import file_name, remove, remove_unfinished, set_aside
-from dvtcli.device.change.whole import Part, Whole
-from dvtcli.device.past import Past
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan
@@ -25,7 +25,7 @@ from dvtcli.errors import InputFileError, SafetyRefusal
 
 
 @dataclass(slots=True)
-class Keeper:
+class ChangeGuard:
     """The files of one node on the bus called *bus*: journals and backups below *folder*, locks in *locks*.
 
     The locks' folder is the same for every dvtcli of a user, or they would not see each other. *say* shows a message.
@@ -43,20 +43,20 @@ class Keeper:
     #: the command that this process runs, for another dvtcli that waits for the lock
     command: Callable[[], str] = lambda: ""
     #: what the changes that are made now belong to
-    whole: Whole = field(default_factory=Whole)
+    whole: ChangeGroup = field(default_factory=ChangeGroup)
     lock: NodeLock = field(init=False)
     journals: Journals = field(init=False)
     #: the journal of what this process changes
     own_journal: OwnJournal = field(init=False)
     #: the changes that a later process can put back
-    past: Past = field(init=False)
+    past: ChangeHistory = field(init=False)
     _backing_up: BackingUp = field(init=False)
 
     def __post_init__(self) -> None:
         self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command, self._remove_unfinished)
         self.journals = Journals(self.folder / "journals", self.bus)
         self.own_journal = OwnJournal(self.journals, self.lock, self.whole, self.warn)
-        self.past = Past(self.locks.parent / "changes", self.bus, self.warn)
+        self.past = ChangeHistory(self.locks.parent / "changes", self.bus, self.warn)
         self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.past)
 
     def _remove_unfinished(self) -> None:
@@ -154,7 +154,7 @@ class Keeper:
         nmt_state: int | None,
         pdos: Callable[[], Mapping[Pdo, PdoConfig]],
         held: Mapping[Pdo, PdoConfig],
-        ends: Part,
+        ends: GroupMember,
         *,
         proves: bool = False,
     ) -> None:
@@ -232,7 +232,7 @@ class Keeper:
         return journal_files(self.journals, self.node_id, what)
 
 
-def who_else(keeper: Keeper | None) -> str:
+def who_else(keeper: ChangeGuard | None) -> str:
     """Who may have changed what this process left, for people."""
     other = None if keeper is None else keeper.lock.meanwhile
     if other is None:

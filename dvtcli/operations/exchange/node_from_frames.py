@@ -17,7 +17,7 @@ from dvtcli.domain.network.wanted_state import FileWord, HeartbeatWatch, NodeWis
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import STAMP
 from dvtcli.files.network.network_keys import OF, Where
-from dvtcli.operations.exchange.exported_pdos import Described, Exported, mapped_word, title_word
+from dvtcli.operations.exchange.exported_pdos import Exported, NamedNode, mapped_word, title_word
 from dvtcli.operations.exchange.sdo_value import value_word
 
 Place = tuple[int, int]
@@ -42,7 +42,7 @@ class _Left:
         return int.from_bytes(data, "little")
 
 
-def booted_node(device: Described, downloads: Sequence[ConciseEntry]) -> tuple[Exported, tuple[str, ...]]:
+def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tuple[Exported, tuple[str, ...]]:
     """*device* as its *downloads* make it, in the order in which these are; and, in words, what a file cannot say.
 
     A stamp (0x1020) is `stamp: true`: that of a file stands for what the file says. A file has one value an object:
@@ -83,7 +83,7 @@ def _order(pdo: Pdo) -> tuple[bool, int]:
     return (not pdo.is_tpdo, pdo.number)
 
 
-def _pdo(device: Described, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> PdoWish:
+def _pdo(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> PdoWish:
     at = pdo.communication_index
     raw = left.number(at, 1, 4)
     cob_id = None if raw is None else CobId.from_raw(raw)
@@ -105,7 +105,7 @@ def _pdo(device: Described, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> P
     )
 
 
-def _mapping(device: Described, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> tuple[FileWord, ...] | None:
+def _mapping(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> tuple[FileWord, ...] | None:
     """All that is mapped; None where the downloads do not say all of it, or as no file can."""
     at = pdo.mapping_index
     count = left.data.get((at, 0))
@@ -152,7 +152,7 @@ def _objects(left: _Left) -> list[ObjectWish]:
     return sorted(found, key=lambda one: (one.index, one.sub_index))
 
 
-def _values(device: Described, left: _Left, remarks: dict[str, str]) -> list[ValueWish]:
+def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[ValueWish]:
     """What is left besides PDOs, as `sdo:` has it."""
     found: list[ValueWish] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:

@@ -28,7 +28,7 @@ _ATTACH = "attach the device that is meant, or say in the file which one it is"
 
 
 @dataclass(slots=True)
-class Met:
+class IdentifiedNodes:
     """The *nodes* that are as the file means them, by node-ID, and what speaks against going on.
 
     *boot_ups* are those that were heard of each before anything was read of it.
@@ -55,9 +55,9 @@ class Met:
         raise first
 
 
-def meet(session: Session, file: str, wish: NetworkWish) -> Met:
+def meet(session: Session, file: str, wish: NetworkWish) -> IdentifiedNodes:
     """The nodes of *wish*, each with the files that it names."""
-    met = Met()
+    met = IdentifiedNodes()
     for node in wish.nodes:
         _choose_files(session, file, node)
         met.boot_ups[node.node_id] = session.bus.boot_ups(node.node_id)

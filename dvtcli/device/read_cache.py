@@ -16,7 +16,7 @@ from dvtcli.errors import SdoAborted
 
 
 @dataclass(slots=True)
-class Memory:
+class ReadCache:
     """The objects of *node_id* on *bus* that were read, by index and sub-index; *channel* reads those that were not."""
 
     bus: CanopenBus
@@ -59,7 +59,7 @@ class Memory:
         """The objects at *indices* are to be read again."""
         self._read = {place: held for place, held in self._read.items() if place[0] not in indices}
 
-    def learn(self, other: Memory) -> None:
+    def learn(self, other: ReadCache) -> None:
         """Know what *other* knows of the same node."""
         self._read, self._seen = dict(other._read), other._seen
 

@@ -20,7 +20,7 @@ from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.lock import WAIT_S, lock_within
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import file_name, set_aside, to_disk, write_private
-from dvtcli.device.recorded_change import SCHEMA, Recorded, document, recorded_changes
+from dvtcli.device.history_entry import SCHEMA, ChangeHistoryEntry, document, recorded_changes
 from dvtcli.device.trust import open_private, private_folder
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan, alters
@@ -40,7 +40,7 @@ def has_serial(identity: Identity) -> bool:
 
 
 @dataclass(slots=True)
-class Past:
+class ChangeHistory:
     """The changes made on *bus*, in the files of *folder*; *say* shows what goes wrong with remembering."""
 
     folder: Path
@@ -75,7 +75,7 @@ class Past:
         """Whether a later process can put the last change of this one back."""
         return not self._own or self._own[-1] is not None
 
-    def _sound(self, path: Path) -> list[Recorded]:
+    def _sound(self, path: Path) -> list[ChangeHistoryEntry]:
         """What *path* holds; a damaged file is set aside under another name."""
         try:
             return self._read(path)
@@ -84,11 +84,11 @@ class Past:
             self.say(f"{damaged.text}: it is kept as {aside}")
             return []
 
-    def newest(self, node_id: int, identity: Identity) -> Recorded | None:
+    def newest(self, node_id: int, identity: Identity) -> ChangeHistoryEntry | None:
         """The last change of a device at *node_id* that is remembered; InputFileError where its file is damaged."""
         return next(reversed(self.entries(node_id, identity)), None)
 
-    def entries(self, node_id: int, identity: Identity, selected: int | None = None) -> list[Recorded]:
+    def entries(self, node_id: int, identity: Identity, selected: int | None = None) -> list[ChangeHistoryEntry]:
         """The last changes of a device at *node_id*, oldest first, as far back as all are meant by *selected*.
 
         InputFileError where its file is damaged.
@@ -97,11 +97,11 @@ class Past:
         meant = takewhile(lambda one: one.is_meant(selected), reversed(found))
         return list(meant)[::-1]
 
-    def all_of(self, node_id: int, identity: Identity) -> list[Recorded]:
+    def all_of(self, node_id: int, identity: Identity) -> list[ChangeHistoryEntry]:
         """The same, whoever is meant, and what `undo` put back of it after it was stored."""
         return [one for one in self._read(self.path(node_id, identity)) if one.is_of(self.bus, identity)]
 
-    def tops(self, selected: int | None) -> list[Recorded]:
+    def tops(self, selected: int | None) -> list[ChangeHistoryEntry]:
         """The last change of each device of this bus, where *selected* means it; newest first.
 
         Files that are damaged are passed over.
@@ -110,7 +110,7 @@ class Past:
         meant = (one for one in found if one.bus == self.bus and one.is_meant(selected))
         return sorted(meant, key=lambda one: one.order, reverse=True)
 
-    def moved(self, node_id: int, identity: Identity) -> Recorded | None:
+    def moved(self, node_id: int, identity: Identity) -> ChangeHistoryEntry | None:
         """The last change of this device, by its serial number, while it had another node-ID than *node_id*.
 
         Whether it really is the same device, and not a second one with that serial number, others have to find out.
@@ -124,16 +124,16 @@ class Past:
             default=None,
         )
 
-    def newest_of_all(self) -> Recorded | None:
+    def newest_of_all(self) -> ChangeHistoryEntry | None:
         """The last change on this bus, whichever device it was made on; files that are damaged are passed over."""
         return next(iter(self.tops(None)), None)
 
-    def _last_of(self, pattern: str, *, undoing: bool = False) -> Iterator[Recorded]:
+    def _last_of(self, pattern: str, *, undoing: bool = False) -> Iterator[ChangeHistoryEntry]:
         for path in sorted(self.folder.glob(pattern)):
             with suppress(InputFileError):
                 yield from [one for one in self._read(path) if undoing or not one.undoes][-1:]
 
-    def forget(self, entries: Sequence[Recorded], back: Plan) -> None:
+    def forget(self, entries: Sequence[ChangeHistoryEntry], back: Plan) -> None:
         """Drop *entries*, which are of one device: *back* put them back, and is remembered where they were stored."""
         for path in {self.path(one.plan.node_id, one.identity) for one in entries}:
             self._drop(path, [one.id for one in entries], back)
@@ -194,7 +194,7 @@ class Past:
         except (OSError, SafetyRefusal) as failed:
             self.say(f"it is put back, but what can be undone cannot be written down: {_why(failed)}")
 
-    def _add_undoing(self, back: Plan, undone: Sequence[Recorded]) -> None:
+    def _add_undoing(self, back: Plan, undone: Sequence[ChangeHistoryEntry]) -> None:
         stored = {label for one in undone for label in one.stored | one.maybe_stored}
         self._remember_back(back, (one for one in back.changes if one.label in stored), undone[-1].identity)
 
@@ -205,11 +205,11 @@ class Past:
             path = self.path(back.node_id, entry.identity)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
 
-    def _entry(self, plan: Plan, identity: Identity, name: str = "", *, undoes: bool = False) -> Recorded:
+    def _entry(self, plan: Plan, identity: Identity, name: str = "", *, undoes: bool = False) -> ChangeHistoryEntry:
         """*plan* as it is remembered, with the id *name*, or a new one where that is empty."""
         now = datetime.now(UTC).isoformat()
         entry, number = name or uuid.uuid4().hex, self._next_number()
-        return Recorded(entry, now, self.bus, identity, plan, self.selected, undoes=undoes, number=number)
+        return ChangeHistoryEntry(entry, now, self.bus, identity, plan, self.selected, undoes=undoes, number=number)
 
     def _next_number(self) -> int:
         """One more than that of any change on this bus; OSError and SafetyRefusal if it cannot be written down."""
@@ -229,7 +229,7 @@ class Past:
     def _highest_number(self) -> int:
         return max((one.number for one in self._last_of(f"{file_name(self.bus)}-*.json", undoing=True)), default=0)
 
-    def _write(self, path: Path, entries: list[Recorded]) -> None:
+    def _write(self, path: Path, entries: list[ChangeHistoryEntry]) -> None:
         documents = [document(one) for one in entries]
         text = json.dumps({"schema": SCHEMA, "changes": documents})
         while len(text) > MOST_BYTES:  # what could not be read back is not written either
@@ -237,7 +237,7 @@ class Past:
             text = json.dumps({"schema": SCHEMA, "changes": documents})
         write_private(path, text)
 
-    def _read(self, path: Path) -> list[Recorded]:
+    def _read(self, path: Path) -> list[ChangeHistoryEntry]:
         try:
             with path.open("rb") as file:
                 data = file.read(MOST_BYTES + 1)

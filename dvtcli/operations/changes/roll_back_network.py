@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combine_plans
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
-from dvtcli.device.change.other_pdos import as_they_are, present_beside
+from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import Change, Plan
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
@@ -28,7 +28,7 @@ from dvtcli.errors import (
     SdoProtocolError,
 )
 from dvtcli.operations.changes.node_before import NodeBefore, difference_from_before, is_otherwise, put_back
-from dvtcli.operations.changes.told_of_nodes import all_back, other_nodes
+from dvtcli.operations.changes.report_nodes import all_back, other_nodes
 
 if TYPE_CHECKING:
     from dvtcli.device.change.own_journal import OwnJournal
@@ -39,7 +39,7 @@ _Put = Callable[["Node"], None]
 
 
 @dataclass(slots=True)
-class Course:
+class NetworkTransaction:
     """The plan called *name* on its way: *done* are the parts that *nodes* took, *plans* what each is to hold.
 
     Where it ended with a fault the last one of *done* may not be taken: putting it back writes nothing then.
@@ -87,7 +87,7 @@ class Course:
         held = (*self.held.get(node_id, ()), *self.beside.get(node_id, ()))
         return Plan(node_id, (*self.plans[node_id].changes, *held))
 
-    def __enter__(self) -> Course:
+    def __enter__(self) -> NetworkTransaction:
         return self
 
     def __exit__(self, *_fault: object) -> None:
@@ -246,7 +246,7 @@ class Course:
                 raise DeviceRefused("it does not read back as it was", why=difference)
         untaken = [change.label for change in plan.changes if is_otherwise(node, change)]
         if untaken:
-            raise DeviceRefused(f"the device does not take back what {several(untaken)} held")
+            raise DeviceRefused(f"the device does not take back what {join_some(untaken)} held")
 
     def _forget(self, node: Node) -> None:
         """*node* is as it was, and so are the others: nothing of it is to be recovered."""

@@ -19,7 +19,7 @@ from dvtcli.domain.rules.finding import error
 from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.meanings.named_objects import object_at
-from dvtcli.operations.wanted.wanted_words import set_elsewhere
+from dvtcli.operations.wanted.resolve_names import set_elsewhere
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

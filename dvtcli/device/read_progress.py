@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Looking:
+class ReadProgress:
     """*node* is asked for an object; *done* of *total* PDOs were read before it, where all are read (else 0 of 0)."""
 
     node: int

@@ -14,8 +14,8 @@ from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.whole_device.export_dcf import why_unread
 from dvtcli.operations.whole_device.held_device import HeldDevice, KeptIdentity
-from dvtcli.operations.whole_device.look_through import configuration, read_entries
-from dvtcli.operations.whole_device.object_kind import Kind, entry_of, kind_of
+from dvtcli.operations.whole_device.object_kind import DifferenceKind, entry_of, kind_of
+from dvtcli.operations.whole_device.read_whole_device import configuration, read_entries
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -45,9 +45,9 @@ class SecondSide:
         """How the object at *place* is described."""
         return entry_of(self.dictionary, place)
 
-    def kind(self, entry: OdEntry) -> Kind:
+    def kind(self, entry: OdEntry) -> DifferenceKind:
         """What a difference of the object that *entry* describes means; what changes by itself is no setting."""
-        return Kind.APART if (entry.index, entry.sub_index) in self.changing else kind_of(self.known, entry)
+        return DifferenceKind.APART if (entry.index, entry.sub_index) in self.changing else kind_of(self.known, entry)
 
     def why_apart(self, entry: OdEntry) -> str:
         """Why the object that *entry* describes is no setting, in words that follow its name."""
@@ -73,7 +73,7 @@ def side_of_node(session: Session, node: Node, first: HeldDevice) -> SecondSide:
     objects = {
         place: KeptObject(one.data, why_unread(one))
         for place, one in read.items()
-        if one.unread in (None, Unread.SILENT) or kind_of(known, one.entry) is Kind.SETTING
+        if one.unread in (None, Unread.SILENT) or kind_of(known, one.entry) is DifferenceKind.SETTING
     }
     changing = frozenset(place for place, one in read.items() if one.changes)
     name = f"node {node.node_id}"

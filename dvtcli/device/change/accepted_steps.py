@@ -13,7 +13,7 @@ from dvtcli.errors import DvtcliError, SdoAborted
 
 
 @dataclass(slots=True)
-class Acknowledged:
+class AcceptedSteps:
     """The last value of each object that the device took, where it can be read."""
 
     _values: dict[tuple[int, int], bytes] = field(default_factory=dict)

@@ -47,7 +47,7 @@ class _Counts(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Physical:
+class Scaling:
     """What a raw value means: raw x *factor* + *offset* of *unit*; or a word of *values* or *states*; or named *bits*.
 
     *bits* are by their number, 0 and up.

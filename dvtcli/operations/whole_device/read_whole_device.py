@@ -32,7 +32,7 @@ class WholeDevice:
     objects: Mapping[ObjectAddress, ReadObject]
 
 
-def look_through(
+def read_every_object(
     session: Session,
     node: Node,
     *,

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.bus_events import BusEvent
 
 
-class Teller(Protocol):
+class Reporter(Protocol):
     """Whoever listens: the program on its screen, a test bench in its log, nobody."""
 
     def note(self, text: Hint | str) -> None:
@@ -38,7 +38,7 @@ class Teller(Protocol):
         """A frame that passed, where the options ask for traffic; its bytes *secret* are a passcode, or tell one."""
 
 
-class Silent:
+class NullReporter:
     """Tells nobody, and nobody can answer."""
 
     def note(self, text: Hint | str) -> None:

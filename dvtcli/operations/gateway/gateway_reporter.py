@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import BusEvent
     from dvtcli.operations.results.gateway_events import GatewayHappening
-    from dvtcli.operations.user.telling import Teller
+    from dvtcli.operations.user.reporter import Reporter
 
 
-class Unattended:
+class GatewayReporter:
     """Hands what happens to *told*, or as text to *tell* where that is None; questions and progress to nobody.
 
     *client* is the name of the one whose line is done now, None for nobody's.
     """
 
-    def __init__(self, tell: Teller, told: Callable[[GatewayEvent], None] | None = None) -> None:
+    def __init__(self, tell: Reporter, told: Callable[[GatewayEvent], None] | None = None) -> None:
         self._tell, self._told = tell, told
         self.client: str | None = None
 

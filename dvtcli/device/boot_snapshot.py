@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 
 @dataclass(slots=True)
-class CameUp:
+class BootSnapshot:
     """The PDOs as they were first read after boot-up number *boot_ups* (0: none heard), while nothing was written."""
 
     boot_ups: int = 0
@@ -51,7 +51,7 @@ class CameUp:
             return "not all its PDOs were read after its last boot-up"
         gone = [pdo.label for pdo in self.pdos if pdo not in now]
         if gone:
-            return f"{several(gone)} came up with it and cannot be read any more"
+            return f"{join_some(gone)} came up with it and cannot be read any more"
         if any(config.untold for config in now.values()):
             return "not all of its PDOs could be read"
         return "" if self.pdos == now else "it is not what came up"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.network.described_network import simulated_word
-from dvtcli.operations.wanted.meet_network import is_wanted, meet
+from dvtcli.operations.wanted.identify_nodes import is_wanted, meet
 from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.safekeeping import who_else
+from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.compare import differences
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan
-from dvtcli.domain.several import several, value_text
+from dvtcli.domain.several import join_some, value_text
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def _gap(plans: Sequence[Plan]) -> tuple[str, str] | None:
         if isinstance(change, PdoChange):
             known = pdos.setdefault(change.pdo, [change.before])
             if change.before not in known:
-                return change.label, several(differences(change.pdo, known[-1], change.before))
+                return change.label, join_some(differences(change.pdo, known[-1], change.before))
             known += [change.before, change.after]
         elif (pdo := Pdo.at(change.step.index)) is not None:
             pdos.pop(pdo, None)  # a part of it was written: the next plan finds another whole

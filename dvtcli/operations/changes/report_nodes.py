@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 
 
 def all_back(
@@ -31,7 +31,7 @@ def all_back(
     if look_at is not None:
         said.append(f"look at the NMT state of node {look_at}")
     if restarted:
-        said.append(f"node {several(map(str, restarted))} restarted: what else it held in RAM only is lost")
+        said.append(f"node {join_some(map(str, restarted))} restarted: what else it held in RAM only is lost")
     if unknown:
         said.append(f"whether node {_names(unknown)} restarted is not known: the bus is gone")
     return "; ".join(said)

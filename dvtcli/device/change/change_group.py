@@ -40,7 +40,7 @@ class Storing:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class GroupMember:
     """What a journal belongs to: the id and the name of a whole (None and empty: its change stands alone).
 
     *entries* are the ids under which `undo` remembers the changes; *final* is the line of the script that was begun
@@ -61,7 +61,7 @@ class Part:
 
 
 @dataclass(slots=True)
-class Whole:
+class ChangeGroup:
     """What the changes that are made now belong to; shared by all nodes of a session. No id: each stands alone."""
 
     id: str | None = None

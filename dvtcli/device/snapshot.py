@@ -13,7 +13,7 @@ from dvtcli.device.wish import Place
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange
 from dvtcli.domain.rules.raw_write import why_unreadable
-from dvtcli.domain.several import several
+from dvtcli.domain.several import join_some
 from dvtcli.errors import InputFileError, SdoAborted
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class Snapshot:
     """What a node holds: its PDOs, and the single objects that this session, or an earlier one, wrote.
 
     *unread* are those of the objects that could not be read, though they may be at another time, each with why; *notes*
@@ -34,7 +34,7 @@ class Held:
     unread: Mapping[Place, str] = field(default_factory=dict)
 
     @classmethod
-    def now(cls, node: Node) -> Held:
+    def now(cls, node: Node) -> Snapshot:
         """Read it; an object that only takes values is no part of it, nor is one that moves the machine."""
         written, notes = _written(node)
         values: dict[Place, bytes] = {}
@@ -49,10 +49,10 @@ class Held:
                 else:
                     unread[place] = aborted.text
         if commands:
-            names = several(f"0x{index:04X}:{sub:02X}" for index, sub in commands)
+            names = join_some(f"0x{index:04X}:{sub:02X}" for index, sub in commands)
             notes += (f"not compared: {names}, since a command or a target is no setting",)
         blind = [f"0x{index:04X}:{sub:02X} {why_unreadable(index)}" for index, sub in node.unreadable_values]
-        notes += (f"not compared: {several(blind)}",) if blind else ()
+        notes += (f"not compared: {join_some(blind)}",) if blind else ()
         return cls(node.pdos(), values, notes, unread)
 
     def of_group(self, sub_index: int) -> dict[Place, bytes]:
@@ -61,7 +61,7 @@ class Held:
 
     def unread_of_group(self, sub_index: int) -> str:
         """Which objects of that group could not be read, with why; empty where none."""
-        return several(text for place, text in self.unread.items() if _is_in(place, sub_index))
+        return join_some(text for place, text in self.unread.items() if _is_in(place, sub_index))
 
 
 def _is_in(place: Place, sub_index: int) -> bool:
