@@ -48,7 +48,10 @@ def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) 
     command = [*python_words(), "-m", "dvtcli.bus.drivers", *interfaces]
     lines = (_output(command, patience_s) or "").splitlines()
     configurations = json.loads(lines[-1]) if lines else []
-    return [FoundInterface(one["interface"], one["channel"], one["about"]) for one in configurations]
+    return [
+        FoundInterface(configuration["interface"], configuration["channel"], configuration["about"])
+        for configuration in configurations
+    ]
 
 
 def _output(command: Sequence[str], patience_s: float) -> str | None:

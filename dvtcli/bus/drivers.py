@@ -36,11 +36,13 @@ def _detected(interface: str) -> list[dict[str, str]]:
         return []
     return [
         {
-            "interface": str(one["interface"]),
-            "channel": str(one.get("channel", "0")),
-            "about": str(dict(one).get("device_name") or dict(one).get("vector_channel_config") or "")[:40],
+            "interface": str(configuration["interface"]),
+            "channel": str(configuration.get("channel", "0")),
+            "about": str(
+                dict(configuration).get("device_name") or dict(configuration).get("vector_channel_config") or ""
+            )[:40],
         }
-        for one in configurations
+        for configuration in configurations
     ]
 
 

@@ -37,7 +37,7 @@ class Brought:
 
 def transports() -> Mapping[str, EntryPoint]:
     """What is chosen by each name; of two with the same name the last one that is found."""
-    return {one.name: one for one in entry_points(group=GROUP)}
+    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def brought() -> Iterator[Brought]:

@@ -232,8 +232,8 @@ class Turns:
         while self._going or (waiting and not self.faults):
             while waiting and len(self._going) < self._width and not self.faults:
                 self._take_turn(waiting.pop())
-            for one in self._ready():
-                self._take_turn(one)
+            for worker in self._ready():
+                self._take_turn(worker)
 
     def _ready(self) -> Iterable[_Worker]:
         """Who goes on: those whose time has come once the bus was read."""
@@ -250,12 +250,14 @@ class Turns:
 
     def _throw(self, fault: Callable[[], BaseException]) -> Iterable[_Worker]:
         """All of them go on, each with a *fault* of its own."""
-        for one in self._going:
-            one.thrown = fault()
+        for worker in self._going:
+            worker.thrown = fault()
         return tuple(self._going)
 
     def _anybody_ready(self) -> bool:
-        return self._torn or bool(self._told) or any(one.ready is not None and one.ready() for one in self._asked)
+        return (
+            self._torn or bool(self._told) or any(worker.ready is not None and worker.ready() for worker in self._asked)
+        )
 
     def _take_told(self) -> Iterable[_Worker]:
         """Those that were told of what they wait for, and of the others those that are ready, each once."""

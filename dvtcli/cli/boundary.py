@@ -145,7 +145,7 @@ def _in_quotes(ctx: click.Context, text: str) -> str:
     """How what was typed with a blank is one word, where a command whose last argument is a text got one too many."""
     from dvtcli.cli.params import TEXT
 
-    arguments = [one for one in ctx.command.params if isinstance(one, click.Argument)]
+    arguments = [param for param in ctx.command.params if isinstance(param, click.Argument)]
     extra = _EXTRA.fullmatch(text)
     if extra is None or not arguments or arguments[-1].type is not TEXT:
         return ""

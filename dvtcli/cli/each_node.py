@@ -60,7 +60,7 @@ def nodes_meant(session: Session) -> tuple[int | None, ...]:
 def objects_meant(session: Session, words: Sequence[ObjectWord]) -> list[tuple[str, int | None]]:
     """Each object with its node; one that names none is meant of each node that -n names."""
     nodes = nodes_meant(session) if words else ()
-    return [(word.text, one) for word in words for one in ((word.node_id,) if word.node_id is not None else nodes)]
+    return [(word.text, node) for word in words for node in ((word.node_id,) if word.node_id is not None else nodes)]
 
 
 def on_each_node(

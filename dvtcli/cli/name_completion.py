@@ -58,7 +58,7 @@ def _dictionaries(
         return session.completion_dictionaries(node_id)
     contexts = [ctx.find_root(), ctx]
     try:
-        given = {name: value for one in contexts for name, value in taken(dict(one.params)).items()}
+        given = {name: value for context in contexts for name, value in taken(dict(context.params)).items()}
         from dvtcli.operations.opening.device_files import offline_dictionaries
 
         return offline_dictionaries(_laid_over_files(given))

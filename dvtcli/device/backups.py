@@ -36,13 +36,13 @@ def backups(folder: Path, bus: str, node_id: int, identity: Mapping[str, int | N
     """The backups in *folder* of the node at *node_id* on *bus* that has this *identity*, oldest first."""
     head, needed = f"{file_name(bus)}-{node_id}-", identity_line(identity)
     found = [Backup(path, path.name.removeprefix(head).removesuffix(".dvt")) for path in folder.glob(f"{head}*.dvt")]
-    return sorted((one for one in found if _pins(one.lines()) == needed), key=lambda one: one.stamp)
+    return sorted((backup for backup in found if _pins(backup.lines()) == needed), key=lambda one: one.stamp)
 
 
 def of_this_device(found: Iterable[Backup], identity: Mapping[str, int | None]) -> list[Backup]:
     """Those of *found* that were made of the very device of this *identity*, by its serial number, or do not say."""
     line = serial_line(identity)
-    return [one for one in found if line in (lines := one.lines()) or not any(map(_tells_serial, lines))]
+    return [backup for backup in found if line in (lines := backup.lines()) or not any(map(_tells_serial, lines))]
 
 
 def _tells_serial(line: str) -> bool:
@@ -68,7 +68,9 @@ def in_order(changes: Iterable[PdoChange]) -> Iterator[PdoChange]:
     """*changes* so that a CAN-ID is given up before another PDO gets it, where that is possible."""
     pending = list(changes)
     while pending:
-        free = (one for one in pending if not any(_holds(other, one) for other in pending if other is not one))
+        free = (
+            change for change in pending if not any(_holds(other, change) for other in pending if other is not change)
+        )
         chosen = next(free, pending[0])
         pending.remove(chosen)
         yield chosen

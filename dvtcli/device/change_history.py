@@ -93,13 +93,13 @@ class ChangeHistory:
 
         InputFileError where its file is damaged.
         """
-        found = [one for one in self.all_of(node_id, identity) if not one.undoes]
+        found = [entry for entry in self.all_of(node_id, identity) if not entry.undoes]
         meant = takewhile(lambda one: one.is_meant(selected), reversed(found))
         return list(meant)[::-1]
 
     def all_of(self, node_id: int, identity: Identity) -> list[ChangeHistoryEntry]:
         """The same, whoever is meant, and what `undo` put back of it after it was stored."""
-        return [one for one in self._read(self.path(node_id, identity)) if one.is_of(self.bus, identity)]
+        return [entry for entry in self._read(self.path(node_id, identity)) if entry.is_of(self.bus, identity)]
 
     def tops(self, selected: int | None) -> list[ChangeHistoryEntry]:
         """The last change of each device of this bus, where *selected* means it; newest first.
@@ -107,7 +107,7 @@ class ChangeHistory:
         Files that are damaged are passed over.
         """
         found = self._last_of(f"{file_name(self.bus)}-*.json")
-        meant = (one for one in found if one.bus == self.bus and one.is_meant(selected))
+        meant = (entry for entry in found if entry.bus == self.bus and entry.is_meant(selected))
         return sorted(meant, key=lambda one: one.order, reverse=True)
 
     def moved(self, node_id: int, identity: Identity) -> ChangeHistoryEntry | None:
@@ -119,7 +119,7 @@ class ChangeHistory:
             return None
         found = self._last_of(f"{file_name(self.bus)}-{_words(identity)}-node*.json")
         return max(
-            (one for one in found if one.is_of(self.bus, identity) and one.plan.node_id != node_id),
+            (entry for entry in found if entry.is_of(self.bus, identity) and entry.plan.node_id != node_id),
             key=lambda one: one.order,
             default=None,
         )
@@ -131,12 +131,12 @@ class ChangeHistory:
     def _last_of(self, pattern: str, *, undoing: bool = False) -> Iterator[ChangeHistoryEntry]:
         for path in sorted(self.folder.glob(pattern)):
             with suppress(InputFileError):
-                yield from [one for one in self._read(path) if undoing or not one.undoes][-1:]
+                yield from [entry for entry in self._read(path) if undoing or not entry.undoes][-1:]
 
     def forget(self, entries: Sequence[ChangeHistoryEntry], back: Plan) -> None:
         """Drop *entries*, which are of one device: *back* put them back, and is remembered where they were stored."""
-        for path in {self.path(one.plan.node_id, one.identity) for one in entries}:
-            self._drop(path, [one.id for one in entries], back)
+        for path in {self.path(entry.plan.node_id, entry.identity) for entry in entries}:
+            self._drop(path, [entry.id for entry in entries], back)
 
     def drop(self, node_id: int, identity: Identity, names: Collection[str], back: Plan | None = None) -> None:
         """Drop the changes of those ids: they were put back, as `recover` does.
@@ -157,9 +157,9 @@ class ChangeHistory:
         path, taken = self.path(node_id, identity), frozenset(labels)
         if not taken or not path.exists():
             return
-        entries = [replace(one, stored=one.stored | taken & one.labels) for one in self._sound(path)]
+        entries = [replace(entry, stored=entry.stored | taken & entry.labels) for entry in self._sound(path)]
         try:
-            self._write(path, [one for one in entries if not (one.undoes and one.stored >= one.labels)])
+            self._write(path, [entry for entry in entries if not (entry.undoes and entry.stored >= entry.labels)])
         except (OSError, SafetyRefusal) as failed:
             self.say(f"it is stored, but that cannot be remembered for a later store: {_why(failed)}")
 
@@ -171,7 +171,9 @@ class ChangeHistory:
         path = self.path(node_id, identity)
         if not names or not path.exists():
             return
-        entries = [replace(one, maybe_stored=one.labels) if one.id in names else one for one in self._sound(path)]
+        entries = [
+            replace(entry, maybe_stored=entry.labels) if entry.id in names else entry for entry in self._sound(path)
+        ]
         try:
             self._write(path, entries)
         except (OSError, SafetyRefusal) as failed:
@@ -188,15 +190,15 @@ class ChangeHistory:
         """Drop the changes of those ids; what *back* put back of them is remembered where a store had taken them."""
         try:
             found = self._sound(path)
-            self._write(path, [one for one in found if one.id not in names])
+            self._write(path, [entry for entry in found if entry.id not in names])
             if back is not None:
-                self._add_undoing(back, [one for one in found if one.id in names])
+                self._add_undoing(back, [entry for entry in found if entry.id in names])
         except (OSError, SafetyRefusal) as failed:
             self.say(f"it is put back, but what can be undone cannot be written down: {_why(failed)}")
 
     def _add_undoing(self, back: Plan, undone: Sequence[ChangeHistoryEntry]) -> None:
-        stored = {label for one in undone for label in one.stored | one.maybe_stored}
-        self._remember_back(back, (one for one in back.changes if one.label in stored), undone[-1].identity)
+        stored = {label for entry in undone for label in entry.stored | entry.maybe_stored}
+        self._remember_back(back, (change for change in back.changes if change.label in stored), undone[-1].identity)
 
     def _remember_back(self, back: Plan, put_back: Iterable[Change], identity: Identity) -> None:
         changes = tuple(change for change in put_back if alters(change))
@@ -227,10 +229,10 @@ class ChangeHistory:
         return last + 1
 
     def _highest_number(self) -> int:
-        return max((one.number for one in self._last_of(f"{file_name(self.bus)}-*.json", undoing=True)), default=0)
+        return max((entry.number for entry in self._last_of(f"{file_name(self.bus)}-*.json", undoing=True)), default=0)
 
     def _write(self, path: Path, entries: list[ChangeHistoryEntry]) -> None:
-        documents = [document(one) for one in entries]
+        documents = [document(entry) for entry in entries]
         text = json.dumps({"schema": SCHEMA, "changes": documents})
         while len(text) > MOST_BYTES:  # what could not be read back is not written either
             documents = documents[(len(documents) + 1) // 2 :]

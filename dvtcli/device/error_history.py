@@ -69,7 +69,7 @@ def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
         raise
     after = read_history(sdo)
     if after:
-        told = ", ".join(f"0x{one.code:04X}" for one in after)
+        told = ", ".join(f"0x{entry.code:04X}" for entry in after)
         raise DvtcliError(
             f"the error history of node {access.node_id} was emptied, and holds {told}",
             node=access.node_id,

@@ -64,7 +64,7 @@ def heard_producer_findings(
         if not pdo.is_tpdo or not cob_id.valid or is_own or not frames or identifier in heard.sent:
             continue
         own = [held for other, held in node.known_cob_ids().items() if other.is_tpdo and held.valid]
-        known = [*own, *(one.cob_id for one in producers(node.neighbours()))]
+        known = [*own, *(producer.cob_id for producer in producers(node.neighbours()))]
         if identifier not in {(one.can_id, one.extended) for one in known}:
             heard_words = f"{frames} frame{'s' if frames > 1 else ''} while the node was read"
             text = f"CAN-ID {cob_id} is on the bus already, sent by a node that is not known here ({heard_words})"

@@ -81,14 +81,14 @@ def recorded_changes(document: Any) -> Iterator[ChangeHistoryEntry]:
     changes = document.get("changes")
     if not isinstance(changes, list):
         raise ValueError("it lists no changes")
-    for one in changes:
-        identity, plan = read_plan(one)
-        selected = None if one.get("selected") is None else read_number(one, "selected", 127, least=1)
-        stored, maybe_stored = one.get("stored", []), one.get("maybe_stored", [])
+    for change in changes:
+        identity, plan = read_plan(change)
+        selected = None if change.get("selected") is None else read_number(change, "selected", 127, least=1)
+        stored, maybe_stored = change.get("stored", []), change.get("maybe_stored", [])
         if not isinstance(stored, list) or not isinstance(maybe_stored, list):
             raise ValueError("stored is no list")
         yield ChangeHistoryEntry(
-            str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected,
-            frozenset(map(str, stored)), one.get("undoes") is True,
-            read_number(one, "number", MOST_NUMBER) if "number" in one else 0, frozenset(map(str, maybe_stored)),
+            str(change.get("id")), str(change.get("when")), str(change.get("bus")), identity, plan, selected,
+            frozenset(map(str, stored)), change.get("undoes") is True,
+            read_number(change, "number", MOST_NUMBER) if "number" in change else 0, frozenset(map(str, maybe_stored)),
         )  # fmt: skip

@@ -233,8 +233,8 @@ class LssMaster:
                 again += address is not None
             wait_s *= 2
             self.let_wait()
-            for one in found:
-                self._select(one)
+            for lss_address in found:
+                self._select(lss_address)
         raise NoAnswer(
             "the answers to the fast scan do not fit together",
             why=f"tried {_SCANS} times, at last with {1000 * wait_s / 2:.0f} ms for each question: answers are lost, "

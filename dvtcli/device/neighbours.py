@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def producers(nodes: Iterable[KnownPdos]) -> tuple[Producer, ...]:
     """Every enabled TPDO of *nodes*, as they say now; of a node that does not answer, as it was last known."""
-    return tuple(one for node in nodes for one in _producers(node))
+    return tuple(producer for node in nodes for producer in _producers(node))
 
 
 def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
@@ -52,7 +52,7 @@ def producers_of(nodes: Iterable[KnownPdos], cob_id: CobId) -> tuple[Producer, .
     A node is asked if it was known to send it, or if not all of its TPDOs are known since it came up.
     """
     asked = [node for node in nodes if any(map(partial(_same_id, cob_id), _ever_known(node))) or not _is_known(node)]
-    return tuple(one for one in producers(asked) if _same_id(cob_id, one.cob_id))
+    return tuple(producer for producer in producers(asked) if _same_id(cob_id, producer.cob_id))
 
 
 def _is_known(node: KnownPdos) -> bool:

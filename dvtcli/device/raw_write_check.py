@@ -64,8 +64,10 @@ def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: byt
     taken |= service_ids_beside(node.memory, node.node_id, node.dictionary, without=index)
     if index != SYNC and "SYNC" not in taken.values():
         taken[SYNC_BY_DEFAULT] = "SYNC"
-    for one in producers(node.neighbours()):
-        taken[one.cob_id.can_id, one.cob_id.extended] = f"that of {one.pdo.label} of node {one.node_id}"
+    for producer in producers(node.neighbours()):
+        taken[producer.cob_id.can_id, producer.cob_id.extended] = (
+            f"that of {producer.pdo.label} of node {producer.node_id}"
+        )
     for pdo, cob_id in node.known_cob_ids().items():
         if cob_id.valid:
             taken[cob_id.can_id, cob_id.extended] = f"that of {pdo.label} of node {node.node_id}"

@@ -79,7 +79,7 @@ def read_whole(
     Each upload is done within *around* it. Does not tell whether the node restarts meanwhile (`read_together` does).
     NoAnswer if the node falls silent.
     """
-    found = {one.place: one for one in (_judged(entry, known) for entry in entries)}
+    found = {read_object.place: read_object for read_object in (_judged(entry, known) for entry in entries)}
     reading = _DeviceReading(node, on_object, around)
     reading.read(found, [place for place, one in found.items() if one.unread is None])
     twice = [place for place, one in found.items() if one.data is not None and again(one)]

@@ -35,17 +35,17 @@ class Senders:
     def besides(self, node_id: int) -> tuple[Producer, ...]:
         """What the other nodes will send, and nodes that were met and are not in the plan send now."""
         return tuple(
-            one
+            producer
             for other in (*self.nodes.values(), *self._strangers())
             if other.node_id != node_id
-            for one in self._of(other)
+            for producer in self._of(other)
         )
 
     def sent(self) -> Mapping[Id, Sequence[Producer]]:
         """What all nodes will send, by its CAN-ID; from the first call on that stays so."""
         if self._sent is None:
             nodes = (*self.nodes.values(), *self._strangers())
-            self._sent = by_id(one for node in nodes for one in self._of(node))
+            self._sent = by_id(producer for node in nodes for producer in self._of(node))
         return self._sent
 
     def heard(self) -> Mapping[Id, Sequence[Producer]]:
@@ -84,7 +84,7 @@ class Senders:
         if node.node_id not in self._now:
             self._now[node.node_id] = producers([node])
         after = self.after.get(node.node_id, {})
-        yield from (one for one in self._now[node.node_id] if one.pdo not in after)
+        yield from (producer for producer in self._now[node.node_id] if producer.pdo not in after)
         for pdo, cob_id in after.items():
             if cob_id is not None and cob_id.valid and pdo.is_tpdo:
                 yield Producer(node.node_id, pdo, cob_id)

@@ -239,7 +239,7 @@ def device_types(dictionary: ObjectDictionary, held: Callable[[int], bytes | Non
     def told(index: int) -> list[bytes]:
         entry = dictionary.entry(index, 0)
         both = (None if entry is None else entry.initial(0), None if held is None else held(index))
-        return [one for one in both if one is not None]
+        return [data for data in both if data is not None]
 
     types = told(DEVICE_TYPE)
     is_several = DeviceTypes.of(*types).is_several

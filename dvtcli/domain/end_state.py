@@ -92,7 +92,7 @@ def _in_the_way(pdos: Sequence[Pdo], before: Mapping[Pdo, PdoConfig], after: Map
     for number, pdo in enumerate(pdos):
         held = before[pdo].communication.cob_id if pdo in before else None
         wanted = [after[other].communication.cob_id for other in pdos[:number]]
-        if held is not None and held.valid and any(one.valid and one.can_id == held.can_id for one in wanted):
+        if held is not None and held.valid and any(cob_id.valid and cob_id.can_id == held.can_id for cob_id in wanted):
             found.append(pdo)
     return found
 

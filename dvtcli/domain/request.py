@@ -137,7 +137,7 @@ def instead_findings(want: PdoWant, proposal: Proposal) -> Iterator[Finding]:
         return
     usual = replace(got, can_id=kept, extended=held.extended and want.cob_id is None)
     kept_proposal = replace(proposal, want=_with_cob_id(proposal.want, usual))
-    refusals = (one for one in can_id_findings(kept_proposal) if one.severity is Severity.ERROR)
+    refusals = (finding for finding in can_id_findings(kept_proposal) if finding.severity is Severity.ERROR)
     for refused in islice(refusals, 1):
         same = Hint(Action.SELECT_CAN_ID, {"can_id": usual}) + Hint(Action.FORCE, why=" {} takes it all the same")
         yield note("can-id-instead", proposal.communication_place(1), f"{refused.text}: {got} instead", same)
@@ -187,7 +187,7 @@ def _legal(proposal: Proposal, cob_id: CobId) -> bool:
         findings = cob_id_findings(wanted)
     else:
         return True
-    return not any(one.severity is Severity.ERROR for one in findings)
+    return not any(finding.severity is Severity.ERROR for finding in findings)
 
 
 def _entries(

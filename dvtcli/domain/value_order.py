@@ -100,7 +100,7 @@ def _released(step: Download, beside: Sequence[Download]) -> bytes | None:
         return None
     held, wanted = (int.from_bytes(data, "little") for data in (step.before, step.after))
     if step.index == SYNC_PERIOD:
-        overflow = any(one.index == SYNC_OVERFLOW and one.before != one.after for one in beside)
+        overflow = any(download.index == SYNC_OVERFLOW and download.before != download.after for download in beside)
         return bytes(len(step.before)) if overflow and held else None
     stopped = _stopped(step, held)
     if stopped is None or held in (stopped, wanted):

@@ -61,7 +61,7 @@ _ELEMENTS = {
 def not_held(file: EdsFile | XddFile) -> list[str]:
     """What *file* says that its dictionary does not hold, each kind once, with its number and its first line."""
     found = list(_of_eds(file) if isinstance(file, EdsFile) else _of_xdd(file))
-    return found + [f"line {one.line}: {one.text}" for one in file.findings if one.rule in _LEFT_OUT]
+    return found + [f"line {finding.line}: {finding.text}" for finding in file.findings if finding.rule in _LEFT_OUT]
 
 
 def _of_eds(file: EdsFile) -> Iterator[str]:
@@ -106,10 +106,10 @@ def _other_keys(section: IniSection, indices: set[str], lines: dict[str, list[in
 def _of_xdd(file: XddFile) -> Iterator[str]:
     first: dict[str, int] = {}
     count: Counter[str] = Counter()
-    for one in _every(file.tree.root):
-        if one.name not in _ELEMENTS:
-            first.setdefault(one.name, one.line)
-            count[one.name] += 1
+    for element in _every(file.tree.root):
+        if element.name not in _ELEMENTS:
+            first.setdefault(element.name, element.line)
+            count[element.name] += 1
     for name, line in first.items():
         yield f"element {name[:60]}, {plural(count[name], 'time')}, the first in line {line}"
 

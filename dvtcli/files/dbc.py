@@ -178,7 +178,7 @@ class _Field:
 
 def _fields(signals: Sequence[Mapping[str, Any]]) -> list[_Field]:
     places = {one["name"]: place for place, one in enumerate(signals)}
-    fields = [_field(one, places) for one in signals]
+    fields = [_field(signal, places) for signal in signals]
     for field in fields:
         above = [field]
         while (chooser := above[-1].chooser) is not None and len(above) <= len(fields) and not above[-1].depth:

@@ -148,9 +148,9 @@ def _comments(nodes: Mapping[str, str], messages: Iterable[DbcMessage]) -> Itera
     for message in messages:
         if message.comment:
             yield f"CM_ BO_ {message.number} {quoted(message.comment)};"
-        for one in message.signals:
-            if one.comment:
-                yield f"CM_ SG_ {message.number} {one.name} {quoted(one.comment)};"
+        for signal in message.signals:
+            if signal.comment:
+                yield f"CM_ SG_ {message.number} {signal.name} {quoted(signal.comment)};"
 
 
 def _attributes(messages: Iterable[DbcMessage]) -> Iterator[str]:
@@ -163,24 +163,24 @@ def _attributes(messages: Iterable[DbcMessage]) -> Iterator[str]:
     for message in messages:
         if message.cycle_ms:
             yield f'BA_ "GenMsgCycleTime" BO_ {message.number} {message.cycle_ms};'
-        for one in message.signals:
-            if one.long_name:
-                yield f'BA_ "SystemSignalLongSymbol" SG_ {message.number} {one.name} "{one.long_name}";'
+        for signal in message.signals:
+            if signal.long_name:
+                yield f'BA_ "SystemSignalLongSymbol" SG_ {message.number} {signal.name} "{signal.long_name}";'
 
 
 def _words(messages: Iterable[DbcMessage]) -> Iterator[str]:
     for message in messages:
-        for one in message.signals:
-            if one.values:
-                words = " ".join(f"{raw} {quoted(word)}" for raw, word in sorted(one.values.items()))
-                yield f"VAL_ {message.number} {one.name} {words} ;"
+        for signal in message.signals:
+            if signal.values:
+                words = " ".join(f"{raw} {quoted(word)}" for raw, word in sorted(signal.values.items()))
+                yield f"VAL_ {message.number} {signal.name} {words} ;"
 
 
 def _reals(messages: Iterable[DbcMessage]) -> Iterator[str]:
     for message in messages:
-        for one in message.signals:
-            if one.is_real:
-                yield f"SIG_VALTYPE_ {message.number} {one.name} : {1 if one.bits == 32 else 2};"
+        for signal in message.signals:
+            if signal.is_real:
+                yield f"SIG_VALTYPE_ {message.number} {signal.name} : {1 if signal.bits == 32 else 2};"
 
 
 def quoted(text: str) -> str:

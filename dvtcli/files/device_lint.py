@@ -29,7 +29,7 @@ def lint_device_file(
         from dvtcli.files.eds.lint.linter import lint
 
         columns = Columns(file.text)
-        return [(one, columns.of(one)) for one in lint(file, name, wanted, profile)]
+        return [(finding, columns.of(finding)) for finding in lint(file, name, wanted, profile)]
     from dvtcli.files.xdd.lint_xdd import lint_xdd
 
-    return [(one, (0, 0)) for one in lint_xdd(file, name, wanted, profile)]
+    return [(finding, (0, 0)) for finding in lint_xdd(file, name, wanted, profile)]

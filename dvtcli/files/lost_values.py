@@ -25,10 +25,10 @@ def must_tell_values(read: EdsFile | XddFile, file: str) -> None:
     It names every one with its line; *file* is its path. Reading on would put the DefaultValue, or one of the two, in
     its place.
     """
-    lost = [one for one in read.findings if one.value_lost]
+    lost = [finding for finding in read.findings if finding.value_lost]
     if not lost:
         return
-    complaints = _complaints(read, file, {one.rule for one in lost})
+    complaints = _complaints(read, file, {finding.rule for finding in lost})
     error = InputFileError(
         f"{file}: {plural(len(lost), 'value')} cannot be known; nothing was written",
         place=complaints[0].place,

@@ -49,7 +49,7 @@ def read_nodelist(data: bytes, source: str) -> tuple[Nodelist, ...]:
         raise InputFileError(
             f"{source} is larger than {MOST_BYTES >> 20} MiB", place=f"{source}:1", why="no nodelist is"
         )
-    sections = [one for one in split_sections(data).sections if _is_topology(one)]
+    sections = [section for section in split_sections(data).sections if _is_topology(section)]
     if not sections:
         why = "a nodelist (CiA 306-3) has a section [Topology]"
         raise InputFileError(f"{source} is no nodelist", place=f"{source}:1", why=why)

@@ -38,7 +38,7 @@ def read_network_plan(path: Path) -> NetworkPlan:
         if not isinstance(nodes, list):
             raise ValueError("it names no nodes")
         planned = tuple(sorted(map(_node, nodes), key=lambda one: one.node_id))
-        if len({one.node_id for one in planned}) != len(planned):
+        if len({plan.node_id for plan in planned}) != len(planned):
             raise ValueError("a node stands twice")
         return NetworkPlan(str(document.get("file", path)), planned, document.get("sync_master") is True)
     except (ValueError, RecursionError) as wrong:

@@ -40,7 +40,7 @@ class RecordedFrame:
 
 def read_recording(path: Path) -> Iterator[Frame]:
     """The frames of *path* in its order; error frames are left out. Errors as `read_recorded`."""
-    return (one.frame for one in read_recorded(path) if not one.error)
+    return (frame.frame for frame in read_recorded(path) if not frame.error)
 
 
 def read_recorded(path: Path) -> Iterator[RecordedFrame]:
@@ -54,9 +54,9 @@ def read_recorded(path: Path) -> Iterator[RecordedFrame]:
         source = kind.source(raw, path)
         count = 0
         try:
-            for one in _all_in(kind, source):
-                count += not one.error
-                yield one
+            for frame in _all_in(kind, source):
+                count += not frame.error
+                yield frame
         except kind.broken as wrong:
             raise _damaged(path, kind, source, count, wrong) from wrong
     if not count:
@@ -140,7 +140,7 @@ def _without(path: Path, kind: RecordingFormat, line: int) -> str:
     lines = read_input(path, _MOST_TRIED, "recording that is tried").splitlines(keepends=True)
     source = kind.source(BytesIO(b"".join((*lines[: line - 1], *lines[line:]))), path)
     try:
-        has_frames = sum(not one.error for one in _all_in(kind, source)) > 0
+        has_frames = sum(not frame.error for frame in _all_in(kind, source)) > 0
     except kind.broken as wrong:
         other = _line(source, wrong)
         return f"line {other + (other >= line)} is damaged, too" if other else ""

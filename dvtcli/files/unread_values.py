@@ -24,7 +24,7 @@ _HAS_VALUE = re.compile(r"^[ \t]*(parametervalue|nodeid)[ \t]*=[ \t]*[^\s;]", re
 
 def unread_values(read: EdsFile | XddFile, file: str) -> tuple[str, ...]:
     """What to tell whoever takes values from *read*, the file at the path *file*; nothing where all are read."""
-    found = [(one.line, one.text) for one in read.findings if one.value_unread]
+    found = [(finding.line, finding.text) for finding in read.findings if finding.value_unread]
     if isinstance(read, EdsFile):
         found += _passed_by(read, file)
     told = [f"{file}:{line}: {text}" for line, text in sorted(found)]
@@ -44,9 +44,9 @@ def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:
     for value, near in unknown_keys(text):
         if near.lower() in (_VALUE, _NODE_ID) and value.value:
             yield value.line, f"{quoted(value)} is not read; is {near} meant?"
-    for one in text.objects:
-        if is_head(text, one) and (own := given(one.values, _VALUE)) is not None:
-            yield own.line, f"{quoted(own)} is not read: the sub-indices of {one.index:04X} have their own"
+    for object_text in text.objects:
+        if is_head(text, object_text) and (own := given(object_text.values, _VALUE)) is not None:
+            yield own.line, f"{quoted(own)} is not read: the sub-indices of {object_text.index:04X} have their own"
     for section in read.layout.stray:
         if _HAS_VALUE.search(section.text) or ("=" in section.text and _NEARLY_OBJECT.fullmatch(section.name)):
             yield section.line, f"[{section.name[:60]}] is not read: it belongs to no object in this file"

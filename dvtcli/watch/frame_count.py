@@ -56,9 +56,9 @@ class FrameCount:
     @property
     def frames(self) -> int:
         """How many there were in all."""
-        return sum(one.frames for one in self.by_id.values())
+        return sum(counted.frames for counted in self.by_id.values())
 
     @property
     def bits(self) -> int:
         """How many bits they took in all."""
-        return sum(one.bits for one in self.by_id.values())
+        return sum(counted.bits for counted in self.by_id.values())

@@ -42,9 +42,9 @@ def find_tracks(words: Sequence[str], columns: Mapping[_Place, Column]) -> dict[
     for word in words:
         places = [place for place, column in columns.items() if _fits(word, column.signal, column)]
         if not places:
-            objects = [one.signal.object for one in columns.values() if one.signal.object]
-            keys = [one.signal.key for one in columns.values()]
-            raise _unknown(word, list(dict.fromkeys([*keys, *(one.name for one in columns.values()), *objects])))
+            objects = [column.signal.object for column in columns.values() if column.signal.object]
+            keys = [column.signal.key for column in columns.values()]
+            raise _unknown(word, list(dict.fromkeys([*keys, *(column.name for column in columns.values()), *objects])))
         keys = [columns[place].signal.key for place in places]
         for place, key in zip(places, keys, strict=True):  # the frame is named only where two have such a signal
             found[place] = Track(key if keys.count(key) == 1 else columns[place].name, columns[place].signal)

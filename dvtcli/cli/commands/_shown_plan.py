@@ -19,7 +19,7 @@ def show_plan(output: Output, plan: NetworkPlan) -> None:
     from dvtcli.operations.results.networks import network_findings
 
     findings = network_findings(plan)
-    shown = (one for one in findings if not output.quiet or one.severity is not Severity.NOTE)
+    shown = (finding for finding in findings if not output.quiet or finding.severity is not Severity.NOTE)
     output.lines(map(finding_line, shown))
     if plan.to_do:
         output.said(plan_lines(plan, output.width), error=False)

@@ -70,4 +70,4 @@ def command(
 def _typed(ctx: click.Context, name: str) -> bool:
     """Whether a global option was typed: a bus of a settings file is not joined by a `sim` that does not name it."""
     contexts = [ctx] if ctx.parent is None else [ctx, ctx.parent]
-    return any(one.get_parameter_source(PREFIX + name) is ParameterSource.COMMANDLINE for one in contexts)
+    return any(context.get_parameter_source(PREFIX + name) is ParameterSource.COMMANDLINE for context in contexts)

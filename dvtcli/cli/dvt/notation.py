@@ -76,7 +76,7 @@ def decimal(value: Value) -> str:
 def listed(values: Iterable[Value]) -> str:
     """Values that were read as a list of Tcl's; nothing in a device's text ends an element or is a command."""
     return " ".join(
-        _SPECIAL.sub(lambda found: _ESCAPES.get(found[0], f"\\{found[0]}"), decimal(one)) or "{}" for one in values
+        _SPECIAL.sub(lambda found: _ESCAPES.get(found[0], f"\\{found[0]}"), decimal(value)) or "{}" for value in values
     )
 
 

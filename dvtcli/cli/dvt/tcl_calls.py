@@ -75,7 +75,7 @@ class TclCalls:
             if hasattr(result, "value"):
                 values.append(decimal(result.value))
             elif isinstance(result, ValuesRead):
-                values.append(listed(one.value for one in result.values))
+                values.append(listed(value.value for value in result.values))
             else:
                 return False
             return True

@@ -30,7 +30,7 @@ def draw_chart(path: Path, tracks: Sequence[Track], begin_s: float) -> None:
         axes = figure.subplots(len(tracks), 1, sharex=True, squeeze=False)[:, 0]
         for axis, track in zip(axes, tracks, strict=True):
             points = track.points()
-            axis.step([one.time_s - begin_s for one in points], [one.last for one in points], where="post")
+            axis.step([point.time_s - begin_s for point in points], [point.last for point in points], where="post")
             axis.set_title(safe(track.name).replace("$", r"\$"), loc="left", fontsize=9)
             axis.set_ylabel(safe(track.signal.unit).replace("$", r"\$"))
             axis.grid(visible=True, alpha=0.3)

@@ -52,9 +52,9 @@ class WatchScreen:
         self._reader = ObjectReader(self._objects, self.board.every_s) if self.board.objects else None
 
     def _end(self) -> None:
-        for one in (self._mappings, self._reader):
-            if one is not None:
-                one.stop()
+        for reader in (self._mappings, self._reader):
+            if reader is not None:
+                reader.stop()
 
     def _moment(self) -> Moment:
         reading = None if self._mappings is None else self._mappings.node

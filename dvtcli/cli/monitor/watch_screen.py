@@ -55,8 +55,8 @@ class Board:
     def forget(self) -> None:
         """Begin anew with all statistics."""
         self.store.forget()
-        for one in self.objects:
-            one.course.forget()
+        for watched_object in self.objects:
+            watched_object.course.forget()
 
 
 def watch_picture(board: Board, view: View, moment: Moment, width: int, height: int) -> Lines:
@@ -71,8 +71,17 @@ def watch_picture(board: Board, view: View, moment: Moment, width: int, height: 
 
 def shown_values(board: Board) -> list[_Shown]:
     """Everything that has a line, in the order of the screen."""
-    found = [_Shown(one.node, one.signal, one.course, one.read_s, one.problem) for one in board.objects]
-    return found + [one for pdo in board.pdos for one in _signals(board, pdo)]
+    found = [
+        _Shown(
+            watched_object.node,
+            watched_object.signal,
+            watched_object.course,
+            watched_object.read_s,
+            watched_object.problem,
+        )
+        for watched_object in board.objects
+    ]
+    return found + [signal for pdo in board.pdos for signal in _signals(board, pdo)]
 
 
 def _signals(board: Board, pdo: WatchedPdo) -> Iterator[_Shown]:
@@ -126,9 +135,9 @@ def _table(board: Board, view: View, moment: Moment, width: int, room: int) -> L
         lines.append(_line(one, view, moment, width, chosen=len(places) - 1 == view.chosen))
     for pdo in board.pdos:
         lines.append(_pdo_line(board, pdo, moment))
-        for one in _signals(board, pdo):
+        for signal in _signals(board, pdo):
             places.append(len(lines))
-            lines.append(_line(one, view, moment, width, chosen=len(places) - 1 == view.chosen))
+            lines.append(_line(signal, view, moment, width, chosen=len(places) - 1 == view.chosen))
     view.top = scrolled(view.top, places[view.chosen] if places else 0, len(lines), room)
     return lines[view.top :]
 

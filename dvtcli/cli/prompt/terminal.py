@@ -115,7 +115,7 @@ class FullReader:
         from prompt_toolkit.keys import Keys
 
         keys = get_typeahead(self._prompt.app.input)
-        return sum(len(one.data) for one in keys if one.key is not Keys.CPRResponse)
+        return sum(len(key.data) for key in keys if key.key is not Keys.CPRResponse)
 
     def _typed(self) -> str | None:
         """What was typed, None where it was thrown away."""

@@ -204,12 +204,12 @@ class ScriptChanges:
             journal.final("")
         with self._session.cancellation.way_back(), self._session.agreed():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
-            failures = [failure for one in tried if (failure := one.settled(cause)) is not None]
+            failures = [failure for back in tried if (failure := back.settled(cause)) is not None]
         if failures:
             from dvtcli.device.change.left_behind import could_not
 
             first, *others = failures
-            self._name_left(first, [made[one.node] for one in failures if one.node in made], failed)
+            self._name_left(first, [made[changed.node] for changed in failures if changed.node in made], failed)
             for failure in failures:
                 failure.text = could_not(first, failure.node or 0, "taken back") or failure.text
             first.details += [("also", failure.text) for failure in others]

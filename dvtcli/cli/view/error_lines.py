@@ -79,7 +79,8 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         document["findings"] = [finding_document(finding) for finding in error.findings]
     if isinstance(error, InputFileError | RuleError) and error.complaints:
         document["complaints"] = [
-            {"file": one.file, "line": one.line, "column": one.column, "text": one.text} for one in error.complaints
+            {"file": complaint.file, "line": complaint.line, "column": complaint.column, "text": complaint.text}
+            for complaint in error.complaints
         ]
     return document
 

@@ -284,8 +284,8 @@ class Output:
 
         encode = json.JSONEncoder(ensure_ascii=True, separators=(",", ":"), default=self._as_json).encode
         with self._streaming():
-            for one in documents:
-                self.stdout.write(encode(one) + "\n")
+            for document in documents:
+                self.stdout.write(encode(document) + "\n")
             self.stdout.flush()
 
     def told(self, document: Document) -> None:

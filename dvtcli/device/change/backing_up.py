@@ -53,7 +53,7 @@ class BackingUp:
     def _made(self, identity: Identity) -> list[set[str]]:
         """The backups of this very device, by their lines."""
         check_folder(self.folder)
-        made = [set(one.lines()) for one in backups(self.folder, self.bus, self.node_id, identity)]
+        made = [set(backup.lines()) for backup in backups(self.folder, self.bus, self.node_id, identity)]
         return [lines for lines in made if serial_line(identity) in lines]
 
     def _remembered(self, identity: Identity) -> set[tuple[Pdo, PdoConfig]]:

@@ -92,7 +92,7 @@ class Recovery:
         Of a device of which a refusal is foreseen PDOs go off only: `put_back` knows what that takes instead.
         """
         changes = self.journal.plan.changes
-        foreseen = any(isinstance(one, PdoChange) and one.back is not None for one in changes)
+        foreseen = any(isinstance(change, PdoChange) and change.back is not None for change in changes)
         for number, phase in enumerate(phases([self.plan])[:-1]):
             left_out = foreseen and number > 1
             yield next((part for part in phase if not left_out), Plan(self.node.node_id, ()))
@@ -125,15 +125,15 @@ class Recovery:
         """As `_restore`, of all that can be read; what can be read no more is written unseen, if it can be."""
         given_up = (DvtcliError, KeyboardInterrupt)
         try:
-            return self._restore([one for one in changes if one not in self.unknown], given_up=given_up)
+            return self._restore([change for change in changes if change not in self.unknown], given_up=given_up)
         except LeftChanged as left:
             if isinstance(left.__cause__, _SILENT):
                 raise
-            found = unreadable_now(self.node.sdo, (one for one in changes if one not in self.unknown))
+            found = unreadable_now(self.node.sdo, (change for change in changes if change not in self.unknown))
             if not found:
                 raise
             self.unknown |= found
-            readable = [one for one in changes if one not in self.unknown]
+            readable = [change for change in changes if change not in self.unknown]
             return self._restore(readable, given_up=given_up) if readable else ()
 
     def _altered(self) -> dict[PdoChange, str]:
@@ -209,7 +209,7 @@ class Recovery:
 
     def _held_now(self) -> Plan:
         """From what the interrupted change wanted to what was put back instead."""
-        taken = {one.pdo: one.back for one in self._otherwise}
+        taken = {pdo_change.pdo: pdo_change.back for pdo_change in self._otherwise}
         changes: list[Change] = []
         for change in self.changes:
             if isinstance(change, PdoChange):
@@ -264,7 +264,7 @@ def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Chan
 
     Also where none is held: a restart may bring one back that stands for what was stored.
     """
-    stamps = {step.sub_index: step for step in (one.step for one in filter(is_stamp, interrupted.changes))}
+    stamps = {step.sub_index: step for step in (change.step for change in filter(is_stamp, interrupted.changes))}
     before = {sub_index: step.before for sub_index, step in stamps.items() if step.before is not None}
     held = held_stamp(node)
     if held is None or (stamp_back(node, back.changes, before) is None and (stamps or held != NO_STAMP)):
@@ -285,7 +285,7 @@ def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:
     """
     failed: dict[int, DvtcliError] = {}
     if len(recoveries) > 1:
-        for phase in zip(*(one.ahead() for one in recoveries), strict=True):
+        for phase in zip(*(recovery.ahead() for recovery in recoveries), strict=True):
             parts = {part.node_id: part for part in phase}
             _each(recoveries, failed, lambda one, parts=parts: one.go_ahead(parts[one.node.node_id]))  # type: ignore[misc]
     _each(recoveries, failed, Recovery.put_back)
@@ -295,12 +295,12 @@ def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:
 
 def _each(recoveries: Iterable[Recovery], failed: dict[int, DvtcliError], work: Callable[[Recovery], None]) -> None:
     """Do *work* for each but those that have *failed*; who fails now is one of them."""
-    for one in recoveries:
-        if one.node.node_id not in failed:
+    for recovery in recoveries:
+        if recovery.node.node_id not in failed:
             try:
-                work(one)
+                work(recovery)
             except DvtcliError as error:
-                failed[one.node.node_id] = error
+                failed[recovery.node.node_id] = error
 
 
 def _reason(fault: BaseException) -> str:

@@ -156,8 +156,8 @@ class Journals:
             "entries": list(part.entries),
             "final": part.final,
             "asked": list(part.asked),
-            "stores": [_store_document(one) for one in part.stores],
-            "equal": [_store_document(one) for one in part.equal],
+            "stores": [_store_document(store) for store in part.stores],
+            "equal": [_store_document(storing) for storing in part.equal],
             "tests": [change_document(change) for change in part.tests],
             "changes": [change_document(change) for change in plan.changes],
         }

@@ -118,7 +118,7 @@ def _entries(words: Any) -> tuple[PdoMappingEntry, ...]:
 
 def _unread(places: Any) -> tuple[tuple[int, int], ...]:
     """What of the PDO could not be read; journals of earlier versions do not say."""
-    if not isinstance(places, list) or not all(isinstance(one, list) and len(one) == 2 for one in places):
+    if not isinstance(places, list) or not all(isinstance(place, list) and len(place) == 2 for place in places):
         raise ValueError("what could not be read is malformed")
     return tuple((read_number({"": index}, "", 0xFFFF), read_number({"": sub}, "", 0xFF)) for index, sub in places)
 

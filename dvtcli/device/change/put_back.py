@@ -124,7 +124,7 @@ def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> No
     """Put back what *changes* of values that depend on each other replaced; the first refusal is raised at the end."""
     from dvtcli.domain.value_order import altering, in_order
 
-    known = ((one.step, one.step.before) for one in changes if one.step.before is not None)
+    known = ((change.step, change.step.before) for change in changes if change.step.before is not None)
     back: list[Step] = []
     unseen: list[Step] = []  # what cannot be read now
     for written, before in known:
@@ -221,7 +221,7 @@ def unreadable_now(sdo: SdoTransport, changes: Iterable[Change]) -> dict[ValueCh
 def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[ValueChange]) -> Sequence[Step]:
     """The PDO's own steps; where an entry behind its count differs, that is written while the mapping is open."""
     now = read_pdo(sdo, change.pdo)
-    held = {one: sdo.upload(one.step.index, one.step.sub_index) for one in fillers}
+    held = {filler: sdo.upload(filler.step.index, filler.step.sub_index) for filler in fillers}
     differing = [one for one, data in held.items() if data != one.step.before]
     if not differing:
         return plan_pdo(change.pdo, now, change.before).steps

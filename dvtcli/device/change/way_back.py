@@ -102,7 +102,7 @@ def _stamp_ended(
     node: KnownPdos, put_back: tuple[Change, ...], values: dict[tuple[int, int], Step]
 ) -> tuple[Change, ...]:
     """*put_back*, behind the end of a stamp of ours and without its return; *values* are what was changed."""
-    others = tuple(one for one in put_back if not is_stamp(one))
+    others = tuple(change for change in put_back if not is_stamp(change))
     before = {at[1]: step.before for at, step in values.items() if at[0] == STAMP and step.before is not None}
     if not (others or before):
         return ()

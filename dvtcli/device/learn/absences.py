@@ -46,7 +46,7 @@ def _of_object(node: Node, index: int, sub_indices: Sequence[int]) -> Iterator[A
     if len(missing) == len(sub_indices):
         yield Absence(index, 0, missing[0].code)
     else:
-        yield from (one for one in missing if one.sub_index)
+        yield from (absence for absence in missing if absence.sub_index)
 
 
 def _missing(node: Node, index: int, sub_index: int) -> int | None:

@@ -38,7 +38,7 @@ class SignatureAnswers:
     @property
     def sub_index(self) -> int | None:
         """The sub-index of 0x1010 that took `save`; None where none did: a wrong signature may have saved nothing."""
-        took = (one.probe for one in self.answers if one.probe.name == SAVE and one.accepted)
+        took = (answer.probe for answer in self.answers if answer.probe.name == SAVE and answer.accepted)
         return next((probe.asked.sub_index for probe in took), None)
 
 

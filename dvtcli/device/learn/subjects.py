@@ -63,7 +63,7 @@ def mapped_subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], first: Sequence[P
 def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> tuple[int, ...]:
     """Two CAN-IDs that no PDO of a known node has, no service uses, and nobody was heard on."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}
-    used |= {one.cob_id.can_id for one in producers(node.neighbours())}
+    used |= {producer.cob_id.can_id for producer in producers(node.neighbours())}
     used |= {can_id for can_id, _ in service_ids(node.memory, node.node_id, node.dictionary)} | heard
     free = [can_id for can_id in FREE_POOL if can_id not in used]
     return tuple(free[-2:]) if len(free) > 1 else ()

@@ -38,7 +38,7 @@ class Around:
 
 def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
     """The lines, each of which has a comment above it; only comments where nothing is to be done."""
-    nodes = [one for one in plan.nodes if len(one.plan) or one.stores]
+    nodes = [node for node in plan.nodes if len(node.plan) or node.stores]
     lines = [
         f"# CiA 309-3 gateway lines: {plural(plan.writes, 'SDO download')} for {_plain(plan.file)}",
         *map(_who, plan.nodes),
@@ -47,12 +47,12 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
     lines += required_lines(nodes)
     commands = list(_commands(nodes, around)) or ["nothing is to be done: every node holds what the file says"]
     number = 0
-    for one in commands:
-        if isinstance(one, str):
-            lines.append(f"# {one}")
+    for command in commands:
+        if isinstance(command, str):
+            lines.append(f"# {command}")
         else:
             number += 1
-            lines.append(format_request(Request(number, None, *one)))
+            lines.append(format_request(Request(number, None, *command)))
     return lines
 
 
@@ -68,18 +68,18 @@ def required_lines(nodes: Iterable[NodePlan]) -> Iterator[str]:
 
 def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str | tuple[int, Command]]:
     """Comments, and commands each with its node."""
-    for node_id in (one.node_id for one in nodes if len(one.plan) and around[one.node_id].preop):
+    for node_id in (node.node_id for node in nodes if len(node.plan) and around[node.node_id].preop):
         yield f"node {node_id}: its PDOs are set in PRE-OPERATIONAL"
         yield node_id, Nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
-    for title, phase in zip(_PHASES, phases(one.plan for one in nodes), strict=True):
+    for title, phase in zip(_PHASES, phases(node.plan for node in nodes), strict=True):
         for part in phase:
             for change, step in part.course():
                 yield from _written(part.node_id, change, step, title)
-    for node_id in (one.node_id for one in nodes if one.stores):
+    for node_id in (node.node_id for node in nodes if node.stores):
         for store in around[node_id].stores:
             yield f"node {node_id}: store"
             yield node_id, Write(_STORE, store, "vs", _SAVE)
-    for node_id in (one.node_id for one in nodes if len(one.plan) and around[one.node_id].start):
+    for node_id in (node.node_id for node in nodes if len(node.plan) and around[node.node_id].start):
         yield f"node {node_id}: it was OPERATIONAL"
         yield node_id, Nmt(NmtCommand.START)
 

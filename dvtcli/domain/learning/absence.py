@@ -56,7 +56,7 @@ def _short(entry: OdEntry) -> bool:
 
 def absent_for_family(absences: Collection[Absence]) -> Iterator[Learnt]:
     """What a simulated device lacks, too, and answers there."""
-    for one in absences:
-        place = f"0x{one.name}"
-        evidence = f"{place} is in the file, and reading it answered 0x{one.code:08X} ({abort_text(one.code)})"
-        yield Learnt(f"absent.{one.name}", one.code, evidence)
+    for absence in absences:
+        place = f"0x{absence.name}"
+        evidence = f"{place} is in the file, and reading it answered 0x{absence.code:08X} ({abort_text(absence.code)})"
+        yield Learnt(f"absent.{absence.name}", absence.code, evidence)

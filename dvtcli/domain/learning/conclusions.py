@@ -39,16 +39,16 @@ def _common(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Itera
 
 
 def _first(found: Iterable[Learnt | None]) -> Iterator[Learnt]:
-    yield from [one for one in found if one is not None][:1]
+    yield from [learnt for learnt in found if learnt is not None][:1]
 
 
 def _max_entries(each: list[KnownAnswers], most_entries: int) -> Iterator[Learnt]:
-    counted = [one for one in each if one.fits]
+    counted = [known for known in each if known.fits]
     if not counted:
         return
     most = max(counted, key=lambda one: one.max_entries)
     last = most.answers.get(f"entry {most.max_entries}") or next(a for a in most.answers.values() if a.accepted)
-    if all(one.max_entries == len(one.subject.entries) for one in counted) and most_entries > most.max_entries:
+    if all(known.max_entries == len(known.subject.entries) for known in counted) and most_entries > most.max_entries:
         taken = f"{most.subject.pdo.label} took all {most.max_entries} that"
         evidence = (
             f"{taken} {'take back what they hold' if most.subject.more else 'it has'}, others have {most_entries}"

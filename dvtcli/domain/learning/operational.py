@@ -106,8 +106,8 @@ def _for_the_state(answers: Mapping[str, ProbeAnswer]) -> list[ProbeAnswer]:
 def gate_for_profile(answers: Iterable[Mapping[str, ProbeAnswer]]) -> Iterator[Learnt]:
     """Whether PDO parameters want PRE-OPERATIONAL; nothing where that was not asked, or something else was refused."""
     each = list(answers)
-    refused = [answer for one in each for answer in _for_the_state(one)]
-    asked = [answer for one in each for answer, _ in _pairs(one)]
+    refused = [answer for mapping in each for answer in _for_the_state(mapping)]
+    asked = [answer for mapping in each for answer, _ in _pairs(mapping)]
     if refused:
         yield Learnt("pre_operational_gate", "required", "; ".join(answer.text for answer in refused))
     elif asked and all(answer.accepted for answer in asked):
@@ -120,7 +120,9 @@ def gate_for_family(answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> I
     for way, own in answers.items():
         asked += [answer for answer, _ in _pairs(own)]
         for mapping, area in enumerate(_AREAS[way]):
-            found = [one for one in _for_the_state(own) if is_mapping_index(one.probe.asked.index) == bool(mapping)]
+            found = [
+                answer for answer in _for_the_state(own) if is_mapping_index(answer.probe.asked.index) == bool(mapping)
+            ]
             ranges += [list(area)] if found else []
             refused += found
     if not asked:
@@ -144,12 +146,16 @@ def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mappi
     gated = any(_for_the_state(own) for own in answers.values())
     if not every or gated or len(every) < sum(map(len, pairs.values())):
         return family
-    kept = [one for one in family if not one.key.startswith(_UNCHECKED) or _says_more(one)]
-    kept.append(Learnt("pdo_rules_always", False, "; ".join(f"{one.text}, in OPERATIONAL only" for one in every)))
+    kept = [learnt for learnt in family if not learnt.key.startswith(_UNCHECKED) or _says_more(learnt)]
+    kept.append(
+        Learnt(
+            "pdo_rules_always", False, "; ".join(f"{probe_answer.text}, in OPERATIONAL only" for probe_answer in every)
+        )
+    )
     for way, own in refused.items():
-        for one in own:
-            check = _CHECKS[one.probe.name.removesuffix(IN_OPERATIONAL)]
-            kept.append(Learnt(f"answers.{way}.{check}", one.code or 0, f"{one.text}, in OPERATIONAL"))
+        for answer in own:
+            check = _CHECKS[answer.probe.name.removesuffix(IN_OPERATIONAL)]
+            kept.append(Learnt(f"answers.{way}.{check}", answer.code or 0, f"{answer.text}, in OPERATIONAL"))
     return kept
 
 

@@ -148,7 +148,14 @@ def _of_length(mapped: int, read: int | None) -> DataType | None:
     if mapped == 1 and read in (None, 8):
         return BOOLEAN
     wanted = read or mapped
-    return next((one for one in DATA_TYPES.values() if one.kind is Kind.UNSIGNED and one.bits == wanted), None)
+    return next(
+        (
+            data_type
+            for data_type in DATA_TYPES.values()
+            if data_type.kind is Kind.UNSIGNED and data_type.bits == wanted
+        ),
+        None,
+    )
 
 
 def _held(

@@ -23,12 +23,12 @@ _NO_RTR = 1 << 30
 @check("half-pdo", ERROR, "a PDO has a communication parameter and no mapping, or the reverse", _COMMUNICATION)
 def half_pdo(device: DescribedDevice) -> Found:
     """Nobody can use it: half of what makes a PDO is missing."""
-    for one in device.pdos:
-        if one.has_communication and not one.has_mapping:
-            yield Spot(one.pdo.communication_index), f"{one.pdo.label} has no mapping {one.pdo.mapping_index:04X}"
-        elif one.has_mapping and not one.has_communication:
-            missing = f"{one.pdo.communication_index:04X}"
-            yield Spot(one.pdo.mapping_index), f"{one.pdo.label} has no communication parameter {missing}"
+    for pdo in device.pdos:
+        if pdo.has_communication and not pdo.has_mapping:
+            yield Spot(pdo.pdo.communication_index), f"{pdo.pdo.label} has no mapping {pdo.pdo.mapping_index:04X}"
+        elif pdo.has_mapping and not pdo.has_communication:
+            missing = f"{pdo.pdo.communication_index:04X}"
+            yield Spot(pdo.pdo.mapping_index), f"{pdo.pdo.label} has no communication parameter {missing}"
 
 
 @check("no-cob-id", ERROR, "a communication parameter without sub-index 01, the COB-ID", _COMMUNICATION)
@@ -48,23 +48,23 @@ def no_transmission_type(device: DescribedDevice) -> Found:
        _COMMUNICATION)  # fmt: skip
 def unknown_cob_id(device: DescribedDevice) -> Found:
     """Tools take it for disabled, or for 0."""
-    for one in device.pdos:
-        index = one.pdo.communication_index
-        if one.cob_id is None and device.dictionary.entry(index, 1) is not None:
-            yield Spot(index, 1), f"{one.pdo.label} has a COB-ID without DefaultValue: enabled or not is not known"
+    for pdo in device.pdos:
+        index = pdo.pdo.communication_index
+        if pdo.cob_id is None and device.dictionary.entry(index, 1) is not None:
+            yield Spot(index, 1), f"{pdo.pdo.label} has a COB-ID without DefaultValue: enabled or not is not known"
 
 
 @check("base-cob-id", WARNING, "a COB-ID is a base of the pre-defined connection set, without the node-ID",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def base_cob_id(device: DescribedDevice) -> Found:
     """All nodes of the file have the same, whether the PDO is on or off. A DCF is for one node."""
-    for one in () if device.configured else device.pdos:
-        index, own = one.pdo.communication_index, one.pdo.default_can_id(0)
+    for pdo in () if device.configured else device.pdos:
+        index, own = pdo.pdo.communication_index, pdo.pdo.default_can_id(0)
         entry = device.dictionary.entry(index, 1)
-        if entry is None or entry.default_relative or one.cob_id is None or one.cob_id & 0x3FFF_FFFF not in BASES:
+        if entry is None or entry.default_relative or pdo.cob_id is None or pdo.cob_id & 0x3FFF_FFFF not in BASES:
             continue
-        meant = "$NODEID+" + (f"0x{one.cob_id:X}" if own is None else f"0x{one.cob_id & 0xC000_0000 | own:X}")
-        text = f"{one.pdo.label} has 0x{one.cob_id:X} without $NODEID on every node; its default is {meant}"
+        meant = "$NODEID+" + (f"0x{pdo.cob_id:X}" if own is None else f"0x{pdo.cob_id & 0xC000_0000 | own:X}")
+        text = f"{pdo.pdo.label} has 0x{pdo.cob_id:X} without $NODEID on every node; its default is {meant}"
         yield Spot(index, 1, HELD), text
 
 
@@ -72,41 +72,41 @@ def base_cob_id(device: DescribedDevice) -> Found:
        _MAPPING)  # fmt: skip
 def count_over_entries(device: DescribedDevice) -> Found:
     """The device would have to map what it has not."""
-    for one in device.pdos:
-        if not one.has_mapping or one.count is None or is_mpdo(one.count):
+    for pdo in device.pdos:
+        if not pdo.has_mapping or pdo.count is None or is_mpdo(pdo.count):
             continue
-        entries = len(device.dictionary[one.pdo.mapping_index].entries.keys() - {0})
-        if one.count > min(entries, MAX_ENTRIES):
-            yield _count(one), f"{one.pdo.label} maps {one.count} objects; {entries} entries are described"
+        entries = len(device.dictionary[pdo.pdo.mapping_index].entries.keys() - {0})
+        if pdo.count > min(entries, MAX_ENTRIES):
+            yield _count(pdo), f"{pdo.pdo.label} maps {pdo.count} objects; {entries} entries are described"
 
 
 @check("unknown-count", NOTE, "the count of a mapping has no default: what the PDO carries is not known", _MAPPING)
 def unknown_count(device: DescribedDevice) -> Found:
     """A tool can only ask the device."""
-    for one in device.pdos:
-        index = one.pdo.mapping_index
-        if one.count is None and device.dictionary.entry(index, 0) is not None:
-            yield Spot(index, 0), f"{one.pdo.label} has a mapping without a count: what it carries is not known"
+    for pdo in device.pdos:
+        index = pdo.pdo.mapping_index
+        if pdo.count is None and device.dictionary.entry(index, 0) is not None:
+            yield Spot(index, 0), f"{pdo.pdo.label} has a mapping without a count: what it carries is not known"
 
 
 @check("mapped-twice", NOTE, "a TPDO carries the same object twice", _MAPPING)
 def mapped_twice(device: DescribedDevice) -> Found:
     """It takes room in every frame. Of RPDOs `double-target` says it."""
-    for one in device.pdos:
+    for pdo in device.pdos:
         seen: dict[tuple[int, int], int] = {}
-        for number, entry in enumerate(one.config.mapping if one.pdo.is_tpdo else (), 1):
+        for number, entry in enumerate(pdo.config.mapping if pdo.pdo.is_tpdo else (), 1):
             first = seen.setdefault((entry.index, entry.sub_index), number)
             if first != number:
-                spot = Spot(one.pdo.mapping_index, number, HELD)
-                yield spot, f"{one.pdo.label} carries {entry.object} as entry {first} and {number}"
+                spot = Spot(pdo.pdo.mapping_index, number, HELD)
+                yield spot, f"{pdo.pdo.label} carries {entry.object} as entry {first} and {number}"
 
 
 @check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it is shown and never written", _MAPPING)
 def mpdo(device: DescribedDevice) -> Found:
     """What it carries stands in its frames."""
-    for one in device.pdos:
-        if one.config.mpdo is not None:
-            yield _count(one), f"{one.pdo.label} is a multiplexed PDO (count 0x{one.config.mpdo:02X})"
+    for pdo in device.pdos:
+        if pdo.config.mpdo is not None:
+            yield _count(pdo), f"{pdo.pdo.label} is a multiplexed PDO (count 0x{pdo.config.mpdo:02X})"
 
 
 @check("empty-entry", ERROR, "the count of a mapping goes over an entry that is 0", _MAPPING)
@@ -133,34 +133,34 @@ def unknown_entry(device: DescribedDevice) -> Found:
 @check("enabled-and-empty", NOTE, "a PDO comes up enabled and maps nothing", f"ours: {_MAPPING}")
 def enabled_and_empty(device: DescribedDevice) -> Found:
     """Frames without data, and it cannot be put back once it was changed."""
-    for one in device.pdos:
-        if one.cob_id is not None and one.config.enabled and one.count == 0:
-            spot = Spot(one.pdo.communication_index, 1, HELD)
-            yield spot, f"{one.pdo.label} comes up enabled and maps nothing"
+    for pdo in device.pdos:
+        if pdo.cob_id is not None and pdo.config.enabled and pdo.count == 0:
+            spot = Spot(pdo.pdo.communication_index, 1, HELD)
+            yield spot, f"{pdo.pdo.label} comes up enabled and maps nothing"
 
 
 @check("fixed-pdo", NOTE, "a mapping of which only a part can be written", f"{_MAPPING}; CiA 306, AccessType")
 def partly_fixed(device: DescribedDevice) -> Found:
     """A count that is fixed and entries that are not, or the reverse: nothing can be mapped, or only by fillers."""
-    for one in device.pdos:
-        if not one.has_mapping:
+    for pdo in device.pdos:
+        if not pdo.has_mapping:
             continue
-        entries = device.dictionary[one.pdo.mapping_index].entries
+        entries = device.dictionary[pdo.pdo.mapping_index].entries
         writable = {sub: entry.access.writable for sub, entry in entries.items()}
         if len(set(writable.values())) > 1:
             fixed = ", ".join(f"{sub:02X}" for sub, free in list(writable.items())[:8] if not free)
-            yield Spot(one.pdo.mapping_index), f"{one.pdo.label}: sub-index {fixed} cannot be written, the others can"
+            yield Spot(pdo.pdo.mapping_index), f"{pdo.pdo.label}: sub-index {fixed} cannot be written, the others can"
 
 
 @check("cob-id-fixed", NOTE, "the COB-ID of a PDO cannot be written: it can never be mapped anew", _COMMUNICATION)
 def cob_id_fixed(device: DescribedDevice) -> Found:
     """The sequence begins with disabling it (bit 31)."""
-    for one in device.pdos:
-        entry = device.dictionary.entry(one.pdo.communication_index, 1)
+    for pdo in device.pdos:
+        entry = device.dictionary.entry(pdo.pdo.communication_index, 1)
         if entry is not None and not entry.access.writable:
             yield (
                 Spot(entry.index, 1, "accesstype"),
-                f"the COB-ID of {one.pdo.label} is {entry.access}: it stays as it is",
+                f"the COB-ID of {pdo.pdo.label} is {entry.access}: it stays as it is",
             )
 
 
@@ -170,36 +170,36 @@ def synchronous_without_sync(device: DescribedDevice) -> Found:
     """It waits for a SYNC that the device does not know."""
     if _SYNC in device.dictionary:
         return
-    for one in device.pdos:
-        kind = one.config.communication.transmission_type
-        if one.config.enabled and kind is not None and kind <= 240:
-            spot = Spot(one.pdo.communication_index, 2, HELD)
-            yield spot, f"{one.pdo.label} has transmission type {kind}, and the device has no 1005 (SYNC)"
+    for pdo in device.pdos:
+        kind = pdo.config.communication.transmission_type
+        if pdo.config.enabled and kind is not None and kind <= 240:
+            spot = Spot(pdo.pdo.communication_index, 2, HELD)
+            yield spot, f"{pdo.pdo.label} has transmission type {kind}, and the device has no 1005 (SYNC)"
 
 
 @check("timer-below-inhibit", WARNING, "the event timer of a TPDO is shorter than its inhibit time", _COMMUNICATION)
 def timer_below_inhibit(device: DescribedDevice) -> Found:
     """The inhibit time (100 µs each) wins: frames come later than the event timer (ms) says."""
-    for one in device.pdos:
-        held = one.config.communication
-        if one.pdo.is_tpdo and held.event_timer and held.inhibit_time and held.event_timer * 10 < held.inhibit_time:
+    for pdo in device.pdos:
+        held = pdo.config.communication
+        if pdo.pdo.is_tpdo and held.event_timer and held.inhibit_time and held.event_timer * 10 < held.inhibit_time:
             text = f"the event timer is {held.event_timer} ms, the inhibit time {held.inhibit_time / 10:g} ms"
-            yield Spot(one.pdo.communication_index, 5, HELD), f"{one.pdo.label}: {text}"
+            yield Spot(pdo.pdo.communication_index, 5, HELD), f"{pdo.pdo.label}: {text}"
 
 
 @check("default-cob-id", NOTE, "PDO 1 to 4 comes up with another CAN-ID than the pre-defined connection set's",
        "CiA 301, 7.3.5")  # fmt: skip
 def default_cob_id(device: DescribedDevice) -> Found:
     """Masters that count on the set do not hear it."""
-    for one in device.pdos:
-        expected = one.pdo.default_can_id(device.node_id)
-        held = one.config.communication.cob_id
-        if one.cob_id is None or expected is None or device.configured or not held.valid or held.can_id == expected:
+    for pdo in device.pdos:
+        expected = pdo.pdo.default_can_id(device.node_id)
+        held = pdo.config.communication.cob_id
+        if pdo.cob_id is None or expected is None or device.configured or not held.valid or held.can_id == expected:
             continue
         text = (
-            f"{one.pdo.label} comes up with {held}; the pre-defined set has 0x{expected:03X} for node {device.node_id}"
+            f"{pdo.pdo.label} comes up with {held}; the pre-defined set has 0x{expected:03X} for node {device.node_id}"
         )
-        yield Spot(one.pdo.communication_index, 1, HELD), text
+        yield Spot(pdo.pdo.communication_index, 1, HELD), text
 
 
 @check("pdo-count", WARNING, "NrOfRXPDO or NrOfTXPDO is not the number of PDOs in the file", "CiA 306, DeviceInfo")
@@ -207,23 +207,23 @@ def pdo_count(device: DescribedDevice) -> Found:
     """Masters size their tables by it."""
     info = device.dictionary.info
     for tpdo, key, stated in ((False, "NrOfRXPDO", info.rpdo_count), (True, "NrOfTXPDO", info.tpdo_count)):
-        described = sum(one.pdo.is_tpdo is tpdo for one in device.pdos)
+        described = sum(pdo.pdo.is_tpdo is tpdo for pdo in device.pdos)
         if stated is not None and stated != described:
             yield Spot(section="deviceinfo", key=key.lower()), f"{key}={stated}, but {described} are described"
 
 
 def _without(device: DescribedDevice, sub_index: int, name: str) -> Found:
-    for one in device.pdos:
-        index = one.pdo.communication_index
-        if one.has_communication and sub_index not in device.dictionary[index].entries:
-            yield Spot(index), f"{one.pdo.label} has no sub-index {sub_index:02X}, its {name}"
+    for pdo in device.pdos:
+        index = pdo.pdo.communication_index
+        if pdo.has_communication and sub_index not in device.dictionary[index].entries:
+            yield Spot(index), f"{pdo.pdo.label} has no sub-index {sub_index:02X}, its {name}"
 
 
 def _counted(device: DescribedDevice) -> Iterator[tuple[DefaultPdo, int, int | None]]:
     """Every entry up to the count, with its raw word."""
-    for one in device.pdos:
-        for number, word in one.entries.items():
-            yield one, number, word
+    for pdo in device.pdos:
+        for number, word in pdo.entries.items():
+            yield pdo, number, word
 
 
 def _count(one: DefaultPdo) -> Spot:

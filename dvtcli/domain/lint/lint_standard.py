@@ -108,5 +108,5 @@ def _other_types(device: DescribedDevice, *, of_same_length: bool) -> Found:
 
 
 def _object_type(code: int) -> str:
-    known = next((one.name for one in ObjectType if one == code), "")
+    known = next((object_type.name for object_type in ObjectType if object_type == code), "")
     return known or f"0x{code:X}"

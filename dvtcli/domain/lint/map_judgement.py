@@ -25,21 +25,21 @@ def judged(
     channels = {place: held for place in places if (held := _cob_id(dictionary, *place, node_id)) is not None}
     taken = taken_by_services(node_id, sync, emcy, channels)
     before: dict[Pdo, PdoConfig] = {}
-    for one in pdos:
-        if not (one.has_communication and one.has_mapping):
+    for pdo in pdos:
+        if not (pdo.has_communication and pdo.has_mapping):
             continue
         proposal = Proposal(
             node_id,
-            one.pdo,
-            blank(one.config),
-            one.config,
+            pdo.pdo,
+            blank(pdo.config),
+            pdo.config,
             before,
             profile,
             dictionary,
             services=lambda: taken,
         )
         yield from (finding for finding in check_pdo(proposal) if finding.severity is not Severity.NOTE)
-        before = {**before, one.pdo: one.config}
+        before = {**before, pdo.pdo: pdo.config}
 
 
 def _cob_id(dictionary: ObjectDictionary, index: int, sub_index: int, node_id: int) -> int | None:

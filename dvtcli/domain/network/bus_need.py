@@ -59,17 +59,17 @@ class BusNeed:
     @property
     def limited(self) -> Fraction:
         """The share of all that has a limit."""
-        return sum((one.share for one in self.needs if one.share is not None), Fraction(0))
+        return sum((need.share for need in self.needs if need.share is not None), Fraction(0))
 
     @property
     def least(self) -> Fraction:
         """The same where no bit is stuffed."""
-        return sum((one.least_share for one in self.needs if one.least_share is not None), Fraction(0))
+        return sum((need.least_share for need in self.needs if need.least_share is not None), Fraction(0))
 
     @property
     def unlimited(self) -> tuple[Stream, ...]:
         """What may come as often as it likes."""
-        return tuple(one.stream for one in self.needs if one.share is None)
+        return tuple(need.stream for need in self.needs if need.share is None)
 
     @property
     def total(self) -> Fraction | None:
@@ -79,7 +79,7 @@ class BusNeed:
     @property
     def late(self) -> tuple[StreamNeed, ...]:
         """What may be there too late."""
-        return tuple(one for one in self.needs if one.is_late)
+        return tuple(need for need in self.needs if need.is_late)
 
     @property
     def fits(self) -> bool:
@@ -96,17 +96,17 @@ def bus_need(found: Streams, bit_rate: int) -> BusNeed:
     times = _times(streams, bit_rate)
     for _ in range(_SETTLES):
         late_us = _sync_jitter(streams, times, bit_rate)
-        if late_us is None or all(one.frame.jitter_us == late_us for one in streams if one.is_synchronous):
+        if late_us is None or all(stream.frame.jitter_us == late_us for stream in streams if stream.is_synchronous):
             break
-        streams = [one.late(late_us) if one.is_synchronous else one for one in streams]
+        streams = [stream.late(late_us) if stream.is_synchronous else stream for stream in streams]
         times = _times(streams, bit_rate)
-    shares = [None if one.frame.period_us is None else utilisation([one.frame], bit_rate) for one in streams]
+    shares = [None if stream.frame.period_us is None else utilisation([stream.frame], bit_rate) for stream in streams]
     needs = [StreamNeed(*row) for row in zip(streams, shares, times, strict=True)]
     return BusNeed(bit_rate, tuple(needs), found.assumed)
 
 
 def _times(streams: list[Stream], bit_rate: int) -> list[Fraction | None]:
-    return response_times([one.frame for one in streams], bit_rate, SDO_BITS)
+    return response_times([stream.frame for stream in streams], bit_rate, SDO_BITS)
 
 
 def _sync_jitter(streams: list[Stream], times: list[Fraction | None], bit_rate: int) -> Fraction | None:
@@ -132,8 +132,8 @@ _CLOCKS, _AT_ENDS = 1.05, 2
 def most_frames(streams: Iterable[Stream], seconds: float) -> int | None:
     """How many frames of *streams* can be heard within *seconds*; None where nothing limits one of them."""
     most = 0
-    for one in streams:
-        if not one.frame.period_us:
+    for stream in streams:
+        if not stream.frame.period_us:
             return None
-        most += int(_CLOCKS * seconds * 1_000_000 / one.frame.period_us) + _AT_ENDS
+        most += int(_CLOCKS * seconds * 1_000_000 / stream.frame.period_us) + _AT_ENDS
     return most

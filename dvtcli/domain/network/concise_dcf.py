@@ -51,13 +51,16 @@ def read_concise_dcf(data: bytes) -> dict[tuple[int, int], bytes]:
 
     Of several entries for one object the last one counts, since they are downloaded one after the other.
     """
-    return {(one.index, one.sub_index): one.data for one in concise_entries(data)}
+    return {(entry.index, entry.sub_index): entry.data for entry in concise_entries(data)}
 
 
 def concise_bytes(entries: Sequence[ConciseEntry]) -> bytes:
     """*entries* as a concise DCF."""
     heads = (
-        one.index.to_bytes(2, "little") + bytes([one.sub_index]) + len(one.data).to_bytes(4, "little") + one.data
-        for one in entries
+        entry.index.to_bytes(2, "little")
+        + bytes([entry.sub_index])
+        + len(entry.data).to_bytes(4, "little")
+        + entry.data
+        for entry in entries
     )
     return len(entries).to_bytes(_COUNT, "little") + b"".join(heads)

@@ -49,9 +49,9 @@ def sent_by_id(plans: Iterable[NodePlan]) -> dict[Id, list[Sent]]:
 def by_id(pdos: Iterable[Producer]) -> dict[Id, list[Producer]]:
     """Enabled *pdos* by what they are sent with, or heard."""
     found: dict[Id, list[Producer]] = {}
-    for one in pdos:
-        if one.cob_id.valid:
-            found.setdefault(_id(one.cob_id), []).append(one)
+    for pdo in pdos:
+        if pdo.cob_id.valid:
+            found.setdefault(_id(pdo.cob_id), []).append(pdo)
     return found
 
 
@@ -71,8 +71,8 @@ def length_findings(consumer: NodePlan, sent: Mapping[Id, Iterable[Sent]]) -> It
 
 def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
     """The TPDOs that *plan* switches off or gives another CAN-ID, each with the COB-ID that it gives up."""
-    changes = (one for one in plan.plan.changes if isinstance(one, PdoChange) and one.pdo.is_tpdo)
-    held = {one.pdo: one.before.communication.cob_id for one in changes if one.before.enabled}
+    changes = (change for change in plan.plan.changes if isinstance(change, PdoChange) and change.pdo.is_tpdo)
+    held = {change.pdo: change.before.communication.cob_id for change in changes if change.before.enabled}
     return {pdo: cob_id for pdo, cob_id in held.items() if not _same_id(cob_id, _ends(plan)[pdo].communication.cob_id)}
 
 
@@ -84,9 +84,10 @@ def left_findings(
     Both are what nodes send and hear once *plan*, and those of the other nodes, are carried out.
     """
     for pdo, gone in moved.items():
-        for one in heard.get(_id(gone), ()) if _id(gone) not in sent else ():
-            if one.node_id != plan.node_id:
-                text = f"{one.node_id}:{one.pdo} goes on hearing {gone}, which {plan.node_id}:{pdo} sends no more"
+        for producer in heard.get(_id(gone), ()) if _id(gone) not in sent else ():
+            if producer.node_id != plan.node_id:
+                hears = f"{producer.node_id}:{producer.pdo} goes on hearing {gone}"
+                text = f"{hears}, which {plan.node_id}:{pdo} sends no more"
                 yield warning("consumer-left", f"0x{pdo.communication_index:04X}:01", text)
 
 

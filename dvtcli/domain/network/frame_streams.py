@@ -151,7 +151,7 @@ def _error_control(state: NetworkState, node: NodeState) -> Iterator[Stream]:
 
 def _heartbeat(state: NetworkState, node_id: int, every_ms: int) -> Stream:
     """Whoever watches it waits so much longer than its period: until then it has to be there."""
-    watches = (one.watched.get(node_id, 0) - every_ms for one in state.nodes)
+    watches = (node.watched.get(node_id, 0) - every_ms for node in state.nodes)
     deadline_ms = min([every_ms, *(left for left in watches if left > 0)])
     frame = _frame((_HEARTBEAT + node_id, False), 1, every_ms * _MS)
     why = f"every {every_ms} ms"

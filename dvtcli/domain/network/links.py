@@ -104,9 +104,9 @@ def object_remarks(side: LinkSide) -> Iterator[Finding]:
     for number, entry in enumerate(config.mapping, 1):
         place = proposal.mapping_place(number)
         found = () if entry.is_dummy else object_findings(proposal, place, entry)
-        for one in found:
-            if one.severity is Severity.ERROR:
-                yield warning("link-object", str(side), f"{side} maps what it cannot: {one.text}")
+        for finding in found:
+            if finding.severity is Severity.ERROR:
+                yield warning("link-object", str(side), f"{side} maps what it cannot: {finding.text}")
 
 
 def _starts(mapping: Sequence[PdoMappingEntry]) -> Iterator[tuple[int, PdoMappingEntry]]:
@@ -262,7 +262,7 @@ def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappin
             text = f"hears {heard.bits} of the {sent.bits} bits of {producer.name(sent)}"
             yield warning("link-part", str(consumer), f"{consumer.name(heard)} of {consumer} {text}")
         elif not _is_alike(producer, sent, consumer, heard):
-            types = [one.short if one else "?" for one in (consumer.type(heard), producer.type(sent))]
+            types = [data_type.short if data_type else "?" for data_type in (consumer.type(heard), producer.type(sent))]
             text = f"{consumer.name(heard)} of {consumer} is {types[0]} and hears {producer.name(sent)}, {types[1]}"
             yield warning("link-type", str(consumer), text)
 

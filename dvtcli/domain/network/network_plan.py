@@ -117,7 +117,7 @@ class NodePlan:
     @property
     def remaining(self) -> tuple[LeftOut, ...]:
         """Settings that differ from the file and are not written."""
-        return tuple(one for one in self.left_out if one.remains)
+        return tuple(left_out for left_out in self.left_out if left_out.remains)
 
     @property
     def holds(self) -> tuple[Change, ...]:

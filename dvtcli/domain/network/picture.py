@@ -82,7 +82,7 @@ class PictureNode:
 
     def enabled(self, *, is_tpdo: bool) -> tuple[PicturePdo, ...]:
         """Its PDOs of one direction that are on."""
-        return tuple(one for one in self.pdos if one.is_tpdo is is_tpdo and one.config.enabled)
+        return tuple(pdo for pdo in self.pdos if pdo.is_tpdo is is_tpdo and pdo.config.enabled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +186,7 @@ class NetworkPicture:
 
     def node(self, node_id: int) -> PictureNode | None:
         """The node with *node_id*, None where there is none."""
-        return next((one for one in self.nodes if one.node_id == node_id), None)
+        return next((picture_node for picture_node in self.nodes if picture_node.node_id == node_id), None)
 
     @property
     def pdos(self) -> Iterator[tuple[PictureNode, PicturePdo]]:

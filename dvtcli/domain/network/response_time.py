@@ -83,7 +83,7 @@ def _longest_behind(bits: list[int], at_least: int) -> list[int]:
 
 def utilisation(frames: Iterable[TimedFrame], bit_rate: int) -> Fraction:
     """The share of a wire of *bit_rate* bit/s, 0 and up, that *frames* with a period take at most."""
-    return sum((_rate(one) * one.bits for one in frames), Fraction(0)) / bit_rate
+    return sum((_rate(frame) * frame.bits for frame in frames), Fraction(0)) / bit_rate
 
 
 def _rate(frame: TimedFrame) -> Fraction:
@@ -110,7 +110,7 @@ class _Wire:
     @classmethod
     def of(cls, frames: Iterable[TimedFrame], bit_rate: int) -> _Wire:
         """The coarsest units in which the times of *frames* and bits of *bit_rate* are whole."""
-        given = (time for one in frames for time in (one.period_us, one.jitter_us) if time is not None)
+        given = (time for frame in frames for time in (frame.period_us, frame.jitter_us) if time is not None)
         finer = lcm(*{(Fraction(time) * bit_rate).denominator for time in given})
         return cls(bit_rate * finer, _US_A_SECOND * finer)
 

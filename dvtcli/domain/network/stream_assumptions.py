@@ -23,18 +23,18 @@ def without_producer(state: NetworkState) -> Iterator[tuple[NodeState, Pdo, PdoC
 def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf, sync_us: int | None) -> Iterator[str]:
     """What was taken for granted, and what is not counted."""
     streams = list(streams)
-    if emcys := sum(one.kind == "emcy" and one.assumed for one in streams):
+    if emcys := sum(stream.kind == "emcy" and stream.assumed for stream in streams):
         whose = "node sends" if emcys == 1 else "nodes send"
         every = in_ms(what_if.emcy_us or EMCY_US)
         yield f"{emcys} {whose} an EMCY each {every} at most (0x1015 is 0, which sets no limit)"
-    if any(one.kind == "time" for one in streams):
+    if any(stream.kind == "time" for stream in streams):
         yield f"TIME is sent each {in_ms(TIME_US)}"
-    timers = [one for one in streams if one.kind == "tpdo" and one.why.startswith("timer")]
+    timers = [stream for stream in streams if stream.kind == "tpdo" and stream.why.startswith("timer")]
     if timers:
         verb = "is" if len(timers) == 1 else "are"
         what = f"{plural(len(timers), 'TPDO')} without inhibit time {verb}"
         yield f"{what} sent by the event timer only: {_names(timers)}"
-    by_master = [one for one in streams if one.kind == "rpdo"]
+    by_master = [stream for stream in streams if stream.kind == "rpdo"]
     if by_master:
         yield f"a master sends on each SYNC what no node here does: {_names(by_master)}"
     others = [one for one in without_producer(state) if not _counted(one[2], sync_us)]
@@ -60,4 +60,4 @@ def _is_asked(config: PdoConfig) -> bool:
 
 
 def _names(streams: Iterable[Stream]) -> str:
-    return join_some(f"{one.node}:{one.pdo}" for one in streams)
+    return join_some(f"{stream.node}:{stream.pdo}" for stream in streams)

@@ -161,14 +161,14 @@ class NodeWish:
     def marks(self) -> dict[Place, Mark]:
         """The objects that it speaks of by their numbers, each with its place in the file."""
         found = {(_IDENTITY, sub_index): mark for sub_index, mark in self.identity_marks.items()}
-        found |= {(one.index, one.sub_index): one.mark for one in self.objects}
-        for one in self.values:
+        found |= {(wish.index, wish.sub_index): wish.mark for wish in self.objects}
+        for value in self.values:
             try:
-                place = parse_object(one.object.text)
+                place = parse_object(value.object.text)
             except ValueError:
                 continue
             if place is not None:
-                found[place] = one.object.mark
+                found[place] = value.object.mark
         return {**found, **{place: mark for pdo in self.pdos for place, mark in pdo.marks if mark.line}}
 
 
@@ -239,13 +239,13 @@ class NetworkWish:
     def asked_nothing(self) -> tuple[int, ...]:
         """The node-IDs of which it says nothing that they should hold."""
         linked = {end.node_id for link in self.links for end in link.ends}
-        return tuple(one.node_id for one in self.nodes if one.asks_nothing and one.node_id not in linked)
+        return tuple(node.node_id for node in self.nodes if node.asks_nothing and node.node_id not in linked)
 
     def mark_of(self, node_id: int | None, place: str) -> Mark:
         """Find where the file speaks of *place* (`0x1A00:03`, `TPDO1`, `5:tpdo1`), of its PDO, or of the node."""
         found, linked = _PLACE.fullmatch(place), _LINKED.fullmatch(place)
         node_id = int(linked[1]) if linked is not None else node_id
-        node = next((one for one in self.nodes if one.node_id == node_id), None)
+        node = next((node_wish for node_wish in self.nodes if node_wish.node_id == node_id), None)
         if node is None:
             return NOWHERE
         if found is not None:
@@ -255,8 +255,8 @@ class NetworkWish:
             pdo = Pdo.at(number[0])
         else:
             pdo = Pdo.parse(linked[2]) if linked is not None else None
-            pdo = pdo or next((one.pdo for one in node.pdos if place == one.pdo.label), None)
-        said = next((one.mark for one in node.pdos if one.pdo == pdo and one.mark.line), NOWHERE)
+            pdo = pdo or next((pdo_wish.pdo for pdo_wish in node.pdos if place == pdo_wish.pdo.label), None)
+        said = next((pdo_wish.mark for pdo_wish in node.pdos if pdo_wish.pdo == pdo and pdo_wish.mark.line), NOWHERE)
         ends = (link.mark for link in self.links if any((end.node_id, end.pdo) == (node_id, pdo) for end in link.ends))
         return said if said.line else next(ends, node.mark)
 

@@ -117,7 +117,7 @@ def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
     yield from cob_id_findings(proposal)
     place, stays = proposal.communication_place(1), now == want
     for clashes in (_service_clashes, _pdo_clashes, _producer_clashes) if want.valid else ():
-        yield from (one for one in clashes(proposal, place) if not stays or one.severity is Severity.ERROR)
+        yield from (clash for clash in clashes(proposal, place) if not stays or clash.severity is Severity.ERROR)
 
 
 def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
@@ -223,7 +223,9 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     )
     if owner is not None and not said:
         senders = _same_senders(proposal)  # what a consumer hears of a node that is known needs no other word
-        said = any((one.pdo, one.node_id) == owner for one in senders) or (bool(senders) and not proposal.pdo.is_tpdo)
+        said = any((sender.pdo, sender.node_id) == owner for sender in senders) or (
+            bool(senders) and not proposal.pdo.is_tpdo
+        )
     if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not said:
         pdo, node_id = owner
         yield note("can-id-default", place, f"{want} is the default COB-ID of {pdo.label} of node {node_id}")
@@ -231,12 +233,13 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
 
 def _producer_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     """Another node that sends the same CAN-ID: the frames of both would collide on the wire (CiA 301, 7.3.5)."""
-    for one in _same_producers(proposal):
+    for producer in _same_producers(proposal):
         yield error(
             "can-id-clash",
             place,
-            f"CAN-ID {one.cob_id} is already sent by {one.pdo.label} of node {one.node_id}",
-            hint=Hint(Action.DISABLE, {"pdo": one.pdo, "node": one.node_id}, "first, take another CAN-ID") + _OR_FREE,
+            f"CAN-ID {producer.cob_id} is already sent by {producer.pdo.label} of node {producer.node_id}",
+            hint=Hint(Action.DISABLE, {"pdo": producer.pdo, "node": producer.node_id}, "first, take another CAN-ID")
+            + _OR_FREE,
         )
 
 
@@ -249,7 +252,11 @@ def _same_senders(proposal: Proposal) -> list[Producer]:
     """What other nodes send with the CAN-ID that is wanted."""
     want = proposal.want.communication.cob_id
     identifier = (want.can_id, want.extended)
-    return [one for one in proposal.elsewhere() if (one.cob_id.can_id, one.cob_id.extended) == identifier]
+    return [
+        producer
+        for producer in proposal.elsewhere()
+        if (producer.cob_id.can_id, producer.cob_id.extended) == identifier
+    ]
 
 
 def default_owner(can_id: int) -> tuple[Pdo, int] | None:
@@ -269,7 +276,7 @@ def automatic_can_id(proposal: Proposal) -> int | None:
     A pre-defined one that another PDO of the node uses is not free, nor, for a TPDO, one that another node sends.
     """
     used: set[int | None] = {cob_id.can_id for cob_id in proposal.other_cob_ids.values() if cob_id.valid}
-    used |= {one.cob_id.can_id for one in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()
+    used |= {producer.cob_id.can_id for producer in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()
     used |= {can_id for can_id, extended in _services(proposal) if not extended}
     default = proposal.pdo.default_can_id(proposal.node_id)
     if default is not None and default not in used:

@@ -41,7 +41,7 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
     if not refusals:
         return None
     pdo, before, reason = back.pdo, back.want, refusals[0]
-    taken = next((one for one in _weaker(back) if not _refusals(replace(back, want=one))), None)
+    taken = next((config for config in _weaker(back) if not _refusals(replace(back, want=config))), None)
     if taken is None:
         text = f"{pdo.label} could not be put back after this, nor be switched off and emptied: {reason.text}"
         return before, error(

@@ -72,7 +72,7 @@ def is_read_out(path: Path) -> bool:
         sections = split_sections(read_input(path, MOST_BYTES, "DCF")).sections
     except (OSError, InputFileError):
         return False
-    values = section_values([one for one in sections if one.name.lower() == _FILE_INFO.lower()], Findings())
+    values = section_values([section for section in sections if section.name.lower() == _FILE_INFO.lower()], Findings())
     return "lasteds" in values and "modifiedby" in values and values["modifiedby"].value == _MAKER
 
 

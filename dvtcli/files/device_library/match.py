@@ -78,7 +78,7 @@ class Match:
             device, described = f"0x{self.revision or 0:08X}", f"0x{self.file.revision:08X}"
             notes.append(f"revision {device} {told}, {described} in {self.file.label}")
         if self.rivals:
-            others = ", ".join(one.label for one in self.rivals)
+            others = ", ".join(rival.label for rival in self.rivals)
             notes.append(
                 f"{self.file.label} is taken, the one added last, and {others} would fit as well: "
                 "eds prefer FILE decides, eds remove FILE leaves one"
@@ -88,14 +88,16 @@ class Match:
 
 def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revision: int | None) -> Match | None:
     """The one of *files* for a device of that identity; None where there is none."""
-    fitting = [one for one in files if (one.vendor_id, one.product_code) == (vendor_id, product_code)]
+    fitting = [file for file in files if (file.vendor_id, file.product_code) == (vendor_id, product_code)]
     if not fitting or not vendor_id:
         return None
     best = min(fitting, key=lambda one: _rank(one, revision))
-    same = [one for one in fitting if one.revision == best.revision]
+    same = [file for file in fitting if file.revision == best.revision]
     first, preferred = first_of(same)
-    others = [] if preferred else [one for one in same if one.is_of_one_node == first.is_of_one_node and one != first]
-    rivals = tuple(one for one in others if _content(one) != _content(first))
+    others = (
+        [] if preferred else [file for file in same if file.is_of_one_node == first.is_of_one_node and file != first]
+    )
+    rivals = tuple(other for other in others if _content(other) != _content(first))
     return Match(first, _fit(first, revision), revision, rivals, preferred)
 
 
@@ -111,7 +113,7 @@ def first_of(same: Sequence[StoredFile], added: StoredFile | None = None) -> tup
         return one == added, _newest(one)
 
     first = max(same, key=lambda one: (not one.is_of_one_node, age(one)))
-    chosen = max((one for one in same if one != added and remembered(one).preferred), key=age, default=None)
+    chosen = max((file for file in same if file != added and remembered(file).preferred), key=age, default=None)
     if chosen is None or age(chosen) < age(first):
         return first, False
     return chosen, True
@@ -120,8 +122,8 @@ def first_of(same: Sequence[StoredFile], added: StoredFile | None = None) -> tup
 def taken_of(files: Iterable[StoredFile]) -> dict[StoredFile, bool]:
     """The one of *files* that is taken for each of their identities, with whether it is since somebody preferred it."""
     by_identity: dict[tuple[int, int, int], list[StoredFile]] = {}
-    for one in files:
-        by_identity.setdefault(one.identity, []).append(one)
+    for file in files:
+        by_identity.setdefault(file.identity, []).append(file)
     return dict(first_of(same) for same in by_identity.values())
 
 

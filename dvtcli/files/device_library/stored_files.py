@@ -58,7 +58,7 @@ def stored_files() -> tuple[StoredFile, ...]:
     """Every file of the library, by identity and name; none is opened."""
     try:
         with os.scandir(folder()) as found:  # a pipe or a folder of such a name is no file of the library
-            names = sorted(one.name for one in found if _NAME.fullmatch(one.name) and one.is_file())
+            names = sorted(entry.name for entry in found if _NAME.fullmatch(entry.name) and entry.is_file())
     except OSError:
         return ()
     where = folder()

@@ -35,7 +35,7 @@ def rules_of(physical: Iterable[tuple[str, str]]) -> Rules:
 
 def rules_by_node(nodes: Iterable[NodeWish]) -> dict[int, Rules]:
     """The same of each of *nodes*, by node-ID."""
-    return {one.node_id: rules_of(one.physical) for one in nodes}
+    return {node.node_id: rules_of(node.physical) for node in nodes}
 
 
 def _rules(said: dict[str, object], file: str) -> Rules:
@@ -50,7 +50,7 @@ def _plain(tree: Tree, log: FileLog) -> object:
     if isinstance(tree, Branch):
         return {name: _plain(value, log) for name, (_, value) in tree.items.items()}
     if isinstance(tree, YamlList):
-        return [_plain(one, log) for one in tree.items]
+        return [_plain(item, log) for item in tree.items]
     return _number(tree, log) if tree.kind == "int" else tree.text
 
 

@@ -94,9 +94,9 @@ def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterato
             yield from (f"  {line}" for wish in wishes for line in _pdo(wish, remarks))
     if node.values:
         yield "sdo:"
-        for one in node.values:
-            line = f"  - {{object: {_word(one.object.text)}, value: {_value(one.value.text)}}}"
-            yield _remarked(line, remarks.get(one.object.text, ""))
+        for value in node.values:
+            line = f"  - {{object: {_word(value.object.text)}, value: {_value(value.value.text)}}}"
+            yield _remarked(line, remarks.get(value.object.text, ""))
     yield from _pins(node.pins)
     if node.physical:
         yield "physical:"
@@ -181,7 +181,7 @@ def _ways(node: NodeWish) -> Iterator[str]:
 
 def _link(link: LinkWish, names: Mapping[int, str]) -> Iterator[str]:
     yield f"  - from: {_endpoint(link.producer, names)}"
-    yield f"    to: [{', '.join(_endpoint(one, names) for one in link.consumers)}]"
+    yield f"    to: [{', '.join(_endpoint(consumer, names) for consumer in link.consumers)}]"
     if link.heartbeat is not None:
         yield f"    heartbeat: {_plain(link.heartbeat)}"
 

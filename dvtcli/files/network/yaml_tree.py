@@ -168,7 +168,7 @@ class _Grower:
         """The mappings behind `<<`, as YAML 1.1 has it: files for other tools share what is common so."""
         tree = self.tree(node)
         found = tree.items if isinstance(tree, YamlList) else (tree,)
-        branches = [one for one in found if isinstance(one, Branch)]
+        branches = [branch for branch in found if isinstance(branch, Branch)]
         if len(branches) != len(found):
             self.log.complain(_mark(node), "behind << belong mappings")
         return branches

@@ -20,7 +20,8 @@ _MARKS = (1, 32, 64, 96, 127)
 def cob_id_map(picture: NetworkPicture, width: int = 960, name: str = "map") -> Element:
     """The drawing, *width* wide; its ids begin with *name*."""
     frames = [frame for frame in picture.frames if not frame.identifier[1]]
-    title = f"Map of the CAN-IDs: {plural(len({one.identifier for one in frames}), 'CAN-ID')} used; its table is below"
+    used = plural(len({frame.identifier for frame in frames}), "CAN-ID")
+    title = f"Map of the CAN-IDs: {used} used; its table is below"
     root = drawing(width, _TOP + _ROW * len(_ROWS) + 4, name, title)
     left = 150 if width > 600 else 92
     step = (width - left - 8) / 128

@@ -89,9 +89,9 @@ def _name(picture: NetworkPicture, node_id: int) -> str:
 
 def _row(number: int, field: PictureField, partners: list[PicturePdo]) -> FieldRow:
     heard = [
-        f"{end_text(one.end)} {object_text(other)}"
-        for one in partners
-        for other in one.fields
+        f"{end_text(partner.end)} {object_text(other)}"
+        for partner in partners
+        for other in partner.fields
         if not other.is_dummy and other.start_bit < field.end_bit and field.start_bit < other.end_bit
     ]
     named = "" if field.is_dummy else field.object

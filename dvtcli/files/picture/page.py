@@ -98,7 +98,7 @@ def _contents(picture: NetworkPicture) -> Iterator[Entry]:
 
 def _tiles(picture: NetworkPicture) -> Iterator[Tile]:
     """What somebody wants to know first."""
-    load, count = picture.load, Counter(one.severity for one in picture.findings)
+    load, count = picture.load, Counter(finding.severity for finding in picture.findings)
     yield Tile(str(len(picture.nodes)), "node" if len(picture.nodes) == 1 else "nodes", target="nodes")
     on = sum(pdo.config.enabled for _, pdo in picture.pdos)
     yield Tile(str(on), "PDO is on" if on == 1 else "PDOs are on", target="pdos")

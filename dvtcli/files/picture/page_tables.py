@@ -59,17 +59,17 @@ class PageTable:
 
 def findings_table(picture: NetworkPicture) -> PageTable:
     """What the rules of `check` say."""
-    has_lines = any(one.line for one in picture.findings)
+    has_lines = any(finding.line for finding in picture.findings)
     columns = ("Severity", "Node", "What", "Rule", *(("Line",) if has_lines else ()))
     rows = (
         (
-            TableCell(one.severity, _SEVERITIES.index(one.severity), f"severity {one.severity}"),
-            _node(picture, one.node),
-            TableCell(one.text),
-            TableCell(one.rule, style="code"),
-            *((_line(one),) if has_lines else ()),
+            TableCell(finding.severity, _SEVERITIES.index(finding.severity), f"severity {finding.severity}"),
+            _node(picture, finding.node),
+            TableCell(finding.text),
+            TableCell(finding.rule, style="code"),
+            *((_line(finding),) if has_lines else ()),
         )
-        for one in sorted(picture.findings, key=lambda one: _SEVERITIES.index(one.severity))
+        for finding in sorted(picture.findings, key=lambda one: _SEVERITIES.index(one.severity))
     )
     return _table("findings", "Findings of the rules", columns, rows, "Line")
 
@@ -83,13 +83,13 @@ def differences_table(picture: NetworkPicture) -> PageTable:
     columns = ("Node", "PDO or object", "What", "On the node", f"In {picture.compared}")
     rows = (
         (
-            _node(picture, one.node),
-            TableCell(one.what),
-            TableCell(one.key, style="code"),
-            TableCell(one.was),
-            TableCell(one.will),
+            _node(picture, difference.node),
+            TableCell(difference.what),
+            TableCell(difference.key, style="code"),
+            TableCell(difference.was),
+            TableCell(difference.will),
         )
-        for one in picture.differences or ()
+        for difference in picture.differences or ()
     )
     return _table("differences", f"Differences to {picture.compared}", columns, rows)
 
@@ -116,7 +116,7 @@ def pdos_table(picture: NetworkPicture) -> PageTable:
     rows = []
     for node, pdo in picture.pdos:
         target = f"{pdo.end.pdo}-{node.node_id}" if pdo.config.enabled else ""
-        maps = ", ".join("skipped" if one.is_dummy else object_text(one) for one in pdo.fields)
+        maps = ", ".join("skipped" if field.is_dummy else object_text(field) for field in pdo.fields)
         key = pdo.end.pdo.number + 1000 * pdo.is_tpdo
         rows.append((
             _node(picture, node.node_id), TableCell(pdo.end.pdo.label, key, target=target),
@@ -133,18 +133,20 @@ def frames_table(picture: NetworkPicture) -> PageTable:
     heard = picture.load.measured is not None
     columns = ["COB-ID", "What", "Sent by", "Heard by", "Bytes", "At most", "Load", "Response", "Deadline"]
     columns += ["Heard/s", "Heard load"] if heard else []
-    most = max((float(one.share) for one in picture.frames if one.share is not None), default=0.0)
+    most = max(
+        (float(picture_frame.share) for picture_frame in picture.frames if picture_frame.share is not None), default=0.0
+    )
     rows = []
-    for one in picture.frames:
+    for frame in picture.frames:
         row = [
-            _cob_id(one.identifier), TableCell(one.what or "-"), _node(picture, one.node),
-            TableCell(ends_text(one.consumers) or "-"),
-            _length(one), _at_most(one), *_times(one, most),
+            _cob_id(frame.identifier), TableCell(frame.what or "-"), _node(picture, frame.node),
+            TableCell(ends_text(frame.consumers) or "-"),
+            _length(frame), _at_most(frame), *_times(frame, most),
         ]  # fmt: skip
         if heard:
             row += [
-                TableCell(f"{one.heard_hz or 0:.1f}", one.heard_hz or 0),
-                TableCell(percent(one.heard_share or 0), one.heard_share or 0),
+                TableCell(f"{frame.heard_hz or 0:.1f}", frame.heard_hz or 0),
+                TableCell(percent(frame.heard_share or 0), frame.heard_share or 0),
             ]
         rows.append(tuple(row))
     numbers = ("Bytes", "Load", "Response", "Deadline", "Heard/s", "Heard load")

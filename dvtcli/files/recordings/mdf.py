@@ -93,10 +93,10 @@ def main() -> None:
 
 def _told(path: str) -> Iterator[list[Any] | str]:
     try:
-        for one in can.LogReader(path):
+        for message in can.LogReader(path):
             yield [
-                one.timestamp, one.arbitration_id, one.is_extended_id, one.is_remote_frame, one.is_error_frame,
-                one.is_fd, one.dlc, one.data.hex(), one.channel,
+                message.timestamp, message.arbitration_id, message.is_extended_id, message.is_remote_frame,
+                message.is_error_frame, message.is_fd, message.dlc, message.data.hex(), message.channel,
             ]  # fmt: skip
     except MemoryError:
         raise

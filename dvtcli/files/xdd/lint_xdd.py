@@ -28,11 +28,11 @@ def lint_xdd(
     any_node = file.node_id is None
     configured = name.lower().endswith(".xdc") or not any_node
     device = DescribedDevice(file.dictionary, file.node_id or 1, configured, any_node, profile)
-    for one in DEVICE_CHECKS:
-        if one.rule.name in wanted:
+    for check in DEVICE_CHECKS:
+        if check.rule.name in wanted:
             found += (
-                EdsFinding(_line(file, spot), one.rule.severity, one.rule.name, said, spot.object)
-                for spot, said in one.look(device)
+                EdsFinding(_line(file, spot), check.rule.severity, check.rule.name, said, spot.object)
+                for spot, said in check.look(device)
             )
     told = dict.fromkeys(
         named(finding, finding.object or objects.get(finding.line, ""), file.dictionary) for finding in found

@@ -104,7 +104,7 @@ def _flag(element: XmlElement, name: str) -> bool | None:
 
 def _bit_rates(root: XmlElement) -> tuple[int, ...]:
     """The bit rates in kbit/s, ascending; `auto-baudRate` is none."""
-    found = (_RATE.match(one.attributes.get("value", "")) for one in root.anywhere("supportedBaudRate"))
+    found = (_RATE.match(element.attributes.get("value", "")) for element in root.anywhere("supportedBaudRate"))
     return tuple(sorted({int(rate[1]) for rate in found if rate is not None}))
 
 
@@ -114,10 +114,10 @@ def _dummies(root: XmlElement, findings: Findings) -> frozenset[int] | None:
     if usage is None:
         return None
     allowed = set()
-    for one in usage.all("dummy"):
-        found = _DUMMY.fullmatch(one.attributes.get("entry", "").strip())
+    for element in usage.all("dummy"):
+        found = _DUMMY.fullmatch(element.attributes.get("entry", "").strip())
         if found is None:
-            findings.add(BAD_LINE, one.line, "a dummy whose entry is not Dummy0001=0 or Dummy0001=1; ignored")
+            findings.add(BAD_LINE, element.line, "a dummy whose entry is not Dummy0001=0 or Dummy0001=1; ignored")
         elif found[2] == "1":
             allowed.add(int(found[1], 16))
     return frozenset(allowed)

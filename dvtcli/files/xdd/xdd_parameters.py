@@ -45,7 +45,9 @@ class Parameter:
     @property
     def type_code(self) -> int | None:
         """The code of its data type, None where it is a type of the file's own, or none."""
-        return next((TYPES[one.name] for part in self._parts() for one in part.children if one.name in TYPES), None)
+        return next(
+            (TYPES[element.name] for part in self._parts() for element in part.children if element.name in TYPES), None
+        )
 
     @property
     def label(self) -> str:
@@ -94,7 +96,7 @@ class Parameter:
     @property
     def _scale_words(self) -> list[str]:
         offset = [f"offset {self._given_offset}"] if self._given_offset else []
-        return [*(f"multiplier {one}" for one in self._multipliers), *offset]
+        return [*(f"multiplier {multiplier}" for multiplier in self._multipliers), *offset]
 
     @property
     def _is_clear(self) -> bool:
@@ -130,12 +132,12 @@ def read_parameters(root: XmlElement, findings: Findings) -> dict[str, Parameter
     """The parameters below *root* by their uniqueID."""
     templates = {one.attributes.get("uniqueID", ""): one for one in root.anywhere("parameterTemplate")}
     found: dict[str, Parameter] = {}
-    for one in root.anywhere("parameter"):
-        name = one.attributes.get("uniqueID", "")
+    for element in root.anywhere("parameter"):
+        name = element.attributes.get("uniqueID", "")
         if name in found:
-            findings.add(PARAMETER_TWICE, one.line, f"parameter {name[:60]} stands twice; the first one counts")
+            findings.add(PARAMETER_TWICE, element.line, f"parameter {name[:60]} stands twice; the first one counts")
             continue
-        found[name] = Parameter(one, templates.get(one.attributes.get("templateIDRef", "")))
+        found[name] = Parameter(element, templates.get(element.attributes.get("templateIDRef", "")))
     return found
 
 

@@ -46,12 +46,12 @@ class XddFile:
     def sections(self) -> int:
         """How many elements describe objects and sub-indices."""
         lists = self.tree.root.anywhere("CANopenObjectList")
-        return sum(1 + len(one.all("CANopenSubObject")) for each in lists for one in each.all("CANopenObject"))
+        return sum(1 + len(element.all("CANopenSubObject")) for each in lists for element in each.all("CANopenObject"))
 
     @property
     def understood(self) -> int:
         """How many of them are in the dictionary."""
-        many = (len(one.entries) for one in self.dictionary.values())
+        many = (len(entry.entries) for entry in self.dictionary.values())
         of_many = sum(1 for element in self.objects.values() if element.first("CANopenSubObject") is None)
         return len(self.objects) + sum(many) - of_many
 

@@ -129,9 +129,9 @@ def group_of(group: Group) -> int:
 
 def nmt_command_of(command: str) -> NmtCommand:
     """An NMT command by its word; UsageError where there is none."""
-    found = next((one for one in NmtCommand if one.word == command), None)
+    found = next((nmt_command for nmt_command in NmtCommand if nmt_command.word == command), None)
     if found is None:
-        raise wrong("command", command, ", ".join(repr(one.word) for one in NmtCommand))
+        raise wrong("command", command, ", ".join(repr(nmt_command.word) for nmt_command in NmtCommand))
     return found
 
 

@@ -37,7 +37,7 @@ class FrameCalls(NetworkCalls):
         """
         from dvtcli.operations.frames.send_frames import send_frames
 
-        if not frames or not all(isinstance(one, str) for one in frames):
+        if not frames or not all(isinstance(frame, str) for frame in frames):
             raise wrong("frames", frames, "frames as text: '185#1027'")
         for name, value in (("every_s", every_s), ("for_s", for_s)):
             if value is not None:
@@ -48,7 +48,7 @@ class FrameCalls(NetworkCalls):
             raise UsageError("every_s alone has no end", hint="give count or for_s")
         if not isinstance(nodes, list | tuple):
             raise wrong("nodes", nodes, "a list or tuple of node-IDs")
-        asked = [whole("nodes", one, "a node-ID", 127, low=1) for one in nodes]
+        asked = [whole("nodes", node, "a node-ID", 127, low=1) for node in nodes]
         known = None if file is None else str(path("file", file))
         return self._calls.run(
             lambda: send_frames(self._session, frames, every_s, for_s, count, asked, known), changes=True, yes=yes

@@ -160,7 +160,7 @@ class Node(ConfiguredNode):
             with self._calls.session.selecting(node.node_id):
                 done = recover(self._calls.session)
             if isinstance(done, ChangedNodes):
-                return next((one for one in done.nodes if one.node == node.node_id), None)
+                return next((changed for changed in done.nodes if changed.node == node.node_id), None)
             return done if isinstance(done, Changed) else None
 
         return self._change(finish, yes=yes, force=force)

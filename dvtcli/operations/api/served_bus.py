@@ -70,7 +70,7 @@ def serve(
         thread = threading.Thread(target=served.server.run, name="dvtcli serve", daemon=True)
         thread.start()
         try:
-            yield ServedBus(LOOPBACK, served.port or 0, tuple(one.node_id for one in served.nodes))
+            yield ServedBus(LOOPBACK, served.port or 0, tuple(node.node_id for node in served.nodes))
         finally:
             served.server.stop()
             thread.join()

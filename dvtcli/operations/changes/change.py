@@ -118,7 +118,7 @@ def keep_words(node: Node, plan: Plan) -> Hint | str:
         return "a command or a target is no setting"
     if policy.instead:
         return f"to keep it, {policy.instead}"
-    if node.dictionary is None or not any(node.dictionary.entry(_STORE, one) for one in policy.sub_indices):
+    if node.dictionary is None or not any(node.dictionary.entry(_STORE, index) for index in policy.sub_indices):
         from dvtcli.device.takes_store import takes_store
 
         stores = takes_store(node)

@@ -85,11 +85,11 @@ def _open_journals(course: NetworkTransaction, found: Mapping[int, InitialState]
 
     One a node for all its parts: each of five would wait for the disk, and all other nodes with it.
     """
-    ids = ", ".join(str(one.node_id) for one in also.stores)
+    ids = ", ".join(str(store.node_id) for store in also.stores)
     ends = GroupMember(
         final=f"{course.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal
     )
-    only_store = {one.node_id: Plan(one.node_id, one.holds) for one in also.stores if one.holds}
+    only_store = {store.node_id: Plan(store.node_id, store.holds) for store in also.stores if store.holds}
     written = {node_id: plan for node_id, plan in only_store.items() if also.proves or any(map(is_stamp, plan.changes))}
     for node_id, plan in {**written, **course.plans}.items():
         node = course.nodes[node_id]
@@ -130,7 +130,7 @@ class _Run:
         """Carry *part* out; noted before it is done: what fails once it was verified must be taken back, too."""
         node = self.course.nodes[part.node_id]
         changes = self.course.plans[part.node_id].changes
-        part = replace(part, looked_at=frozenset(one.pdo for one in changes if isinstance(one, PdoChange)))
+        part = replace(part, looked_at=frozenset(change.pdo for change in changes if isinstance(change, PdoChange)))
         with self._told(phase, node):
             _stop_if_cancelled(self.session)
             with self.course.doing(with_way_back(node, part)[0]):

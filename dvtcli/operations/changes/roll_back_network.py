@@ -76,7 +76,7 @@ class NetworkTransaction:
 
     def claims(self) -> dict[int, tuple[Change, ...]]:
         """What is claimed of each node that is changed: what was done on it, and what it held already."""
-        parts = {node_id: [one for one in self.done if one.node_id == node_id] for node_id in self.plans}
+        parts = {node_id: [plan for plan in self.done if plan.node_id == node_id] for node_id in self.plans}
         return {
             node_id: (*combine_plans(node_id, some).changes, *self.held.get(node_id, ()))
             for node_id, some in parts.items()
@@ -106,7 +106,7 @@ class NetworkTransaction:
             yield
         except DvtcliError as fault:
             if fault.state == "unchanged":
-                self.done = [one for one in self.done if one is not part]
+                self.done = [plan for plan in self.done if plan is not part]
             raise
 
     def take_back(self, faults: Sequence[BaseException]) -> None:
@@ -115,10 +115,12 @@ class NetworkTransaction:
         The first of *faults* is to be told, with the state of the nodes; LeftChanged is raised where some stays.
         """
         fault = faults[0]
-        failures = {one.node: one for one in faults if isinstance(one, LeftChanged) and one.node is not None}
+        failures = {
+            changed.node: changed for changed in faults if isinstance(changed, LeftChanged) and changed.node is not None
+        }
         if isinstance(fault, DvtcliError):
             fault.details += beside(
-                fault, (one for one in faults[1:] if not isinstance(one, Interrupted | LeftChanged))
+                fault, (exception for exception in faults[1:] if not isinstance(exception, Interrupted | LeftChanged))
             )
         with self.session.cancellation.way_back(), self.session.agreed():
             for node_id in dict.fromkeys(part.node_id for part in self.done if part.node_id not in failures):
@@ -148,7 +150,7 @@ class NetworkTransaction:
     def _say_all_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())
         restarted = [one for one, boot_ups in self._looked.items() if self._before[one].restarted(boot_ups)]
-        unknown = [one for one in self.nodes if one not in self._looked]
+        unknown = [node for node in self.nodes if node not in self._looked]
         look_at = fault.node if fault.state == "unknown" else None
         fault.state, fault.state_text = "rolled_back", all_back(back, unwritten, restarted, unknown, look_at)
 
@@ -156,7 +158,7 @@ class NetworkTransaction:
         """All nodes but the *failures*: those that were put back and looked at, and those that nobody wrote to."""
         written = {part.node_id for part in self.done}
         others = [node_id for node_id in self.nodes if node_id not in failures]
-        return [one for one in others if one in written], [one for one in others if one not in written]
+        return [other for other in others if other in written], [other for other in others if other not in written]
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """The first of *failures*, with what became of the other nodes."""

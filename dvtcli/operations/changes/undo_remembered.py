@@ -128,7 +128,7 @@ def undoing(session: Session, chain: RememberedDevice) -> Undoing:
 
 
 def _plans(chain: RememberedDevice) -> list[Plan]:
-    return [replace(one.plan, node_id=chain.node.node_id) for one in chain.entries]
+    return [replace(entry.plan, node_id=chain.node.node_id) for entry in chain.entries]
 
 
 def _forget(session: Session, chain: RememberedDevice, applied: Applied, count: int) -> None:
@@ -212,7 +212,7 @@ def _time(entry: ChangeHistoryEntry) -> str:
 
 def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError:
     """That there is nothing to undo of the *selected* node, or of any of the bus."""
-    others = sorted({one.plan.node_id for one in keeping.past().tops(None)})
+    others = sorted({top.plan.node_id for top in keeping.past().tops(None)})
     if selected is None and others:
         return UsageError(
             f"nothing to undo: no change of the devices that are there as node {', '.join(map(str, others))} now is "

@@ -103,12 +103,12 @@ def _backup_file(keeper: ChangeGuard, node: Node, when: str | None, *, force: bo
             why="its serial number (0x1018:04) is another one",
             hint=Hint(Action.FORCE, why="puts one back all the same, as on a spare device that takes its place"),
         )
-        other.details += [("backup", f"{one.stamp}  {one.path}") for one in kind]
+        other.details += [("backup", f"{backup.stamp}  {backup.path}") for backup in kind]
         raise other
-    fitting = found if when is None else [one for one in found if one.was_made(when)]
+    fitting = found if when is None else [backup for backup in found if backup.was_made(when)]
     if fitting:
         return str(fitting[-1].path)
     text = f"no backup of node {node.node_id} was made at {when}" if found else f"no backup of node {node.node_id}"
     error = UsageError(text, node=node.node_id, hint="a backup is made before dvtcli's first change of a device")
-    error.details += [("backup", f"{one.stamp}  {one.path}") for one in found]
+    error.details += [("backup", f"{backup.stamp}  {backup.path}") for backup in found]
     raise error

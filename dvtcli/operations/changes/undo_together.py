@@ -46,7 +46,7 @@ class Undoing:
 
 def may_go_together(undoings: Sequence[Undoing]) -> bool:
     """Whether they are of several devices, none of which is expected to refuse what it held."""
-    return len(undoings) > 1 and not any(foreseen(one.plans) for one in undoings)
+    return len(undoings) > 1 and not any(foreseen(undoing.plans) for undoing in undoings)
 
 
 def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Changed, ...]:
@@ -81,10 +81,10 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         with carry_out_together(session, nodes, plans, found, "undo --all", findings, also) as course:
             complete(course)
     done = []
-    for one in undoings:
-        node, back = one.node, backs[one.node.node_id]
-        applied = Applied(back.plan, (*back.unknown, *one.findings))
-        lines = one.forget(applied, len(back.undone))
+    for undoing in undoings:
+        node, back = undoing.node, backs[undoing.node.node_id]
+        applied = Applied(back.plan, (*back.unknown, *undoing.findings))
+        lines = undoing.forget(applied, len(back.undone))
         done.append(changed(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
     return tuple(done)
 
@@ -105,7 +105,7 @@ def _as_before(back: WayBack) -> tuple[Change, ...]:
     """What the node holds as it was before the changes that go *back*, so that it is not written: each as a change."""
     written = {change.label for change in back.plan.changes if change.steps}
     changes = combine_plans(back.plan.node_id, back.undone).changes if back.undone else ()
-    return tuple(_to_the_same(one) for one in changes if one.label not in written and _is_put_back(one))
+    return tuple(_to_the_same(change) for change in changes if change.label not in written and _is_put_back(change))
 
 
 def _read_pdos(node: Node) -> None:

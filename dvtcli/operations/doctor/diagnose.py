@@ -111,9 +111,14 @@ def _interfaces(session: Session) -> Iterator[Check]:
 
     others = list(_transports())
     found = find_interfaces()
-    for one in found:
-        verdict = "warn" if one.problem else "ok"
-        yield Check("interface", verdict, f"{one.interface} {one.channel}  {one.about}".rstrip(), one.problem)  # type: ignore[arg-type]
+    for interface in found:
+        verdict = "warn" if interface.problem else "ok"
+        yield Check(
+            "interface",
+            verdict,  # type: ignore[arg-type]
+            f"{interface.interface} {interface.channel}  {interface.about}".rstrip(),
+            interface.problem,
+        )
     if not found:
         on_a_line = session.options.interface in _OVER_A_LINE
         needless = bool(session.options.sim or others or on_a_line)

@@ -43,8 +43,8 @@ def state_checks(session: Session) -> Iterator[Check]:
         for refused in filter(None, map(unusable, needed)):
             yield failed("state", refused)
             return
-        for one in needed:
-            _try(one)
+        for path in needed:
+            _try(path)
         yield Check("state", "ok", f"{folder} can be written{_left_over(needed)}")
     except OSError as failure:
         place = Path(str(failure.filename or folder))

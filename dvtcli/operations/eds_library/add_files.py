@@ -60,8 +60,8 @@ def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, i
 def _are_all_taken(rows: list[AddedFile]) -> bool:
     """Whether each kept file is, now, the one that is taken for a node of its identity."""
     files, kept = stored_files(), {row.kept for row in rows}
-    taken = {str(one.path) for one in taken_of(files)}
-    return all(str(one.path) in taken for one in files if str(one.path) in kept)
+    taken = {str(file.path) for file in taken_of(files)}
+    return all(str(file.path) in taken for file in files if str(file.path) in kept)
 
 
 def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:

@@ -38,8 +38,8 @@ def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
     labels = tuple(f"{identity_word(one.identity)} {one.label}" for one in chosen)
     session.consent(f"remove from the library: {', '.join(labels)}?")
     if not session.dry_run:
-        for one in chosen:
-            _remove(one)
+        for file in chosen:
+            _remove(file)
     return _listing(session, removed=labels)
 
 
@@ -50,7 +50,7 @@ def prefer_file(session: Session, word: str) -> LibraryListing:
     """
     chosen = _chosen((word,))
     if len(chosen) != 1:
-        labels = ", ".join(one.path.name for one in chosen)
+        labels = ", ".join(file.path.name for file in chosen)
         raise UsageError(f"{word} names {len(chosen)} files", hint=f"which one? {labels}")
     if not session.dry_run:
         _put_first(chosen[0])
@@ -85,11 +85,11 @@ def _named(word: str, files: tuple[StoredFile, ...]) -> list[StoredFile]:
     if word.isdecimal() and 1 <= int(word) <= len(files):
         return [files[int(word) - 1]]
     if _IDENTITY.fullmatch(word):
-        found = [one for one in files if f"{identity_word(one.identity)}-".startswith(f"{word.upper()}-")]
+        found = [file for file in files if f"{identity_word(file.identity)}-".startswith(f"{word.upper()}-")]
     else:
-        found = [one for one in files if word in (one.path.name, one.label)]
+        found = [file for file in files if word in (file.path.name, file.label)]
         if len(found) > 1:
-            names = ", ".join(one.path.name for one in found)
+            names = ", ".join(file.path.name for file in found)
             raise UsageError(f"{word} names {len(found)} files of the library", hint=f"which one? {names}")
     if not found:
         hint = Hint(Action.LIST_EDS, why="shows them: a number, a name, or vendor-product[-revision] in hex")
@@ -119,7 +119,7 @@ def _strangers(known: int) -> int:
     """How many files in the library's folder have names that no `eds add` made."""
     try:
         with os.scandir(folder()) as found:
-            return sum(one.is_file() and not one.name.startswith(".") for one in found) - known
+            return sum(entry.is_file() and not entry.name.startswith(".") for entry in found) - known
     except OSError:
         return 0
 

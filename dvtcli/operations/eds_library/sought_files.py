@@ -39,8 +39,8 @@ def sought_files(words: tuple[str, ...]) -> tuple[list[Sought], int]:
     for word in words:
         some, left_out = _of_word(word)
         others += left_out
-        for one in some:
-            found.setdefault(one.path.absolute(), one)
+        for sought in some:
+            found.setdefault(sought.path.absolute(), sought)
     return list(found.values()), others
 
 

@@ -96,14 +96,14 @@ def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
 def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:
     """What *after*, a file that ends in *suffix*, does not say as *before* did, each kind once."""
     found: dict[str, list[DictionaryDifference]] = {}
-    for one in differences(before, after):
-        if one.what not in _BESIDE:
-            found.setdefault(one.what, []).append(one)
+    for difference in differences(before, after):
+        if difference.what not in _BESIDE:
+            found.setdefault(difference.what, []).append(difference)
     return [_said(what, ones, suffix) for what, ones in found.items()]
 
 
 def _said(what: str, ones: list[DictionaryDifference], suffix: str) -> str:
-    places = join_some(one.place or "the device" for one in ones)
+    places = join_some(difference.place or "the device" for difference in ones)
     named = _WORDS.get(what, what.replace("_", " "))
     why = ""
     if suffix not in VALUE_SUFFIXES and what in _OF_ONE_NODE:

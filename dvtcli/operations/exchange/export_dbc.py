@@ -94,9 +94,9 @@ def _write(
     path = place_of(file)
     ask_before_overwriting(session, path)
     make_file(session, path, dbc_bytes(found.nodes, found.messages))
-    signals = sum(len(one.signals) for one in found.messages)
+    signals = sum(len(message.signals) for message in found.messages)
     rows = (
-        ("file", file), ("from", source), ("nodes", [one.node_id for one in state.nodes]),
+        ("file", file), ("from", source), ("nodes", [node.node_id for node in state.nodes]),
         ("messages", len(found.messages)), ("signals", signals), ("left_out", left_out),
     )  # fmt: skip
     counts = (
@@ -108,6 +108,6 @@ def _write(
 def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcOptions = PLAIN) -> NetworkMessages:
     """The messages of *state*; *said*, by node-ID, goes before what profiles and files say of values."""
     meanings = {
-        one.node_id: meanings_of(one.profile, one.dictionary, [said.get(one.node_id, {})]) for one in state.nodes
+        node.node_id: meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})]) for node in state.nodes
     }
     return network_messages(state, meanings, wishes)

@@ -37,7 +37,7 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
         )
     said: list[str] = []
     nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]
-    untold = [str(one.node_id) for one in nodes if not one.dcf]
+    untold = [str(node.node_id) for node in nodes if not node.dcf]
     if len(untold) == len(nodes):
         raise UsageError(
             f"no node that answers has an EDS here ({join_some(untold)}): "
@@ -50,10 +50,11 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
         said.insert(0, why)
     make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
     rows = (
-        ("file", file), ("nodes", [{"node": one.node_id, "name": one.name, "dcf": one.dcf or None} for one in nodes]),
+        ("file", file),
+        ("nodes", [{"node": node.node_id, "name": node.name, "dcf": node.dcf or None} for node in nodes]),
         ("notes", notes),
     )  # fmt: skip
-    dcfs = sum(bool(one.dcf) for one in nodes)
+    dcfs = sum(bool(node.dcf) for node in nodes)
     first = f"{file}: {plural(len(nodes), 'node')}, {plural(dcfs, 'DCF')} beside it"
     return Facts("nodelist", rows, (first, *(f"note: {note}" for note in said)))
 

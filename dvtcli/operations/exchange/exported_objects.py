@@ -91,7 +91,7 @@ def exported_values(
             is_own = index == _EMCY and held & _IDENTIFIER == _EMCY_BASE + node_id
             text = following(held - node_id) if is_own else f"0x{held:X}" if size == 4 else str(held)
             yield ValueWish(FileWord(f"{index:04X}:00"), FileWord(text)), sense
-    left = {(one.producer, one.time_ms) for one in watches}
+    left = {(watch.producer, watch.time_ms) for watch in watches}
     for sub_index, value in _slots(values).items():
         producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
         if (producer, time_ms) in left:

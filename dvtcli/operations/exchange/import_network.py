@@ -56,7 +56,7 @@ def import_network(session: Session, file: str, folder: str | None = None, manag
     else:
         title = f"What the files of {folder} say"
         found = list(nodes_of_files(Path(folder), path, notes))
-    notes += (f"node {one.exported.wish.node_id}: {note}" for one in found if (note := one.exported.left_out_note))
+    notes += (f"node {node.exported.wish.node_id}: {note}" for node in found if (note := node.exported.left_out_note))
     return write_found(session, path, file, title, found, notes)
 
 

@@ -25,9 +25,9 @@ def nodelist_in(place: Path) -> Path | None:
     """The nodelist that *place* is, or the only one of a folder; None where there is none. UsageError for several."""
     if place.suffix.lower() == SUFFIX and place.is_file():
         return place
-    found = sorted(one for one in place.iterdir() if one.suffix.lower() == SUFFIX) if place.is_dir() else []
+    found = sorted(path for path in place.iterdir() if path.suffix.lower() == SUFFIX) if place.is_dir() else []
     if len(found) > 1:
-        names = join_some(one.name for one in found)
+        names = join_some(path.name for path in found)
         raise UsageError(f"{place} has several nodelists: {names}", hint=f"name one: {found[0]}")
     return found[0] if found else None
 
@@ -43,7 +43,7 @@ def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
         raise UsageError(f"{nodelist}: {failed.strerror or failed}", place=str(nodelist)) from failed
     first, *others = networks
     notes += (
-        f"{nodelist.name}: network {one.name or 'without a name'} is left out: one file, one bus" for one in others
+        f"{nodelist.name}: network {other.name or 'without a name'} is left out: one file, one bus" for other in others
     )
     if first.absent:
         notes.append(f"{nodelist.name}: not present: node {join_some(map(str, first.absent))}")

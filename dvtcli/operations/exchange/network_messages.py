@@ -61,7 +61,7 @@ def network_messages(
     Of *wishes* the services have a message where no PDO has their CAN-ID.
     """
     names = _node_names(state)
-    nodes = {names[one.node_id]: f"node {one.node_id} {one.title or one.name}".rstrip() for one in state.nodes}
+    nodes = {names[node.node_id]: f"node {node.node_id} {node.title or node.name}".rstrip() for node in state.nodes}
     found = NetworkMessages(names, nodes)
     held = [one for one in _held(state, everything=wishes.everything) if one[2].enabled or _could_be_on(one, found)]
     for identifier, group in groupby(sorted(held, key=_place), _identifier):
@@ -69,7 +69,7 @@ def network_messages(
         if whole:
             drawn = _Drawn(state, meanings, found.names, wishes.split_bits)
             found.messages.append(_message(identifier, whole, drawn, found))
-    taken = {one.number for one in found.messages}
+    taken = {dbc_message.number for dbc_message in found.messages}
     for message in service_messages(state, names, wishes.services):
         if message.number not in taken:
             found.messages.append(message)
@@ -83,14 +83,14 @@ def network_messages(
 def _node_names(state: NetworkState) -> dict[int, str]:
     names = Names(_NODE_NAME)
     return {
-        one.node_id: names.new(one.name or f"{one.title[:14]}_n{one.node_id}", f"node_{one.node_id}")
-        for one in state.nodes
+        node.node_id: names.new(node.name or f"{node.title[:14]}_n{node.node_id}", f"node_{node.node_id}")
+        for node in state.nodes
     }
 
 
 def _name_messages(found: NetworkMessages) -> None:
     names = Names()
-    found.messages[:] = [replace(one, name=names.new(one.name, "message")) for one in found.messages]
+    found.messages[:] = [replace(message, name=names.new(message.name, "message")) for message in found.messages]
 
 
 def _identifier(held: _Held) -> Identifier:

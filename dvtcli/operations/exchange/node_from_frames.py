@@ -48,14 +48,15 @@ def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tu
     A stamp (0x1020) is `stamp: true`: that of a file stands for what the file says. A file has one value an object:
     of several downloads to one the last, and that there are more is among what it cannot say.
     """
-    left = _Left({(one.index, one.sub_index): one.data for one in downloads})
+    left = _Left({(download.index, download.sub_index): download.data for download in downloads})
     remarks: dict[str, str] = {}
     stamped = {left.data.pop((STAMP, sub_index), None) for sub_index in (1, 2)} != {None}
     pdos = sorted({pdo for index, _ in left.data if (pdo := Pdo.at(index)) is not None}, key=_order)
     wishes = tuple(_pdo(device, pdo, left, remarks) for pdo in pdos)
     watches = _watches(left)
     wish = NodeWish(
-        title_word(device), device.node_id, pdos=tuple(one for one in wishes if one != PdoWish(one.pdo)),
+        title_word(device), device.node_id,
+        pdos=tuple(pdo_wish for pdo_wish in wishes if pdo_wish != PdoWish(pdo_wish.pdo)),
         objects=tuple(_objects(left)), values=tuple(_values(device, left, remarks)), watches=watches,
         store=True if stamped else None, stamp=True if stamped else None,
     )  # fmt: skip
@@ -71,7 +72,7 @@ def _repeated(downloads: Sequence[ConciseEntry]) -> dict[Place, str]:
 
     Not those of PDOs, which are off, and map nothing, while they are set; nor a stamp.
     """
-    counts = Counter((one.index, one.sub_index) for one in downloads)
+    counts = Counter((download.index, download.sub_index) for download in downloads)
     return {
         place: f"downloaded {count} times, the file has the last"
         for place, count in counts.items()
@@ -130,7 +131,7 @@ def _watches(left: _Left) -> tuple[HeartbeatWatch, ...]:
     numbers = [int.from_bytes(left.data[place], "little") for place in places]
     producers = [number >> 16 for number in numbers]
     in_order = [sub_index for _, sub_index in places] == list(range(1, len(places) + 1)) and last == places
-    if not in_order or producers != sorted({one for one in producers if 1 <= one <= 127}):
+    if not in_order or producers != sorted({producer for producer in producers if 1 <= producer <= 127}):
         return ()
     if not all(number & 0xFFFF for number in numbers):
         return ()
@@ -145,7 +146,7 @@ def _objects(left: _Left) -> list[ObjectWish]:
     found: list[ObjectWish] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:
         name, size = ("error_behavior", 1) if place[0] == _BEHAVIOUR and place[1] else keys.get(place, ("", 0))
-        is_next = place[0] in _FIRST or all(one.index < place[0] for one in found if one.index not in _FIRST)
+        is_next = place[0] in _FIRST or all(wish.index < place[0] for wish in found if wish.index not in _FIRST)
         if len(left.data[place]) != size or not is_next:
             break
         found.append(ObjectWish(name, *place, left.data.pop(place)))

@@ -66,8 +66,8 @@ def nodes_of_files(folder: Path, path: Path, notes: list[str]) -> Iterator[Found
 
     UsageError where there is nothing in it.
     """
-    for one in _described(folder, notes):
-        yield _of_file(one, path, notes)
+    for node in _described(folder, notes):
+        yield _of_file(node, path, notes)
 
 
 def _of_file(one: _FileNode, path: Path, notes: list[str]) -> FoundNode:
@@ -145,7 +145,7 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
     """
     if (nodelist := nodelist_in(folder)) is not None:
         listed = listed_files(nodelist, notes)
-        read = [(one, _read(one.path)) for one in listed]
+        read = [(file, _read(file.path)) for file in listed]
         return [_FileNode(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
     try:
         paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES)

@@ -136,9 +136,9 @@ def _follow(path: Path, followed: _Followed) -> None:
     from dvtcli.files.recording import read_recorded
 
     channels: set[str] = set()
-    for one in read_recorded(path):
-        if not one.error and not one.fd and followed.take(one.frame):
-            channels.add(one.channel)
+    for frame in read_recorded(path):
+        if not frame.error and not frame.fd and followed.take(frame.frame):
+            channels.add(frame.channel)
     if len(channels) > 1:
         named = join_some(sorted(channels))
         hint = "record each bus into a file of its own"

@@ -45,10 +45,10 @@ def _nmt(_state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]
 
 
 def _sync(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
-    senders = [one for one in state.nodes if one.produces_sync]
+    senders = [node for node in state.nodes if node.produces_sync]
     periods_us = state.sync_periods_us
-    identifiers = dict.fromkeys(one.sync for one in senders or state.nodes)
-    counted = any((one.number(SYNC_OVERFLOW) or 0) > 1 for one in state.nodes)
+    identifiers = dict.fromkeys(sender.sync for sender in senders or state.nodes)
+    counted = any((node.number(SYNC_OVERFLOW) or 0) > 1 for node in state.nodes)
     signals = (DbcSignal("Counter", 0, 8, receivers=tuple(names.values())),) if counted else ()
     for number, identifier in enumerate(identifiers):
         yield DbcMessage(
@@ -59,25 +59,25 @@ def _sync(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]
 
 
 def _emcy(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
-    for one in state.nodes:
-        if one.emcy is not None:
-            name = names[one.node_id]
-            yield DbcMessage(*one.emcy, f"{name}_EMCY", 8, name, _EMCY, f"emergency of node {one.node_id}")
+    for node in state.nodes:
+        if node.emcy is not None:
+            name = names[node.node_id]
+            yield DbcMessage(*node.emcy, f"{name}_EMCY", 8, name, _EMCY, f"emergency of node {node.node_id}")
 
 
 def _heartbeat(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
-    for one in state.nodes:
-        watching = tuple(names[other.node_id] for other in state.nodes if one.node_id in other.watched)
+    for node in state.nodes:
+        watching = tuple(names[other.node_id] for other in state.nodes if node.node_id in other.watched)
         signals = (DbcSignal("State", 0, 7, values=_STATES, receivers=watching), DbcSignal("Toggle", 7, 1))
         yield DbcMessage(
-            0x700 + one.node_id, False, f"{names[one.node_id]}_Heartbeat", 1, names[one.node_id], signals,
-            f"heartbeat of node {one.node_id}; the toggle bit is of guarding", one.heartbeat_ms,
+            0x700 + node.node_id, False, f"{names[node.node_id]}_Heartbeat", 1, names[node.node_id], signals,
+            f"heartbeat of node {node.node_id}; the toggle bit is of guarding", node.heartbeat_ms,
         )  # fmt: skip
 
 
 def _sdo(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
-    for one in state.nodes:
-        name, node_id = names[one.node_id], one.node_id
+    for node in state.nodes:
+        name, node_id = names[node.node_id], node.node_id
         asked = tuple(DbcSignal(each.name, each.start, each.bits, receivers=(name,)) for each in _SDO)
         yield DbcMessage(0x600 + node_id, False, f"{name}_SDO_Req", 8, NOBODY, asked, f"SDO to node {node_id}")
         yield DbcMessage(0x580 + node_id, False, f"{name}_SDO_Ans", 8, name, _SDO, f"SDO from node {node_id}")

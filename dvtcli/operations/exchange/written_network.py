@@ -40,7 +40,7 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
 
     The answer has the *notes*, and how many errors `check` finds in it.
     """
-    nodes = {one.exported.wish.node_id: one for one in found}
+    nodes = {node.exported.wish.node_id: node for node in found}
     links = found_links(
         {node_id: one.held for node_id, one in nodes.items()},
         lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
@@ -49,7 +49,7 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
         heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
         notes.append(f"{heard} hears {sent}, and their layouts differ: no link")
     wishes = tuple(one.exported.wish for _, one in sorted(nodes.items()))
-    remarks = {word: text for one in found for word, text in one.exported.remarks.items()}
+    remarks = {word: text for node in found for word, text in node.exported.remarks.items()}
     make_file(session, path, write_network(NetworkWish(wishes, links.links), title, remarks))
     pdos = sum(len(wish.pdos) for wish in wishes)
     counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"

@@ -13,8 +13,8 @@ def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
     layout = decoder.layout(frame)
     service = layout.service
     pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None
-    meanings = {one.key: one.meaning for one in layout.signals if one.meaning.says}
-    objects = {one.key: one.object for one in layout.signals if one.object}
+    meanings = {signal.key: signal.meaning for signal in layout.signals if signal.meaning.says}
+    objects = {signal.key: signal.object for signal in layout.signals if signal.object}
     values = decoder.values(frame)
     mapped = layout.byte_length if misfit(frame, layout) else None
     return FrameSeen(

@@ -188,16 +188,16 @@ class _Part:
     def _frames(self, left_out: Counter[str]) -> Iterator[tuple[Frame, str]]:
         """What is meant, each with its channel; the others are counted in *left_out*."""
         began_s: float | None = None
-        for one in read_recorded(self._path):
-            reason = self._cannot(one)
-            if not one.error and began_s is None:
-                began_s = one.frame.timestamp_s
+        for frame in read_recorded(self._path):
+            reason = self._cannot(frame)
+            if not frame.error and began_s is None:
+                began_s = frame.frame.timestamp_s
             if not reason and began_s is not None:
-                reason = self._unmeant(one, one.frame.timestamp_s - began_s)
+                reason = self._unmeant(frame, frame.frame.timestamp_s - began_s)
             if reason:
                 left_out[reason] += 1
             else:
-                yield one.frame, one.channel
+                yield frame.frame, frame.channel
 
     def _cannot(self, one: RecordedFrame) -> str:
         if one.error:

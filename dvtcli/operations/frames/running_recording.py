@@ -79,7 +79,7 @@ class RunningRecording:
     def _chosen(self, taken: Iterable[Frame]) -> Iterable[Frame]:
         if not self.filters:
             return taken
-        return (one for one in taken if any(one.can_id & mask == can_id & mask for can_id, mask in self.filters))
+        return (frame for frame in taken if any(frame.can_id & mask == can_id & mask for can_id, mask in self.filters))
 
     def _is_back(self, failed: BusUnavailable, is_over: Callable[[], bool]) -> bool:
         """Wait for the bus, which *failed*, until *is_over*() or Ctrl-C, which ends it all; whether it is back."""

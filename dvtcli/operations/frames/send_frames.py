@@ -48,8 +48,8 @@ def send_frames(
     _require_carried(open_wire(session), frames)
     shown = _looked_at(session, frames, nodes, file)
     wanted = rounds * len(frames)
-    for one in shown:
-        session.tell.note(f"{one.text}")
+    for send in shown:
+        session.tell.note(f"{send.text}")
     _ask(session, shown, rounds)
     if session.dry_run:
         return FramesSent(shown, Outcome(wanted), dry_run=True)
@@ -113,7 +113,7 @@ def _followed(session: Session) -> SdoValues:
 
 
 def _ask(session: Session, shown: Sequence[FrameToSend], rounds: int) -> None:
-    said = [f"{frame_text(one.explained.frame)}: {one.effects}" for one in shown if one.effects]
+    said = [f"{frame_text(send.explained.frame)}: {send.effects}" for send in shown if send.effects]
     if said:
         often = "" if rounds == 1 else " until Ctrl-C" if rounds == _FOREVER else f" {rounds} times"
         frames = "it" if len(shown) == 1 else plural(len(shown), "frame")

@@ -82,7 +82,7 @@ class GatewayPdos:
         if any(number != pdo.number and _frame_of(one) == _frame_of(pdo) for number, one in own.items()):
             return Failed(GatewayError.PDO_USED)
         lengths = [TYPES[entry.data_type].bits for entry in pdo.entries]
-        if None in lengths or sum(one or 0 for one in lengths) > 8 * _LONGEST:
+        if None in lengths or sum(length or 0 for length in lengths) > 8 * _LONGEST:
             return Failed(GatewayError.PDO_LENGTH)
         return None
 

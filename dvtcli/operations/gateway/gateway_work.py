@@ -105,14 +105,14 @@ class GatewayWork:
 
     def waits(self, client: LineClient) -> bool:
         """Whether *client* waits for an answer that `later` says: nothing else of it is done meanwhile."""
-        return any(one.client is client for one in self._resets)
+        return any(reset.client is client for reset in self._resets)
 
     def must_wait(self, client: LineClient, request: Request) -> bool:
         """Whether *request* is about a node whose restart is not over."""
         if not isinstance(request.command, Read | Write | Nmt):
             return False
         node_id = _node_of(client, request)
-        return any(node_id in (0, one.begun.node_id) for one in self._resets)
+        return any(node_id in (0, reset.begun.node_id) for reset in self._resets)
 
     def _tried(self, client: LineClient, work: Callable[[], Answer | None], *, alone: bool) -> Answer | None:
         """What *work* answers for *client*, or why it failed."""

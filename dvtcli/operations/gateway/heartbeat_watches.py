@@ -47,7 +47,7 @@ class HeartbeatWatches:
         bus = self._session.open_network().bus
         if not bus.carries_frames:
             return Failed(GatewayError.NOT_SUPPORTED, f"{bus.name} carries no CAN frames, so that no heartbeat either")
-        self._watches = [one for one in self._watches if (one.client, one.node_id) != (client, node_id)]
+        self._watches = [watch for watch in self._watches if (watch.client, watch.node_id) != (client, node_id)]
         if numbers:
             self._stop = self._stop or bus.tap(self._note)
             self._watches.append(Watch(client, node_id, numbers[0] / 1000))

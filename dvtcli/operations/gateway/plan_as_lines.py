@@ -22,13 +22,13 @@ def plan_as_lines(session: Session, plan: NetworkPlan, stores: Mapping[int, Sequ
 
     Asks what `apply` would ask of another device than the file is about; SafetyRefusal where a power stage is on.
     """
-    planned = [one for one in plan.nodes if len(one.plan) or one.stores]
+    planned = [node for node in plan.nodes if len(node.plan) or node.stores]
     refuse_powered(session, [one.node_id for one in planned if one.needs_power_off])
-    for one in planned:
-        if one.doubt:
-            session.consent(f"{one.doubt}; write the lines for it?")
+    for node_plan in planned:
+        if node_plan.doubt:
+            session.consent(f"{node_plan.doubt}; write the lines for it?")
     several = stores or {}
-    around = {one.node_id: _around(session, one, several.get(one.node_id, (one.store,))) for one in plan.nodes}
+    around = {node.node_id: _around(session, node, several.get(node.node_id, (node.store,))) for node in plan.nodes}
     return "\n".join([*plan_lines(plan, around), ""])
 
 

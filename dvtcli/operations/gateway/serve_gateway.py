@@ -232,7 +232,11 @@ class Gateway:
         """Answer lines for a short while: in turn the first one of who came last, and of who took least of the time."""
         until_s = monotonic() + _ANSWERING_S
         clients, stalled = self._clients(), set[LineClient]()
-        while ready := [one for one in clients if one.lines and one not in stalled and not self._work.waits(one)]:
+        while ready := [
+            line_client
+            for line_client in clients
+            if line_client.lines and line_client not in stalled and not self._work.waits(line_client)
+        ]:
             client = self._next(ready)
             begun_s = monotonic()
             self._answer(client, client.lines.popleft(), alone=len(clients) == 1)
@@ -249,9 +253,9 @@ class Gateway:
 
         Who comes anew for each line has that for some lines only: their count grows slowly, as others are answered.
         """
-        newcomers = [one for one in ready if not one.turn_s]
-        known = [one for one in ready if one.turn_s]
-        just_come = [one for one in newcomers if one not in self._passed]
+        newcomers = [client for client in ready if not client.turn_s]
+        known = [client for client in ready if client.turn_s]
+        just_come = [newcomer for newcomer in newcomers if newcomer not in self._passed]
         if known and just_come and self._newcomer_next and self._at_once >= 1:
             self._at_once -= 1
         else:

@@ -40,7 +40,7 @@ def save_lines(session: Session, file: str) -> Facts:
     plan = NetworkPlan("what this session changed", tuple(sorted(nodes, key=lambda one: one.node_id)))
     ask_before_overwriting(session, path)
     make_file(session, path, plan_as_lines(session, plan, stores))
-    shown = join_some(f"node {one.node_id}" for one in plan.nodes)
+    shown = join_some(f"node {node.node_id}" for node in plan.nodes)
     counted = plural(plan.writes, "SDO download")
     said = Hint(Action.RUN, {"file": file}, f"{verbatim(file)}: {counted} for {shown}. Run it: {{}}")
     return Facts("save", (("file", file), ("commands", plan.writes)), (said,))

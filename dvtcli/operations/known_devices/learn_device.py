@@ -180,8 +180,8 @@ def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool)
 
 def _most_instead(subject: ProbedPdo, instead: Sequence[ProbedPdo], *, isolated: bool) -> list[int]:
     """How many downloads there are at most if another PDO of that direction is asked instead of *subject*."""
-    others = [one for one in instead if one.pdo.direction is subject.pdo.direction]
-    return [most_writes(one, forecast(one, isolated=isolated)) + most_until_refused(subject) for one in others]
+    others = [pdo for pdo in instead if pdo.pdo.direction is subject.pdo.direction]
+    return [most_writes(other, forecast(other, isolated=isolated)) + most_until_refused(subject) for other in others]
 
 
 def _consent(session: Session, prepared: _Prepared) -> None:
@@ -228,7 +228,7 @@ def _note_saved(node: Node, saved: SignatureAnswers) -> None:
 
 def _answers(asked: Asked, storage: Storage) -> list[ProbeAnswer]:
     """What the node answered about its PDOs, and about saving, if it was told to save."""
-    about_pdos = [answer for one in asked.known for answer in one.answers.values()]
+    about_pdos = [answer for known in asked.known for answer in known.answers.values()]
     return [*about_pdos, *(asked.saved.answers or not_asked(storage, "only if a store is allowed"))]
 
 
@@ -236,9 +236,9 @@ def _concluded(node: Node, asked: Asked, storage: Storage, lacking: Sequence[Abs
     known = {one.subject.pdo.direction: one for one in asked.known}
     most = 0
     if node.dictionary is not None:
-        there = node.dictionary.without([one.place for one in lacking])
+        there = node.dictionary.without([absence.place for absence in lacking])
         mappings = [there[pdo.mapping_index] for pdo in node.present() if pdo.mapping_index in there]
-        most = max((max(one.entries, default=0) for one in mappings), default=0)
+        most = max((max(mapping.entries, default=0) for mapping in mappings), default=0)
     found, saved = conclude(known, most), asked.saved
     preferred = node.profile.store.sub_indices
     return Conclusions(

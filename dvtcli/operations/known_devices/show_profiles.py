@@ -22,8 +22,8 @@ def show_profile(name: str) -> ProfileShown:
     """The profile *name*, with the reason for each value; UsageError where there is none of that name."""
     row = _row(name)
     found = list(reasons(profile_text(name)))
-    like = next((one.value.strip("\"'") for one in found if one.key == "like"), None)
-    return ProfileShown(row, tuple((one.key, one.value, one.reason) for one in found), like)
+    like = next((reason.value.strip("\"'") for reason in found if reason.key == "like"), None)
+    return ProfileShown(row, tuple((reason.key, reason.value, reason.reason) for reason in found), like)
 
 
 def _row(name: str) -> ProfileRow:

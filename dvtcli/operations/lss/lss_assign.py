@@ -111,7 +111,7 @@ def _matched(wishes: Sequence[NodeWish], found: Sequence[LssNode]) -> tuple[list
         (node,) = fitting
         if not node.confirmed:
             raise two_alike(node.address)
-        twice = next((one.name for one in given if one.address == node.address), None)
+        twice = next((slave.name for slave in given if slave.address == node.address), None)
         if twice is not None:
             raise SafetyRefusal(f"{twice} and {wish.name} are one node by their identity", hint=str(node.address))
         given.append(LssGiven(node.address, _id(node), wish.node_id, name=wish.name))
@@ -124,7 +124,7 @@ def _id(node: LssNode) -> int:
 
 def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: Mapping[int, Identity | None]) -> None:
     """SafetyRefusal where a node-ID of *wishes* is of a node that does not get another one itself."""
-    moving = {one.before for one in given}
+    moving = {slave.before for slave in given}
     for wish in wishes:
         if wish.node_id in there and wish.node_id not in moving:
             identity = there[wish.node_id]
@@ -149,15 +149,15 @@ def _another(identity: Identity | None, taken: Collection[int]) -> Hint:
 
 def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:
     """See by LSS that each of *given* is there once, and has the node-ID that it had before; raises where not so."""
-    for one in given:
-        require_same(one, selected(master, one.address))
+    for slave in given:
+        require_same(slave, selected(master, slave.address))
     master.let_wait()
 
 
 def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven], *, stores: bool, prove: bool) -> None:
     """Tell the plan, and ask for it."""
-    lines = [f"{one.name} gets node-ID {one.node_id} (now {told_id(one.before)})" for one in steps]
-    lines += [f"{one.name} stores node-ID {one.node_id}, which it has" for one in kept]
+    lines = [f"{step.name} gets node-ID {step.node_id} (now {told_id(step.before)})" for step in steps]
+    lines += [f"{slave.name} stores node-ID {slave.node_id}, which it has" for slave in kept]
     if len(lines) > 1:
         for number, line in enumerate(lines, 1):
             session.tell.note(f"plan {number}: {line}")

@@ -97,8 +97,8 @@ def _agree(
         who = f"{plural(len(nodes), 'node')}: {names(nodes)}"
         session.consent(f"store {bit_rate} bit/s, at which this bus runs already, in {who}{then}?")
         return
-    for one in nodes:
-        session.tell.note(f"plan: node-ID {told_id(one.node_id)}, {one.address}: {before} -> {bit_rate} bit/s")
+    for node in nodes:
+        session.tell.note(f"plan: node-ID {told_id(node.node_id)}, {node.address}: {before} -> {bit_rate} bit/s")
     session.consent(
         f"change the bit rate of this bus and of {plural(len(nodes), 'node')} from {before} to {bit_rate} bit/s"
         f"{', and store it' if stores else ''}{then}? Nothing else may be on it"

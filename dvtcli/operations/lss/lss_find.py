@@ -55,7 +55,10 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
     while (address := master.scan(found, on_bit)) is not None:
         found.append(address)
         session.tell.progress(f"LSS fast scan: found {address}", 0, 0)
-    return [LssNode(one, UNCONFIGURED, master.select(one) == 1, _family(one)) for one in found]
+    return [
+        LssNode(lss_address, UNCONFIGURED, master.select(lss_address) == 1, _family(lss_address))
+        for lss_address in found
+    ]
 
 
 def lss_select(session: Session, who: LssAddress | int, *, keep: bool = True) -> LssFound:

@@ -97,13 +97,16 @@ def consent_to_give(
     prove: bool = False,
 ) -> None:  # fmt: skip
     """Ask before nodes get node-IDs, and those *kept* store theirs; and before a drive that may move is reset."""
-    lines = [f"give node-ID {one.node_id} to {one.name or one.address} (now {told_id(one.before)})" for one in given]
+    lines = [
+        f"give node-ID {slave.node_id} to {slave.name or slave.address} (now {told_id(slave.before)})"
+        for slave in given
+    ]
     if given and store:
         lines[-1] += ", and store"
-    lines += [f"store node-ID {one.node_id} in {one.name}, which has it" for one in kept]
+    lines += [f"store node-ID {slave.node_id} in {slave.name}, which has it" for slave in kept]
     session.consent(f"{'; '.join(lines)}{', and reset all' if prove else ''}?")
     reset = [*given, *kept] if prove else given
-    consent_to_reset(session, [one.before for one in reset if one.before != UNCONFIGURED])
+    consent_to_reset(session, [slave.before for slave in reset if slave.before != UNCONFIGURED])
 
 
 def told_id(node_id: int) -> str:

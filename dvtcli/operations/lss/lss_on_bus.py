@@ -55,10 +55,10 @@ def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> 
         raise SafetyRefusal(
             f"nodes without a node-ID are on the bus, of which {file} says nothing", hint=Hint(Action.LSS_SCAN)
         )
-    for one in waiting:
-        if not one.confirmed:
-            raise two_alike(one.address)
-    return [*nodes, *(LssGiven(one.address, UNCONFIGURED, UNCONFIGURED) for one in waiting)]
+    for node in waiting:
+        if not node.confirmed:
+            raise two_alike(node.address)
+    return [*nodes, *(LssGiven(lss_node.address, UNCONFIGURED, UNCONFIGURED) for lss_node in waiting)]
 
 
 def _refuse_others(file: str, there: Collection[int]) -> None:
@@ -117,15 +117,15 @@ def _address(node_id: int, identity: Identity | None) -> LssAddress:
 
 def confirmed(master: LssMaster, nodes: Sequence[LssGiven]) -> list[LssGiven]:
     """*nodes*, once each has said by LSS that it has its node-ID; SafetyRefusal where one takes no part in LSS."""
-    for one in nodes:
+    for node in nodes:
         try:
-            now = selected(master, one.address)
+            now = selected(master, node.address)
         except DvtcliError as failed:
             raise SafetyRefusal(
-                f"node {told_id(one.node_id)} takes no part in LSS: it would stay as it is", why=failed.text,
+                f"node {told_id(node.node_id)} takes no part in LSS: it would stay as it is", why=failed.text,
                 hint="take it off the bus, and set its bit rate in its maker's way",
             ) from failed  # fmt: skip
-        if now != one.node_id:
-            raise SafetyRefusal(f"{one.address} has node-ID {told_id(now)} by LSS, and {told_id(one.node_id)} by SDO")
+        if now != node.node_id:
+            raise SafetyRefusal(f"{node.address} has node-ID {told_id(now)} by LSS, and {told_id(node.node_id)} by SDO")
     master.let_wait()
     return list(nodes)

@@ -21,9 +21,9 @@ def in_order(given: Sequence[LssGiven], used: Collection[int], kept: Collection[
     is free, or where a node-ID is of somebody who does not move.
     """
     left, taken, steps = list(given), set(used), []
-    wanted = {one.node_id for one in given} | set(kept)
+    wanted = {slave.node_id for slave in given} | set(kept)
     while left:
-        free = next((one for one in left if one.node_id not in taken), None)
+        free = next((slave for slave in left if slave.node_id not in taken), None)
         if free is None:
             free = _aside(left, taken | wanted)
             left[left.index(_of(left, free))] = replace(_of(left, free), before=free.node_id)
@@ -36,7 +36,7 @@ def in_order(given: Sequence[LssGiven], used: Collection[int], kept: Collection[
 
 def _aside(left: Sequence[LssGiven], not_free: Collection[int]) -> LssGiven:
     """The step that lets one of *left* make room for another one."""
-    one = next((one for one in left if any(other.node_id == one.before for other in left)), None)
+    one = next((slave for slave in left if any(other.node_id == slave.before for other in left)), None)
     node_id = next((node_id for node_id in _FOR_THE_TIME_BEING if node_id not in not_free), None)
     if one is None or node_id is None:
         raise SafetyRefusal(
@@ -47,4 +47,4 @@ def _aside(left: Sequence[LssGiven], not_free: Collection[int]) -> LssGiven:
 
 
 def _of(left: Sequence[LssGiven], step: LssGiven) -> LssGiven:
-    return next(one for one in left if one.address == step.address)
+    return next(slave for slave in left if slave.address == step.address)

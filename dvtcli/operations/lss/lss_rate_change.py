@@ -65,7 +65,7 @@ class RateChange:
 
     def _forget(self, told: Sequence[LssGiven], failed: DvtcliError, state: State) -> None:
         """Tell those that were *told* the new bit rate the old one, at which they run; *failed* says the *state*."""
-        left = [one for one in told if not self._takes(one, self.before)]
+        left = [slave for slave in told if not self._takes(slave, self.before)]
         failed.state = "unknown" if left else state
         failed.state_text = f"all nodes run at {self.before} bit/s as before, nothing is stored" + (
             f"; {names(left)} may keep {self.after} if told to store" if left else ""
@@ -103,7 +103,7 @@ class RateChange:
         """Those of *nodes* that do not say who they are, by LSS and, with a node-ID, by SDO."""
         missing = list(nodes)
         for _ in range(_LOOKS):
-            missing = [one for one in missing if not self.is_there(one)]
+            missing = [slave for slave in missing if not self.is_there(slave)]
             if not missing:
                 break
         return missing
@@ -124,8 +124,8 @@ class RateChange:
     def fetch(self, nodes: Sequence[LssGiven]) -> None:
         """Bring *nodes*, which are at the old bit rate again, to the new one, where the others are; else NoAnswer."""
         self.go_to(self.before)
-        for one in nodes:
-            self.tell(one, self.after)
+        for node in nodes:
+            self.tell(node, self.after)
         self.switch(self.after)
         if missing := self.missing(self.nodes):
             raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
@@ -136,9 +136,9 @@ class RateChange:
         try:
             for _ in range(2):  # who answered too late to be brought along is brought the second time
                 self.go_to(self.after)
-                for one in missing:
-                    if self.is_there(one):
-                        self.tell(one, self.before)
+                for slave in missing:
+                    if self.is_there(slave):
+                        self.tell(slave, self.before)
                 self.switch(self.before)
                 missing = self.missing(self.nodes)
                 if not missing:
@@ -161,7 +161,7 @@ class RateChange:
                 "nothing new is stored: switch all nodes off and on, then open the bus with {}",
             ),
         )
-        error.details += [("node", f"{told_id(one.node_id)}, {one.address}") for one in missing]
+        error.details += [("node", f"{told_id(slave.node_id)}, {slave.address}") for slave in missing]
         return error
 
     def store(self) -> list[LssGiven]:
@@ -176,7 +176,7 @@ class RateChange:
                 if self.before == self.after:
                     raise self._partly_stored(self.nodes[: number - 1], self.nodes[number - 1 :], failed) from failed
                 raise self.unstored(self.nodes[:number], failed) from failed
-        return [replace(one, stored=True) for one in self.nodes]
+        return [replace(node, stored=True) for node in self.nodes]
 
     def _store(self, one: LssGiven) -> None:
         selected(self.master, one.address)
@@ -196,7 +196,7 @@ class RateChange:
                 why="; ".join([*told, f"{names(others)} may come back at another one", failed.why or "-"]),
                 state="left_changed",
                 hint=store_again(
-                    [one.node_id for one in others],
+                    [other.node_id for other in others],
                     f"all run at {self.after} bit/s now; before the power goes: the same words again, or",
                 ),
             ),
@@ -206,15 +206,15 @@ class RateChange:
     def unstored(self, stored: Sequence[LssGiven], failed: DvtcliError) -> DvtcliError:
         """*failed*, once those that may have *stored* have stored the old bit rate, and all run at that."""
         left, again = [], []
-        for one in stored:
+        for slave in stored:
             try:
-                self.tell(one, self.before)
-                self._store(one)
-                again.append(one)
+                self.tell(slave, self.before)
+                self._store(slave)
+                again.append(slave)
             except DvtcliError as stuck:
-                if isinstance(failed, DeviceRefused) and one is stored[-1]:
+                if isinstance(failed, DeviceRefused) and slave is stored[-1]:
                     continue  # it stores neither
-                left.append(f"{names([one])} may have {self.after} bit/s stored: {stuck.text}")
+                left.append(f"{names([slave])} may have {self.after} bit/s stored: {stuck.text}")
         error = self.back(failed)
         if error is not failed:
             return error
@@ -250,4 +250,4 @@ def _with_details(error: LeftChanged, failed: DvtcliError) -> LeftChanged:
 
 def names(nodes: Sequence[LssGiven]) -> str:
     """Who *nodes* are, in words."""
-    return join_some([str(one.address) if one.node_id == UNCONFIGURED else f"node {one.node_id}" for one in nodes])
+    return join_some([str(node.address) if node.node_id == UNCONFIGURED else f"node {node.node_id}" for node in nodes])

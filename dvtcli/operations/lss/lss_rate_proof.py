@@ -28,7 +28,7 @@ _ALL = 0
 
 def refuse_resets(session: Session, nodes: Sequence[LssGiven]) -> None:
     """SafetyRefusal where one of *nodes* is a drive that its reset may let go of."""
-    refuse_reset(session, [one.node_id for one in nodes if one.node_id != UNCONFIGURED])
+    refuse_reset(session, [node.node_id for node in nodes if node.node_id != UNCONFIGURED])
 
 
 def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGiven]) -> list[LssGiven]:
@@ -48,8 +48,8 @@ def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGi
         for one in named
         if change.bus.wait_boot_up(one.node_id, seen[one.node_id], max(0.0, until_s - change.bus.now_s()))
     }
-    for one in named:
-        forget(session, one)
+    for slave in named:
+        forget(session, slave)
     missing = change.missing(stored)
     if missing:
         raise _not_kept(change, missing)

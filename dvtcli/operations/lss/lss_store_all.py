@@ -33,18 +33,18 @@ def store_all(
     LeftChanged where one has not what it had: it says who has stored what, and who has which node-ID.
     """
     stored: list[LssGiven] = []
-    for one in (everybody := [*kept, *given]):
+    for slave in (everybody := [*kept, *given]):
         try:
-            stored.append(store(master, one))
+            stored.append(store(master, slave))
         except DvtcliError as failed:
-            failed.node = one.node_id
+            failed.node = slave.node_id
             refused = isinstance(failed, DeviceRefused)
-            failed.details.append(("refused" if refused else "silent", _who(one)))
+            failed.details.append(("refused" if refused else "silent", _who(slave)))
             if stored:
                 failed.details.append(("stored", join_some([_who(other) for other in stored])))
-            if one in kept:
+            if slave in kept:
                 raise _partly_stored(bus, master, stored, everybody, steps, failed) from failed
-            doubtful = [] if refused else [one]
+            doubtful = [] if refused else [slave]
             raise _unstored(bus, master, kept, [*stored[len(kept) :], *doubtful], steps, failed) from failed
     return stored
 
@@ -74,11 +74,11 @@ def all_back(
     It failed *at* that one, None: behind all, which was taken back or not where that was seen.
     """
     stuck: list[str] = []
-    for one in reversed(done):
+    for slave in reversed(done):
         try:
-            take_back(bus, master, one)
+            take_back(bus, master, slave)
         except DvtcliError as silent:
-            stuck.append(f"{one.name}: {silent.text}")
+            stuck.append(f"{slave.name}: {silent.text}")
     if not stuck and not isinstance(failed, LeftChanged):
         if done and failed.state == "rolled_back":
             failed.state_text = "all have the node-IDs they had before, nothing is stored"
@@ -93,8 +93,8 @@ def all_back(
 def _who_has_what(bus: CanopenBus, master: LssMaster, done: Sequence[LssGiven]) -> list[tuple[str, str]]:
     """Which node-ID each has by now, asked by LSS and by SDO, as lines of an error; what is not told is not known."""
     lines: list[tuple[str, str]] = []
-    for address, before in {one.address: one.before for one in reversed(done)}.items():
-        name, last = next((one.name, one) for one in reversed(done) if one.address == address)
+    for address, before in {slave.address: slave.before for slave in reversed(done)}.items():
+        name, last = next((slave.name, slave) for slave in reversed(done) if slave.address == address)
         try:
             now = f"has node-ID {told_id(selected(master, address))}"
         except DvtcliError as silent:
@@ -115,14 +115,14 @@ def _partly_stored(
         failed.state = "unchanged"
         failed.state_text = "all have the node-IDs they had before, nothing new is stored"
         return failed
-    done = {one.address for one in stored}
-    others = [one for one in kept if one.address not in done and one.before == one.node_id]
+    done = {slave.address for slave in stored}
+    others = [slave for slave in kept if slave.address not in done and slave.before == slave.node_id]
     if error is failed:
         error = LeftChanged(failed.text, node=failed.node, why=failed.why, state="left_changed")
         error.details += failed.details
-        error.hint = store_again([one.node_id for one in others], "before the power goes: the same words again, or")
+        error.hint = store_again([other.node_id for other in others], "before the power goes: the same words again, or")
     error.details.append(
-        ("unknown", f"{join_some(one.name for one in others)} may have another node-ID after the next power-on")
+        ("unknown", f"{join_some(other.name for other in others)} may have another node-ID after the next power-on")
     )
     return error
 
@@ -134,11 +134,11 @@ def _unstored(
     """*failed*, once all have what they had before *steps*, and those that may have *stored* another stored that."""
     error = all_back(bus, master, steps, failed)
     left: list[str] = []
-    for one in stored:
+    for slave in stored:
         try:
-            store(master, replace(one, node_id=one.before))
+            store(master, replace(slave, node_id=slave.before))
         except DvtcliError as stuck:
-            left.append(f"{_who(one)} may have node-ID {one.node_id} stored: {stuck.text}")
+            left.append(f"{_who(slave)} may have node-ID {slave.node_id} stored: {stuck.text}")
     if error is failed and not left:
         failed.state = "rolled_back"
         again = f"; {join_some([one.name for one in stored])} stored that again" if stored else ""

@@ -50,7 +50,7 @@ def _is_understood(kind: DataType, meaning: Scaling, text: str) -> bool:
 def _bit_words(meaning: Scaling, kind: DataType) -> str:
     """Which words stand for which bits, of an object whose number is made of bits."""
     digits = (kind.bits or 8) // 4
-    return ", ".join(f"{one.text} is 0x{one.bits:0{digits}X}" for one in meaning.states)
+    return ", ".join(f"{state.text} is 0x{state.bits:0{digits}X}" for state in meaning.states)
 
 
 def typed_bytes(kind: DataType, meaning: Scaling, text: str) -> bytes:

@@ -72,8 +72,8 @@ def _bit_rate(session: Session, wishes: CheckOptions) -> int | None:
 
 def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> NetworkReport:
     """*of_bus* without what *of_files* say in the same words, and with how many that are."""
-    said = {(one.rule, one.text) for report in of_files for one in report.findings}
-    new = tuple(one for one in of_bus.findings if (one.rule, one.text) not in said)
+    said = {(finding.rule, finding.text) for report in of_files for finding in report.findings}
+    new = tuple(finding for finding in of_bus.findings if (finding.rule, finding.text) not in said)
     return replace(of_bus, findings=new, said=len(of_bus.findings) - len(new))
 
 
@@ -113,7 +113,7 @@ def check_live(
         heard=_heard(traffic),
     )
     against = [_against(file, state, live, wishes, bit_rate) for file, state in networks.items()]
-    return NetworksChecked((of_bus, *(replace(one, bus=bus.name) for one in against)))
+    return NetworksChecked((of_bus, *(replace(report, bus=bus.name) for report in against)))
 
 
 def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:

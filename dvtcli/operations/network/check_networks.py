@@ -110,7 +110,7 @@ def change_rules() -> tuple[LintRule, ...]:
         plan_network,
     )  # fmt: skip
     return tuple(
-        LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for one in files for rule in one.RULES
+        LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for file in files for rule in file.RULES
     )
 
 
@@ -124,10 +124,10 @@ def _report(file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus
     wish = read_wish(file)
     state, findings = judged_file(file, wish, wishes, on_bus)
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
-    shown = tuple(one for one in findings if wishes.shows_all or not one.is_aside)
+    shown = tuple(finding for finding in findings if wishes.shows_all or not finding.is_aside)
     notes = tuple(
-        (one.mark.line, one.mark.column, one.times, one.text)
-        for one in (*wish.notes, *unknown_names(file, wish, on_bus), *_described(file, wish), *_undescribed(state))
+        (note.mark.line, note.mark.column, note.times, note.text)
+        for note in (*wish.notes, *unknown_names(file, wish, on_bus), *_described(file, wish), *_undescribed(state))
     )
     return NetworkReport(
         file, asked_rules(rules), shown, nodes, len(wish.links), notes, strict=wishes.strict,
@@ -173,7 +173,7 @@ def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
     if not complaints:
         text = failed.text.removeprefix(f"{file}: ")
         yield NetworkFinding(1, "error", name, "", f"{text}: {failed.why}" if failed.why else text)
-    yield from (replace(_at(one, name), complaint=one) for one in complaints)
+    yield from (replace(_at(complaint, name), complaint=complaint) for complaint in complaints)
 
 
 def _at(one: FileComplaint, rule: str) -> NetworkFinding:
@@ -201,11 +201,11 @@ def judged_file(
     state = described_network(file, tell, for_rules=True, on_bus=on_bus, wish=wish, failures=failures)
     state = replace(state, links=()) if failures else state
     names = {rule.name for rule in rules}
-    found = [one for failed in failures for one in _refused(wish, failed, names)]
+    found = [finding for failed in failures for finding in _refused(wish, failed, names)]
     found += (_of_change(state, node.node_id, said) for node in state.nodes for said in node.said if said.rule in names)
     found += _nothing_asked(wish, state, names)
     network = CheckedNetwork(state, wishes.bit_rate or state.bit_rate)
-    return state, tuple(_shown(one, log) for one in without_repeats(found, findings_of(network, rules)))
+    return state, tuple(_shown(repeat, log) for repeat in without_repeats(found, findings_of(network, rules)))
 
 
 def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
@@ -234,7 +234,9 @@ def _refused(wish: NetworkWish, refused: DvtcliError, names: Collection[str]) ->
     Under the name of its rule; what has none, or one that is no rule of a change, is under that of what cannot be made.
     """
     if isinstance(refused, InputFileError) and refused.complaints:
-        yield from (replace(_at(one, FILE_RULES[0].name), complaint=one) for one in refused.complaints)
+        yield from (
+            replace(_at(complaint, FILE_RULES[0].name), complaint=complaint) for complaint in refused.complaints
+        )
         return
     for said in getattr(refused, "findings", ()) or ():
         rule = said.rule if said.rule in names else FILE_RULES[1].name
@@ -285,15 +287,17 @@ def without_repeats(first: Sequence[NetworkFinding], others: Iterable[NetworkFin
     """*first*, then *others*, each thing once: what both say of a PDO of a node by other names of the rule, too."""
     from dvtcli.domain.network.check.network_rules import SAME_RULES, SUPERSEDED
 
-    said = {(one.node, one.pdo, one.rule) for one in first}
-    texts = {(one.node, one.text) for one in first}
+    said = {(finding.node, finding.pdo, finding.rule) for finding in first}
+    texts = {(finding.node, finding.text) for finding in first}
     new: list[NetworkFinding] = []
-    for one in dict.fromkeys(others):
-        same = SAME_RULES.get(one.rule, ())
-        if not any((one.node, one.pdo, name) in said for name in same) and (one.node, one.text) not in texts:
-            new.append(one)
-    superseded = {(one.node, one.pdo, name) for one in new for name in SUPERSEDED.get(one.rule, ())}
-    yield from (one for one in dict.fromkeys(first) if (one.node, one.pdo, one.rule) not in superseded)
+    for other in dict.fromkeys(others):
+        same = SAME_RULES.get(other.rule, ())
+        if not any((other.node, other.pdo, name) in said for name in same) and (other.node, other.text) not in texts:
+            new.append(other)
+    superseded = {(finding.node, finding.pdo, name) for finding in new for name in SUPERSEDED.get(finding.rule, ())}
+    yield from (
+        finding for finding in dict.fromkeys(first) if (finding.node, finding.pdo, finding.rule) not in superseded
+    )
     yield from new
 
 

@@ -75,7 +75,7 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None 
             f"{file}: no EDS is known of {chosen.name}", place=f"{file}:{chosen.mark.line}",
             hint="dcf: names its file; a concise DCF says how a node gets from there to what is wanted",
         )  # fmt: skip
-    return next(one for one in _concise(file, read, tell).nodes if one.node_id == chosen.node_id)
+    return next(dcf for dcf in _concise(file, read, tell).nodes if dcf.node_id == chosen.node_id)
 
 
 def concise_dcfs(file: str, tell: Reporter | None = None, on_bus: Mapping[int, str] | None = None) -> ConciseNetwork:
@@ -91,15 +91,15 @@ def _concise(
 ) -> ConciseNetwork:
     words = words_of(file, read, on_bus)
     wish = read.of(words.keys())
-    anyone = replace(wish, nodes=tuple(replace(one, identity=WantedIdentity()) for one in wish.nodes))
+    anyone = replace(wish, nodes=tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes))
     options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()))
     made: list[ConciseDcf] = []
     if words:
         with Session(options, tell) as session:
             plan = plan_wish(session, anyone, FileLog(file, network_text(file)))
-        planned = {one.node_id: one for one in plan.nodes}
-        made = [_made(one, planned[one.node_id]) for one in wish.nodes]
-    return ConciseNetwork(tuple(made), tuple(one for one in read.nodes if one.node_id not in words))
+        planned = {node.node_id: node for node in plan.nodes}
+        made = [_made(node, planned[node.node_id]) for node in wish.nodes]
+    return ConciseNetwork(tuple(made), tuple(node for node in read.nodes if node.node_id not in words))
 
 
 def _made(wish: NodeWish, plan: NodePlan) -> ConciseDcf:
@@ -109,10 +109,12 @@ def _made(wish: NodeWish, plan: NodePlan) -> ConciseDcf:
 
 def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
     """The node of *wish* that *node* means; UsageError where it means none, or where there are several."""
-    found = [one for one in wish.nodes if node is None or str(node) in (one.name, str(one.node_id))]
+    found = [
+        node_wish for node_wish in wish.nodes if node is None or str(node) in (node_wish.name, str(node_wish.node_id))
+    ]
     if len(found) == 1:
         return found[0]
-    names = join_some(f"{one.name} ({one.node_id})" for one in wish.nodes) or "none"
+    names = join_some(f"{node_wish.name} ({node_wish.node_id})" for node_wish in wish.nodes) or "none"
     text = "a concise DCF is for one node" if node is None else f"no node is {node!r}"
     raise UsageError(
         f"{file}: {text}; it has {names}",
@@ -153,12 +155,12 @@ def show_concise(file: str, dictionary: ObjectDictionary | None = None) -> Facts
     entries = read_concise_file(file)
     rows = (("file", file), ("to", None), ("node", None), ("entries", _rows(entries)))
     said = [f"{file}: {plural(len(entries), 'download')}"]
-    said += (f"  {one.object}  {_shown(one, dictionary)}".rstrip() for one in entries)
+    said += (f"  {entry.object}  {_shown(entry, dictionary)}".rstrip() for entry in entries)
     return Facts("concise-dcf", rows, tuple(said))
 
 
 def _rows(entries: tuple[ConciseEntry, ...]) -> list[dict[str, str]]:
-    return [{"object": one.object, "data": one.data.hex(" ").upper()} for one in entries]
+    return [{"object": entry.object, "data": entry.data.hex(" ").upper()} for entry in entries]
 
 
 def _shown(one: ConciseEntry, dictionary: ObjectDictionary | None) -> str:

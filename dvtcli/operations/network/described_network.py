@@ -124,8 +124,8 @@ def _watching(wish: NetworkWish, node: NodeWish, links: Collection[LinkWish]) ->
 
 
 def _said_heartbeat_ms(wish: NetworkWish, node_id: int) -> int:
-    said = (one for node in wish.nodes if node.node_id == node_id for one in node.objects)
-    return next((int.from_bytes(one.data, "little") for one in said if one.index == 0x1017), 0)
+    said = (object_wish for node in wish.nodes if node.node_id == node_id for object_wish in node.objects)
+    return next((int.from_bytes(object_wish.data, "little") for object_wish in said if object_wish.index == 0x1017), 0)
 
 
 def _said_can_id(wish: NetworkWish, end: Endpoint) -> int | None:
@@ -228,10 +228,13 @@ def library_match(file: str, node: NodeWish) -> Match | None:
 
 def told_state(wish: NodeWish) -> NodeState:
     """A node of which nothing but *wish* is known: PDOs that it names are enabled unless it says otherwise."""
-    numbers = {(one.index, one.sub_index): int.from_bytes(one.data, "little") for one in wish.objects}
+    numbers = {
+        (object_wish.index, object_wish.sub_index): int.from_bytes(object_wish.data, "little")
+        for object_wish in wish.objects
+    }
     for sub_index, watch in enumerate(wish.watches, 1):
         numbers[0x1016, sub_index] = watch.producer << 16 | watch.time_ms
-    pdos = {one.pdo: config for one in wish.pdos if (config := _told_pdo(wish.node_id, one)) is not None}
+    pdos = {pdo.pdo: config for pdo in wish.pdos if (config := _told_pdo(wish.node_id, pdo)) is not None}
     return with_wish(NodeState(wish.node_id, wish.name, pdos, numbers), wish)
 
 

@@ -25,10 +25,10 @@ def words_on_bus(session: Session, file: str, wish: NetworkWish) -> dict[int, st
     Not of a node that is silent, or another device than the file says.
     """
     found: dict[int, str] = {}
-    for one in _untold(file, wish):
+    for node in _untold(file, wish):
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):
-            if is_wanted(session.network.node(one.node_id), one.identity):
-                found |= _word(session, one.node_id)
+            if is_wanted(session.network.node(node.node_id), node.identity):
+                found |= _word(session, node.node_id)
     return found
 
 
@@ -40,11 +40,11 @@ def words_of_present(session: Session, file: str, wish: NetworkWish) -> dict[int
     with session.network.as_it_was_if_refused():
         met = meet(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
         met.end()
-    return {node_id: word for one in met.nodes for node_id, word in _word(session, one).items()}
+    return {node_id: word for node in met.nodes for node_id, word in _word(session, node).items()}
 
 
 def _untold(file: str, wish: NetworkWish) -> list[NodeWish]:
-    return [one for one in wish.nodes if simulated_word(file, one) is None]
+    return [node for node in wish.nodes if simulated_word(file, node) is None]
 
 
 def _word(session: Session, node_id: int) -> dict[int, str]:

@@ -61,7 +61,7 @@ def planned(
         return plan, None if manager is not None or plan.lacking else load_after(session, plan)
 
     plan, need = session.read_together(read)
-    keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
+    keepers = {node.node_id: session.node(node.node_id).keeper for node in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
     answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
@@ -102,7 +102,7 @@ def applied(
     plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
     on_plan(plan)
     applied_now = apply_network(session, plan, prove=prove)
-    unproved = [str(one.node_id) for one in plan.nodes if one.store and not one.stores]
+    unproved = [str(node.node_id) for node in plan.nodes if node.store and not node.stores]
     if prove is not None and unproved:
         words = f"node {', '.join(unproved)} stored nothing now, so nothing is proved of what it keeps; {{}} does"
         session.tell.note(Hint(Action.PROVE_STORE, {"node": [int(node) for node in unproved]}, words))
@@ -115,8 +115,8 @@ def may_store(file: str) -> bool:
         return False
     try:
         if is_network_plan(Path(file)):
-            return any(one.stores for one in read_network_plan(Path(file)).nodes)
-        return any(one.store for one in read_wish(file).nodes)
+            return any(node.stores for node in read_network_plan(Path(file)).nodes)
+        return any(node.store for node in read_wish(file).nodes)
     except OSError:
         return True
     except InputFileError:
@@ -174,15 +174,17 @@ def _plan_of(
             hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"trust_stamp": True}, " {} makes one"),
         )
     tell_unknown_bit_rate(session, len(saved.nodes))
-    nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes}
-    for one in saved.nodes:
-        if not len(one.plan) and one.plan.changes:
-            raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
+    nodes = {node_plan.node_id: session.node(node_plan.node_id) for node_plan in saved.nodes}
+    for node in saved.nodes:
+        if not len(node.plan) and node.plan.changes:
+            raise InputFileError(f"{file}: node {node.node_id} changes nothing", place=file)
     with heard_ids(session.bus) as heard:
-        known = [_known(nodes[one.node_id], one) for one in saved.nodes]
-        refuse_impossible_stores(nodes, {one.node_id: one.store for one in known})
+        known = [_known(nodes[node_plan.node_id], node_plan) for node_plan in saved.nodes]
+        refuse_impossible_stores(nodes, {node_plan.node_id: node_plan.store for node_plan in known})
         plan = replace(saved, nodes=tuple(checked(nodes, known, force=session.options.force)))
-        return checked_network(session, plan, heard, of_device=any(one.needs_power_off for one in plan.nodes))
+        return checked_network(
+            session, plan, heard, of_device=any(node_plan.needs_power_off for node_plan in plan.nodes)
+        )
 
 
 def _known(node: Node, planned: NodePlan) -> NodePlan:

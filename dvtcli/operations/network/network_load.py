@@ -78,7 +78,7 @@ def load_after(session: Session, plan: NetworkPlan) -> BusNeed | None:
     if bit_rate is None or plan.unread:
         return None
     try:
-        state = network_state(session.node(one.node_id) for one in plan.nodes)
+        state = network_state(session.node(node.node_id) for node in plan.nodes)
     except (NoAnswer, SdoAborted, SdoProtocolError):
         return None
     return bus_need(streams_of(network_after(state, plan)), bit_rate)
@@ -98,7 +98,7 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
 
     wish = read_wish(file)
     plan = plan_wish(session, wish, FileLog(file, network_text(file)))
-    return network_after(network_state(session.node(one.node_id) for one in plan.nodes), plan, wish)
+    return network_after(network_state(session.node(node.node_id) for node in plan.nodes), plan, wish)
 
 
 def _measured(session: Session, for_s: float) -> Measured:
@@ -111,10 +111,10 @@ def _measured(session: Session, for_s: float) -> Measured:
 def _what_if(session: Session, state: NetworkState, wishes: LoadOptions) -> WhatIf:
     inhibit: dict[Endpoint, int] = {}
     for (node, pdo), time in wishes.inhibit.items():
-        having = [one for one in state.nodes if pdo in one.pdos]
+        having = [node_state for node_state in state.nodes if pdo in node_state.pdos]
         chosen = session.selected_id() if node is None and len(having) > 1 else node
-        having = [one for one in having if chosen in {None, one.node_id, one.name}]
-        ends = [Endpoint(one.node_id, pdo) for one in having]
+        having = [node_state for node_state in having if chosen in {None, node_state.node_id, node_state.name}]
+        ends = [Endpoint(node_state.node_id, pdo) for node_state in having]
         if len(ends) != 1:
             who = "" if node is None else f"{node}:"
             several_nodes = "which node's?" if ends else "no node here has it"

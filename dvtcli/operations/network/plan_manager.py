@@ -61,9 +61,11 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
         )
     wish = read_wish(file)
     found = concise_dcfs(file, session.tell, words_of_present(session, file, wish))
-    mine = [one for one in found.nodes if one.node_id != manager]
-    left_out = {(one.node_id, one.name): _NOBODY for one in found.untold}
-    left_out |= {(one.node_id, one.name): _ITSELF for one in wish.nodes if one.node_id == manager}
+    mine = [dcf for dcf in found.nodes if dcf.node_id != manager]
+    left_out = {(node_wish.node_id, node_wish.name): _NOBODY for node_wish in found.untold}
+    left_out |= {
+        (node_wish.node_id, node_wish.name): _ITSELF for node_wish in wish.nodes if node_wish.node_id == manager
+    }
     for (node_id, name), why in sorted(left_out.items()):
         session.tell.note(f"{file}: node {node_id} {name} is left out: {why}")
     if not mine:
@@ -73,15 +75,15 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     node.read_anew()
     planned = replace(_node_plan(session, node, mine), boot_ups=boot_ups)
     nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
-    untold = tuple(one.node_id for one in found.untold if one.node_id != manager)
+    untold = tuple(node_wish.node_id for node_wish in found.untold if node_wish.node_id != manager)
     return NetworkPlan(file, nodes, manager=manager, untold=untold)
 
 
 def _node_plan(session: Session, node: Node, mine: list[ConciseDcf]) -> NodePlan:
     """What has to be written to the manager *node* for it to hold all of *mine*, of what it has objects for."""
-    held = {place: data for one in mine for place, data in _held(node, one)}
-    wanted = {place: data for one in mine for place, data in _wanted(one).items() if place in held}
-    counts = {one.node_id: len(one.entries) for one in mine}
+    held = {place: data for dcf in mine for place, data in _held(node, dcf)}
+    wanted = {place: data for dcf in mine for place, data in _wanted(dcf).items() if place in held}
+    counts = {dcf.node_id: len(dcf.entries) for dcf in mine}
     changes = tuple(
         value_change(node, place, held[place], data, _reason(place, counts)) for place, data in wanted.items()
         if data != held[place]
@@ -90,7 +92,9 @@ def _node_plan(session: Session, node: Node, mine: list[ConciseDcf]) -> NodePlan
         session.tell.note(
             f"node {node.node_id} has no 0x{index:04X}: it downloads at each boot-up, whatever 0x1020 says"
         )
-    said = tuple(replace(one, text=f"node {each.node_id}: {one.text}") for each in mine for one in each.findings)
+    said = tuple(
+        replace(finding, text=f"node {each.node_id}: {finding.text}") for each in mine for finding in each.findings
+    )
     return NodePlan(
         "manager", Plan(node.node_id, changes), node.identity(), node.title,
         values=wanted, names=names(node, changes), findings=said,
@@ -126,7 +130,7 @@ def no_manager(node: Node, place: str, aborted: SdoAborted) -> UsageError:
 
 def _lacking(held: Mapping[tuple[int, int], bytes], mine: list[ConciseDcf]) -> list[int]:
     """Of date and time what the manager does not have for nodes that get a stamp."""
-    stamped = [one.node_id for one in mine if any(entry.index == STAMP for entry in one.entries)]
+    stamped = [dcf.node_id for dcf in mine if any(entry.index == STAMP for entry in dcf.entries)]
     return [index for index in _EXPECTED if any((index, node_id) not in held for node_id in stamped)]
 
 

@@ -20,7 +20,7 @@ def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> 
     """
     for node in wish.nodes:
         words = [word for pdo in node.pdos for word in pdo.mapping or ()]
-        words += [one.object for one in node.values]
+        words += [value.object for value in node.values]
         names = [word for word in words if is_name(word.text)]
         if names and node.node_id not in known and simulated_word(file, node) is None:
             text = (

@@ -45,7 +45,7 @@ def _say_ready(ready: Path, served: Serving, where: tuple[str, int] | None) -> N
 
 
 def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:
-    names = [one.label for one in served.nodes]
+    names = [node.label for node in served.nodes]
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     who = ", ".join(names[:_NAMED]) + more
     places, attach = [], ""
@@ -59,7 +59,7 @@ def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:
         ("host", host if served.port is not None else None),
         ("port", served.port),
         ("bus", served.joined),
-        ("nodes", [one.node_id for one in served.nodes]),
+        ("nodes", [node.node_id for node in served.nodes]),
     )
     here = f"{' and '.join(places)}: {who}"
     # in a line of its own and a terminal's width it can be copied
@@ -69,7 +69,7 @@ def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:
 
 def _names(served: Serving) -> tuple[str, ...]:
     """What gives the objects of the served families their names; nothing where none is of a family."""
-    family = next((one.family for one in served.nodes if one.family), None)
+    family = next((node.family for node in served.nodes if node.family), None)
     if family is None:
         return ()
     return (f"Names of objects: --eds {family}, or `dcf: {family}` in a network file.",)

@@ -34,7 +34,7 @@ def show_faults(session: Session, node_id: int | None = None) -> Faults:
         session.tell.note("--dry-run reads the node's own list only where it stands: to choose a position is a write")
     rows = [words.row("active", code) for code in active]
     rows += words.of_history(history or ())
-    rows += [words.heard(one) for one in node.bus.heard_emergencies(node.node_id)]
+    rows += [words.heard(emergency) for emergency in node.bus.heard_emergencies(node.node_id)]
     return Faults(
         node.node_id, node.profile.title, read_register(node.sdo), history is not None, tuple(rows),
         dry_run=session.dry_run,
@@ -74,7 +74,7 @@ class ErrorWords:
 
     def of_history(self, history: Iterable[HistoryEntry]) -> list[FaultRow]:
         """The entries of an error history."""
-        return [replace(self.row("history", one.code), information=one.information) for one in history]
+        return [replace(self.row("history", entry.code), information=entry.information) for entry in history]
 
     def heard(self, one: HeardEmergency) -> FaultRow:
         """Messages that were heard."""

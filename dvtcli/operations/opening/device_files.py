@@ -94,9 +94,9 @@ class DeviceFiles:
             return FileChoice(self.own_eds[node_id], "chosen for this node")
         if self.options.eds:
             return FileChoice(file_or_family(self.options.eds), "chosen with --eds")
-        for one in self.simulated:
-            if one.node_id == node_id:
-                return FileChoice(one.eds, SIMULATED)
+        for simulated in self.simulated:
+            if simulated.node_id == node_id:
+                return FileChoice(simulated.eds, SIMULATED)
         from dvtcli.operations.opening.file_choice import found_file
 
         return found_file(said or self.memory(node_id))
@@ -131,11 +131,11 @@ class DeviceFiles:
             return load_profile(self.own_profile[node_id])
         if self.options.profile:
             return load_profile(self.options.profile)
-        for one in self.simulated:
-            if one.node_id == node_id and one.folder is not None and has_profile(one.folder):
-                return load_folder_profile(one.folder)
-            if one.node_id == node_id and one.family in profile_names():
-                return self._simulated_profile(node_id, one.family)
+        for simulated in self.simulated:
+            if simulated.node_id == node_id and simulated.folder is not None and has_profile(simulated.folder):
+                return load_folder_profile(simulated.folder)
+            if simulated.node_id == node_id and simulated.family in profile_names():
+                return self._simulated_profile(node_id, simulated.family)
         vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
         if not vendor:  # a device that does not say who it is (0 is nobody's number): its file does
             return profile_of(self.dictionary(node_id))
@@ -154,7 +154,7 @@ def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, Devic
     """Dictionaries, with their profiles, that are known before any bus is opened."""
     paths = [file_or_family(options.eds)] if options.eds else []
     found = []
-    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim)]
+    paths += [] if paths else [node.eds for node in simulated_nodes(options.sim)]
     for dictionary in map(read_dictionary, paths):
         profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
         found.append((dictionary, profile))

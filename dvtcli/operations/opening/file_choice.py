@@ -29,7 +29,7 @@ def found_file(node: SdoReader) -> FileChoice | None:
     vendor, product = (read_identity(node, sub) for sub in (1, 2))
     if vendor is None or product is None:
         return None
-    if any((one.vendor_id, one.product_code) == (vendor, product) for one in files):
+    if any((file.vendor_id, file.product_code) == (vendor, product) for file in files):
         from dvtcli.files.device_library.match import match
 
         found = match(files, vendor, product, read_identity(node, 3))

@@ -72,7 +72,7 @@ class Network:
     @property
     def simulated_ids(self) -> tuple[int, ...]:
         """Node-IDs of the simulated nodes, in the order they were given."""
-        return tuple(one.node_id for one in self.files.simulated)
+        return tuple(simulated.node_id for simulated in self.files.simulated)
 
     def node(self, node_id: int) -> Node:
         """The node with *node_id*, its dictionary and profile found from its identity where not given.

@@ -109,7 +109,7 @@ def serving(
     nodes = simulated_nodes(wanted.nodes, "sim")
     for text in not_simulated(nodes):
         warn(text)
-    devices = [simulated_device(one) for one in nodes]
+    devices = [simulated_device(node) for node in nodes]
     keep = _keeper(wanted.state, nodes, devices, warn)
     nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
     _warn_of_doubles(devices, wanted, warn)
@@ -219,7 +219,7 @@ def _keeper(
         raise UsageError(
             f"{folder}: {why}", place=str(folder), hint=Hint(Action.GIVE, {"state": None}, "takes a folder to write to")
         ) from failed
-    names = [f"{one.family or one.eds.stem}@{one.node_id}.json" for one in nodes]
+    names = [f"{node.family or node.eds.stem}@{node.node_id}.json" for node in nodes]
     paths = {device: folder / name for device, name in zip(devices, names, strict=True)}
     for device, path in paths.items():
         kept = read_state(path)

@@ -119,7 +119,7 @@ def simulated_nodes(words: tuple[str, ...], by: str = "--sim") -> tuple[Simulate
     found: list[Simulated] = []
     for word in words:
         what, wanted = _split(word)
-        used = {one.node_id for one in found}
+        used = {simulated.node_id for simulated in found}
         chosen = _node_id_of_file(what, used) if wanted is None else wanted
         chosen = chosen if chosen is not None else next((n for n in range(1, 128) if n not in used), 1)
         one = _simulated(what, chosen, by)

@@ -27,6 +27,6 @@ def _of_file(path: Path) -> Iterator[str]:
     try:
         must_tell_values(read, str(path))
     except InputFileError as error:
-        for one in error.complaints:
-            yield f"{one.file}:{one.line}: {one.text}: the node is simulated all the same"
+        for complaint in error.complaints:
+            yield f"{complaint.file}:{complaint.line}: {complaint.text}: the node is simulated all the same"
     yield from unread_values(read, str(path))

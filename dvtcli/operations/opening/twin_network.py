@@ -45,6 +45,8 @@ def twin_of(network: Network) -> Network:
 
 def _family(network: Network, node: Node) -> Family:
     """How *node* behaves: as it was learnt, else as its profile's family does."""
-    folder = next((one.folder for one in network.files.simulated if one.node_id == node.node_id), None)
+    folder = next(
+        (simulated.folder for simulated in network.files.simulated if simulated.node_id == node.node_id), None
+    )
     learnt = learnt_family(node.profile, folder)
     return family_named(node.profile.name) if learnt is None else learnt

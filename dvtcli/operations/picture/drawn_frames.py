@@ -30,9 +30,11 @@ def drawn_frames(state: NetworkState, load: NetworkLoad) -> Iterator[PictureFram
     """Every CAN-ID that is used: what is sent with it as `load` computes it, and what RPDOs only wait for."""
     hearing = _hearing(state)
     found: dict[tuple[Identifier, int], PictureFrame] = {}
-    for one in load.frames:
-        for number, need in enumerate(one.needs or (None,)):
-            found[one.identifier, number] = _frame(load, one, need, hearing.get(one.identifier, ()))
+    for frame_load in load.frames:
+        for number, need in enumerate(frame_load.needs or (None,)):
+            found[frame_load.identifier, number] = _frame(
+                load, frame_load, need, hearing.get(frame_load.identifier, ())
+            )
     used = {identifier for identifier, _ in found}
     for node, pdo, config in state.enabled(is_tpdo=True):
         if (identifier := identifier_of(config)) not in used:

@@ -22,16 +22,21 @@ if TYPE_CHECKING:
 
 def drawn_links(state: NetworkState) -> Iterator[PictureLink]:
     """Every enabled RPDO with each TPDO of another node that it hears."""
-    for one in CheckedNetwork(state, None).heard:
-        producer, consumer = Endpoint(one.producer.node_id, one.tpdo), Endpoint(one.consumer.node_id, one.rpdo)
-        cob_id = one.sends.communication.cob_id
-        fits = not _is_known(one.sends, one.takes) or agrees(one.sends.mapping, one.takes.mapping)
+    for connection in CheckedNetwork(state, None).heard:
+        producer, consumer = (
+            Endpoint(connection.producer.node_id, connection.tpdo),
+            Endpoint(connection.consumer.node_id, connection.rpdo),
+        )
+        cob_id = connection.sends.communication.cob_id
+        fits = not _is_known(connection.sends, connection.takes) or agrees(
+            connection.sends.mapping, connection.takes.mapping
+        )
         yield PictureLink(producer, consumer, (cob_id.can_id, cob_id.extended), fits)
 
 
 def _is_known(*configs: PdoConfig) -> bool:
     """Whether it is told what each of them maps."""
-    return all(one.has_mapping and one.mpdo is None for one in configs)
+    return all(config.has_mapping and config.mpdo is None for config in configs)
 
 
 def drawn_nodes(state: NetworkState, said: Mapping[int, Rules]) -> Iterator[PictureNode]:
@@ -51,7 +56,7 @@ def _pdo(
     node: NodeState, pdo: Pdo, config: PdoConfig, meanings: Meanings, partners: dict[Endpoint, list[Endpoint]]
 ) -> PicturePdo:
     end = Endpoint(node.node_id, pdo)
-    fields = tuple(_field(node, one, meanings) for one in layout(config.mapping))
+    fields = tuple(_field(node, field, meanings) for field in layout(config.mapping))
     return PicturePdo(end, config, fields, tuple(partners.get(end, ())))
 
 

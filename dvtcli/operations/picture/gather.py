@@ -92,7 +92,7 @@ def _of_nodes(
             f"no node answers on {session.wire.name}: there is nothing to draw",
             hint=Hint(Action.FIND_NODES, why="is it the right bus, and are its nodes on? {} asks every node-ID"),
         )
-    state = replace(state, nodes=tuple(replace(one, name=names.get(one.node_id, "")) for one in state.nodes))
+    state = replace(state, nodes=tuple(replace(node, name=names.get(node.node_id, "")) for node in state.nodes))
     told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate
     network = CheckedNetwork(state, told, traffic)
     found = list(findings_of(network, chosen_rules(CheckOptions())))
@@ -128,12 +128,12 @@ def _compared(
         return replace(picture, compared=name, differences=tuple(differences(session, file)))
     except (RuleError, NoAnswer, SafetyRefusal) as refused:
         also = [text for label, text in refused.details if label == "also"]
-        against = [_finding(one) for one in against_file(session, file, wish, live)]
-        if not any(one.severity == "error" for one in against):
+        against = [_finding(finding) for finding in against_file(session, file, wish, live)]
+        if not any(finding.severity == "error" for finding in against):
             against.append(PictureFinding("error", "cannot-be-made", refused.text, refused.node, None))
         return replace(
             picture, compared=name, differences=None, exit_code=refused.exit_code,
-            findings=(*against, *(one for one in picture.findings if one not in against)),
+            findings=(*against, *(finding for finding in picture.findings if finding not in against)),
             notes=(f"not compared with {name}: {'; '.join((refused.text, *also))}",),
         )  # fmt: skip
 

@@ -49,15 +49,17 @@ def apply_network(
     heard; any error of a node with state `rolled_back`; LeftChanged where a node could not be brought back, or not all
     of them stored.
     """
-    planned = [one for one in plan.nodes if len(one.plan) or one.stores]
-    nodes = {one.node_id: session.node(one.node_id) for one in plan.nodes}
-    powered_off = [one.node_id for one in planned if one.needs_power_off]
+    planned = [node for node in plan.nodes if len(node.plan) or node.stores]
+    nodes = {node.node_id: session.node(node.node_id) for node in plan.nodes}
+    powered_off = [node_plan.node_id for node_plan in planned if node_plan.needs_power_off]
     refuse_powered(session, powered_off)
     if prove and not session.dry_run:
-        refuse_unprovable_stores(nodes, {one.node_id: one.store for one in planned if one.stores}, prove)
+        refuse_unprovable_stores(
+            nodes, {node_plan.node_id: node_plan.store for node_plan in planned if node_plan.stores}, prove
+        )
     asked = False
     if planned:
-        if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
+        if asks or any(nodes[node_plan.node_id].access.state() is NmtState.OPERATIONAL for node_plan in planned):
             session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
             asked = True
         plan = _listened(session, plan)
@@ -70,10 +72,10 @@ def apply_network(
             return NetworkApplied(plan, session.dry_run, 0.0)
         _refuse_any_stale(session, nodes, planned, kept=asked and not session.options.yes)
         refuse_powered(session, powered_off)  # somebody took time to answer
-        plans = {one.node_id: one.plan for one in planned}
+        plans = {node_plan.node_id: node_plan.plan for node_plan in planned}
         stores, equal = _stores(planned), _equal(nodes, plan.nodes)
         also = AlsoClaimed(claims.held(), stores, equal, prove is not None, claims)
-        findings = {one.node_id: one.findings for one in planned}
+        findings = {node_plan.node_id: node_plan.findings for node_plan in planned}
         with claims.rolled_back_whole():
             course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with course:
@@ -81,8 +83,16 @@ def apply_network(
             at_store = _claims_at_store(session, course, claims, found)
             stored = store_network(session, course, stores, at_store, prove, equal)
             complete(course)
-    kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
-    without = {one.node_id: _kept_without(nodes[one.node_id], one.plan) for one in planned if kept.get(one.node_id)}
+    kept = {
+        node_plan.node_id: keep_words(nodes[node_plan.node_id], node_plan.plan)
+        for node_plan in planned
+        if len(node_plan.plan)
+    }
+    without = {
+        node_plan.node_id: _kept_without(nodes[node_plan.node_id], node_plan.plan)
+        for node_plan in planned
+        if kept.get(node_plan.node_id)
+    }
     not_remembered = tuple(
         node_id for node_id, node in nodes.items() if node.keeper is not None and not node.keeper.past.remembers_last
     )
@@ -117,7 +127,7 @@ def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list
         node = nodes[one.node_id]
         refuse_stale(node, one, (*one.plan.changes, *(steady(node, one.holds) if kept else ())))
 
-    for fault in session.bus.side_by_side([partial(refuse, one) for one in planned]):
+    for fault in session.bus.side_by_side([partial(refuse, plan) for plan in planned]):
         raise fault
 
 
@@ -133,40 +143,40 @@ def _claims_at_store(
     session: Session, course: NetworkTransaction, claims: Claims, found: Mapping[int, InitialState]
 ) -> ClaimsAtStore:
     """What each node that is written or stores holds by now: what it was changed to, and what the file says."""
-    planned = [one for one in claims.planned if len(one.plan) or one.stores]
-    held = {one.node_id: one.holds for one in planned if not len(one.plan)}
-    boot_ups = {one.node_id: found[one.node_id].boot_ups for one in planned if not one.stores}
-    identities = {one.node_id: one.identity for one in planned}
+    planned = [plan for plan in claims.planned if len(plan.plan) or plan.stores]
+    held = {plan.node_id: plan.holds for plan in planned if not len(plan.plan)}
+    boot_ups = {plan.node_id: found[plan.node_id].boot_ups for plan in planned if not plan.stores}
+    identities = {plan.node_id: plan.identity for plan in planned}
     return ClaimsAtStore(session, course.nodes, {**held, **course.claims()}, identities, boot_ups, claims)
 
 
 def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
     """The stores of *planned*; a node that is not changed with what it is to hold, since no journal says it."""
     return tuple(
-        Storing(one.node_id, one.store, identity=one.identity, holds=() if len(one.plan) else one.holds)
-        for one in planned
-        if one.stores
+        Storing(plan.node_id, plan.store, identity=plan.identity, holds=() if len(plan.plan) else plan.holds)
+        for plan in planned
+        if plan.stores
     )
 
 
 def _equal(nodes: Mapping[int, Node], planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
     """The nodes that are as *planned* already, and neither are changed nor store, each with what it is to hold."""
     return tuple(
-        Storing(one.node_id, "", identity=one.identity, holds=tuple(steady(nodes[one.node_id], one.holds)))
-        for one in planned
-        if not (one.stores or len(one.plan)) and one.is_read
+        Storing(plan.node_id, "", identity=plan.identity, holds=tuple(steady(nodes[plan.node_id], plan.holds)))
+        for plan in planned
+        if not (plan.stores or len(plan.plan)) and plan.is_read
     )
 
 
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:
-    writes = plural(sum(len(one.plan) for one in planned), "write")
-    stores = [str(one.node_id) for one in planned if one.stores]
+    writes = plural(sum(len(plan.plan) for plan in planned), "write")
+    stores = [str(plan.node_id) for plan in planned if plan.stores]
     store = f", and store on node {', '.join(stores)}" if stores else ""
-    doubts = "".join(f"{one.doubt}; " for one in planned if one.doubt)
-    moved = [said.text for one in planned for said in one.findings if said.rule in MOVES]
+    doubts = "".join(f"{plan.doubt}; " for plan in planned if plan.doubt)
+    moved = [said.text for plan in planned for said in plan.findings if said.rule in MOVES]
     doubts += "".join(f"{text}; " for text in moved)
-    text = f"{doubts}{name} {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
-    running = [str(one.node_id) for one in planned if _leaves_operational(nodes[one.node_id])]
+    text = f"{doubts}{name} {writes} to node {', '.join(str(plan.node_id) for plan in planned)}{store}?"
+    running = [str(plan.node_id) for plan in planned if _leaves_operational(nodes[plan.node_id])]
     if running:
         text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
     return text

@@ -44,10 +44,10 @@ class Claims:
 
         Each as a change to what it is. Raises as reading the PDOs of the nodes that store does.
         """
-        written = [one for one in self.planned if len(one.plan)]
-        stores = [one.node_id for one in written if one.stores and is_of_pdo(one.plan)]
+        written = [plan for plan in self.planned if len(plan.plan)]
+        stores = [plan.node_id for plan in written if plan.stores and is_of_pdo(plan.plan)]
         self._side_by_side([partial(_read_pdos, self.nodes[node_id]) for node_id in stores])
-        return {one.node_id: _held(self.nodes[one.node_id], one, beside=one.node_id in stores) for one in written}
+        return {plan.node_id: _held(self.nodes[plan.node_id], plan, beside=plan.node_id in stores) for plan in written}
 
     def verify(self) -> None:
         """Read the nodes to which nothing is written, and the settings of all that the file says and nobody writes.
@@ -55,12 +55,12 @@ class Claims:
         Restarted if a node restarted and lost what was planned from, DeviceRefused if it holds something else.
         """
         equal = self._equal()
-        reads = [partial(_refuse_unequal, self.nodes[one.node_id], one) for one in equal if one.is_read]
-        reads += [partial(_refuse_altered, self.nodes[one.node_id], one) for one in self.planned if one.also_held]
+        reads = [partial(_refuse_unequal, self.nodes[plan.node_id], plan) for plan in equal if plan.is_read]
+        reads += [partial(_refuse_altered, self.nodes[plan.node_id], plan) for plan in self.planned if plan.also_held]
         for _ in range(MOST_LOOKS):
             self.verify_restarted()
             self._side_by_side(reads)
-            restarted = [one.node_id for one in equal if self._has_restarted(one)]
+            restarted = [plan.node_id for plan in equal if self._has_restarted(plan)]
             if not restarted:  # what was read of the first ones may be lost by now
                 return
         raise _restarts(restarted[0])
@@ -68,24 +68,29 @@ class Claims:
     def verify_restarted(self) -> None:
         """Restarted if a node to which nothing is written restarted and lost what was planned from."""
         try:
-            self.require_as_planned({one.node_id for one in self._equal()})
+            self.require_as_planned({plan.node_id for plan in self._equal()})
         except SafetyRefusal as lost:
             hint = "look at its supply, then try again"
             raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
 
     def _equal(self) -> list[NodePlan]:
         """The plans of nodes to which nothing is written, also if they store: they are read before the first store."""
-        return [one for one in self.planned if not len(one.plan)]
+        return [plan for plan in self.planned if not len(plan.plan)]
 
     def require_as_planned(self, of: Collection[int] | None = None) -> None:
         """SafetyRefusal if one of the nodes *of*, None for all, restarted and is not as it was planned from."""
         for _ in range(MOST_LOOKS):
-            restarted = [one for one in self.planned if of is None or one.node_id in of if self._has_restarted(one)]
-            for one in restarted:
-                node = self.nodes[one.node_id]
-                self._seen[one.node_id] = node.bus.boot_ups(one.node_id)
+            restarted = [
+                node_plan
+                for node_plan in self.planned
+                if of is None or node_plan.node_id in of
+                if self._has_restarted(node_plan)
+            ]
+            for plan in restarted:
+                node = self.nodes[plan.node_id]
+                self._seen[plan.node_id] = node.bus.boot_ups(plan.node_id)
                 node.read_anew()
-                node.observed(partial(_refuse_unlike, node, one))
+                node.observed(partial(_refuse_unlike, node, plan))
             if not restarted:
                 return
         raise _restarts(restarted[0].node_id)
@@ -101,7 +106,7 @@ class Claims:
             raise
 
     def _refuse_left_altered(self, fault: DvtcliError) -> None:
-        for planned in (one for one in self.planned if one.also_held):
+        for planned in (plan for plan in self.planned if plan.also_held):
             node = self.nodes[planned.node_id]
             try:
                 altered = node.observed(partial(_altered, node, planned))

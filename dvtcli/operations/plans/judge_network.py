@@ -60,22 +60,22 @@ def judged(
 
     *placed* gives a finding its place in a file. InputFileError for a concise DCF (0x1F22) that is none, unless forced.
     """
-    planned = [_doubted(nodes[one.node_id], one, force=force) for one in planned]
-    after = {one.node_id: _cob_ids(one) for one in planned}
+    planned = [_doubted(nodes[plan.node_id], plan, force=force) for plan in planned]
+    after = {plan.node_id: _cob_ids(plan) for plan in planned}
     senders = Senders(nodes, after)
     sent = sent_by_id(planned)
-    found = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, sent, senders))) for one in planned]
+    found = [replace(plan, findings=(*plan.findings, *_all_findings(nodes, plan, sent, senders))) for plan in planned]
     if placed is None:
         return found
-    return [replace(one, findings=tuple(placed(one.node_id, finding) for finding in one.findings)) for one in found]
+    return [replace(plan, findings=tuple(placed(plan.node_id, finding) for finding in plan.findings)) for plan in found]
 
 
 def refusals(planned: Iterable[NodePlan]) -> list[RuleError]:
     """An error for each node of *planned* of which the rules found errors."""
     return [
-        RuleError(f"node {one.node_id}: {errors[0].text}", errors, node=one.node_id)
-        for one in planned
-        if (errors := errors_in(one.findings))
+        RuleError(f"node {plan.node_id}: {errors[0].text}", errors, node=plan.node_id)
+        for plan in planned
+        if (errors := errors_in(plan.findings))
     ]
 
 
@@ -223,9 +223,9 @@ def judged_network(
             complaint = log.shown(mark, words) if mark.line else None
             found.setdefault(node_id, {})[replace(finding, complaint=complaint)] = None
     nodes = []
-    for one in plan.nodes:
-        kept = (each for each in one.findings if (one.node_id, each.pdo, each.rule) not in superseded)
-        nodes.append(replace(one, findings=(*kept, *found.get(one.node_id, ()))))
+    for node_plan in plan.nodes:
+        kept = (each for each in node_plan.findings if (node_plan.node_id, each.pdo, each.rule) not in superseded)
+        nodes.append(replace(node_plan, findings=(*kept, *found.get(node_plan.node_id, ()))))
     return replace(plan, nodes=tuple(nodes))
 
 

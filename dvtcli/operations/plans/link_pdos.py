@@ -92,7 +92,7 @@ def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
 def _refuse_unlinked(node: Node, end: Endpoint, producer: Endpoint, sent: CobId) -> None:
     heard = node.pdo(end.pdo).communication.cob_id
     if (heard.can_id, heard.extended) != (sent.can_id, sent.extended):
-        names = [f"{one.node_id}:{one.pdo}" for one in (end, producer)]
+        names = [f"{endpoint.node_id}:{endpoint.pdo}" for endpoint in (end, producer)]
         raise UsageError(f"{names[0]} does not hear {names[1]}: it has CAN-ID {heard}, and that sends {sent}")
 
 

@@ -159,9 +159,9 @@ def network_state(nodes: Iterable[Node], *, for_rules: bool = False) -> NetworkS
 
 def network_after(state: NetworkState, plan: NetworkPlan, wish: NetworkWish | None = None) -> NetworkState:
     """*state* once *plan* is carried out; *wish* is what the plan comes from, where that is known."""
-    planned = {one.node_id: one for one in plan.nodes}
-    wished = {one.node_id: one for one in wish.nodes} if wish else {}
-    nodes = (_node_after(one, planned.get(one.node_id), wished.get(one.node_id)) for one in state.nodes)
+    planned = {node.node_id: node for node in plan.nodes}
+    wished = {node.node_id: node for node in wish.nodes} if wish else {}
+    nodes = (_node_after(node, planned.get(node.node_id), wished.get(node.node_id)) for node in state.nodes)
     links = () if wish is None else wish.links
     return replace(state, nodes=tuple(nodes), master=None if wish is None else wish.master, links=links, file=plan.file)
 

@@ -77,7 +77,7 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_f
     tell_unknown_bit_rate(session, len(wish.nodes))
     log = FileLog(file, network_text(file))
     plan = plan_wish(session, wish, log, trust_stamp=trust_stamp, as_far=as_far, of_network=True)
-    undescribed = [one.node_id for one in plan.nodes if session.node(one.node_id).dictionary is None]
+    undescribed = [node.node_id for node in plan.nodes if session.node(node.node_id).dictionary is None]
     if undescribed:
         session.tell.note(f"{file}: {skipped_rules(undescribed)}")
     return plan
@@ -114,11 +114,11 @@ def plan_wish(
 def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds) -> None:
     """RuleError if a TPDO of *plan* is to get a CAN-ID that somebody unknown was *heard* to send, unless forced."""
     refused: list[RuleError] = []
-    for one in plan.nodes if heard.others and not session.options.force else ():
-        changes = [change for change in one.plan.changes if isinstance(change, PdoChange)]
+    for node in plan.nodes if heard.others and not session.options.force else ():
+        changes = [change for change in node.plan.changes if isinstance(change, PdoChange)]
         pdos = {change.pdo: (change.before, change.after) for change in changes}
-        if found := list(heard_producer_findings(session.node(one.node_id), pdos, heard)):
-            refused.append(RuleError(f"node {one.node_id}: {found[0].text}", found, node=one.node_id))
+        if found := list(heard_producer_findings(session.node(node.node_id), pdos, heard)):
+            refused.append(RuleError(f"node {node.node_id}: {found[0].text}", found, node=node.node_id))
     if refused:
         raise together(refused)
 
@@ -128,7 +128,7 @@ def checked_network(session: Session, plan: NetworkPlan, heard: HeardIds, *, of_
 
     RuleError if they find an error, or a TPDO gets a CAN-ID that somebody unknown was *heard* to send, unless forced.
     """
-    wish = NetworkWish(tuple(NodeWish(one.name, one.node_id) for one in plan.nodes))
+    wish = NetworkWish(tuple(NodeWish(node.name, node.node_id) for node in plan.nodes))
     plan = judged_network(session, plan, wish, FileLog(plan.file, ""), of_device=of_device)
     if (refused := refusals(plan.nodes)) and not session.options.force:
         raise together(refused)
@@ -171,11 +171,13 @@ def _planned_wish(
         met.failures.append(failed)
     planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
     nodes = (
-        _with_nothing_asked(replace(one, lacks=lacked.of(one.node_id), boot_ups=met.boot_ups[one.node_id]), wish, log)
-        for one in sorted(planned, key=lambda one: one.node_id)
+        _with_nothing_asked(
+            replace(node_plan, lacks=lacked.of(node_plan.node_id), boot_ups=met.boot_ups[node_plan.node_id]), wish, log
+        )
+        for node_plan in sorted(planned, key=lambda one: one.node_id)
     )
     plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(lacked.found), torn=lacked.torn)
-    if of_network and all(isinstance(one, RuleError | InputFileError) for one in met.failures):
+    if of_network and all(isinstance(failure, RuleError | InputFileError) for failure in met.failures):
         plan = judged_network(session, plan, wish, log)
     if not session.options.force:
         met.failures += refusals(plan.nodes)
@@ -226,7 +228,7 @@ def _judged(session: Session, met: IdentifiedNodes, wish: NetworkWish, log: File
     for error in refusals:
         error.findings = tuple(placed(error.node, finding) for finding in error.findings)
         met.failures.append(error)
-    planned = [replace(one, findings=(*said.get(one.node_id, ()), *one.findings)) for one in planned]
+    planned = [replace(plan, findings=(*said.get(plan.node_id, ()), *plan.findings)) for plan in planned]
     planned = judged(nodes, planned, force=session.options.force, placed=placed)
     try:
         refuse_stores_of(nodes, wish, log)
@@ -259,9 +261,11 @@ def plans_of(
         ahead = [partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()]
         for fault in node.bus.side_by_side(ahead):
             raise fault  # a Ctrl-C, or a bus that is gone
-    for one in wish.nodes:
-        stamp = stamps.get(one.node_id)
-        planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders, stamp, refused))
+    for node_wish in wish.nodes:
+        stamp = stamps.get(node_wish.node_id)
+        planned.append(
+            _node_plan(nodes[node_wish.node_id], node_wish, wants[node_wish.node_id], senders, stamp, refused)
+        )
     return planned, refused
 
 
@@ -332,7 +336,7 @@ def _values(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -
         place: value_change(node, place, held.get(place, data), data, wants.reasons.get(place, "write"))
         for place, data in wanted.items()
     }
-    return [changes[step.index, step.sub_index] for step in altering(one.step for one in changes.values())]
+    return [changes[step.index, step.sub_index] for step in altering(change.step for change in changes.values())]
 
 
 def _period_kept(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> Mapping[ObjectAddress, bytes]:

@@ -69,7 +69,7 @@ def accepted(session: Session, file: str | None) -> Facts:
             nodes.append(dict(rows))
             texts += text
     if refused:
-        raise _first_of(refused, [str(one["node"]) for one in nodes if one["accepted"]])
+        raise _first_of(refused, [str(node["node"]) for node in nodes if node["accepted"]])
     rows = (
         ("node", None),
         ("recovered", False),
@@ -118,19 +118,21 @@ def _accepted(session: Session, path: Path) -> tuple[tuple[tuple[str, Any], ...]
         kept = _set_aside(session, path, node.node_id, ACCEPTED)
         node.pending.suspicions.pop(CHANGE, None)
     text = [
-        f"{name:<11} {line}" for one in states for name, line in (("holds now", one.held), ("held before", one.before))
+        f"{name:<11} {line}"
+        for state in states
+        for name, line in (("holds now", state.held), ("held before", state.before))
     ]
     rows: tuple[tuple[str, Any], ...] = (
         ("node", node.node_id),
         ("recovered", False),
         ("accepted", kept is not None),
         ("kept", None if kept is None else str(kept)),
-        ("held", [one.document() for one in states]),
+        ("held", [state.document() for state in states]),
     )
     if kept is None:
         return rows, (*text, "dry run: the journal stays")
     said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
-    if unknown := [one.label for one in states if not one.is_known]:
+    if unknown := [state.label for state in states if not state.is_known]:
         said += f"; what it holds of {join_some(unknown)} is not known"
     return rows, (*text, said, *_after_accepting(node, journal, others))
 
@@ -146,7 +148,9 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
     if journal.part.whole is None or not part.stores:
         return
     journals = Journals(journal.path.parent, journal.bus)
-    stores = tuple(replace(one, is_accepted=True) if one.node_id == node.node_id else one for one in part.stores)
+    stores = tuple(
+        replace(store, is_accepted=True) if store.node_id == node.node_id else store for store in part.stores
+    )
     for other in together:
         if other.path != journal.path and other.part.stores != stores:
             told = replace(other.part, final=part.final, stores=stores, equal=part.equal)

@@ -57,7 +57,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
             hint=Hint(Action.RECOVER_ALL, why="puts them back as they were"),
         )
     part = furthest(journals)
-    nodes = {one.node_id: session.node(one.node_id) for one in _verified(part)}
+    nodes = {storing.node_id: session.node(storing.node_id) for storing in _verified(part)}
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
     _refuse_untold(journals, part)
     for journal in journals:
@@ -73,7 +73,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     }
     stamps = _ended_stamps(claims, part)
     expected = {**claims.changes, **with_tests}
-    expected |= {node_id: [one for one in expected[node_id] if not is_stamp(one)] for node_id in stamps}
+    expected |= {node_id: [change for change in expected[node_id] if not is_stamp(change)] for node_id in stamps}
     for node_id in nodes:
         _refuse_unlike(replace(claims, changes=expected), node_id, part.name)
     ids = ", ".join(map(str, waiting(part)))
@@ -86,7 +86,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
 
 def _verified(part: GroupMember) -> tuple[Storing, ...]:
     """The nodes that *part* names and that are still to hold what was verified: what was accepted is over."""
-    return tuple(one for one in (*part.stores, *part.equal) if not one.is_accepted)
+    return tuple(storing for storing in (*part.stores, *part.equal) if not storing.is_accepted)
 
 
 def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
@@ -95,7 +95,9 @@ def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
     Its journal was closed, or cannot be used.
     """
     own = {journal.plan.node_id for journal in journals}
-    untold = [one.node_id for one in part.stores if one.node_id not in own and not (one.holds or one.is_accepted)]
+    untold = [
+        store.node_id for store in part.stores if store.node_id not in own and not (store.holds or store.is_accepted)
+    ]
     if untold:
         ids = join_some(map(str, untold))
         raise SafetyRefusal(
@@ -119,21 +121,23 @@ def _claims(
 
     A node that only stores has none of its own, or one that only tests a proof.
     """
-    changes = {one.node_id: one.holds for one in _verified(part)}
+    changes = {storing.node_id: storing.holds for storing in _verified(part)}
     changes |= {
         journal.plan.node_id: (*changes.get(journal.plan.node_id, ()), *_wanted(journal)) for journal in journals
     }
-    identities = {one.node_id: one.identity for one in _verified(part) if one.identity is not None}
+    identities = {storing.node_id: storing.identity for storing in _verified(part) if storing.identity is not None}
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
-    silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
+    silent = {node for node in nodes if node not in {store.node_id for store in part.stores}}
     boot_ups = {one: nodes[one].bus.boot_ups(one) for one in silent}
     return ClaimsAtStore(session, nodes, changes, identities, boot_ups)
 
 
 def _wanted(journal: Journal) -> tuple[Change, ...]:
     """What *journal* says that its node is to hold, without what only tested a store."""
-    tested = {one.label: one for one in journal.part.tests}
-    return tuple(_without(one, tested[one.label]) if one.label in tested else one for one in journal.plan.changes)
+    tested = {test.label: test for test in journal.part.tests}
+    return tuple(
+        _without(change, tested[change.label]) if change.label in tested else change for change in journal.plan.changes
+    )
 
 
 def _without(change: Change, test: Change) -> Change:
@@ -146,9 +150,9 @@ def _without(change: Change, test: Change) -> Change:
 
 def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
     """What a node *holds* while it still holds what *journal* says that tested a store."""
-    tested = {one.label for one in journal.part.tests}
-    others = (one for one in holds if one.label not in tested)
-    return (*others, *(one for one in journal.plan.changes if one.label in tested))
+    tested = {test.label for test in journal.part.tests}
+    others = (hold for hold in holds if hold.label not in tested)
+    return (*others, *(change for change in journal.plan.changes if change.label in tested))
 
 
 def _store(
@@ -163,7 +167,7 @@ def _store(
 
     The journals go with that.
     """
-    nodes, course = claims.nodes, Stores({one.node_id: one for one in part.stores}, part.equal)
+    nodes, course = claims.nodes, Stores({store.node_id: store for store in part.stores}, part.equal)
     keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.guard(), session.agreed():
@@ -193,7 +197,7 @@ def _ended_stamps(claims: ClaimsAtStore, part: GroupMember) -> dict[int, tuple[C
     """The stamps to be written anew on nodes that are to store: they ended with a store that was refused."""
     found: dict[int, tuple[Change, ...]] = {}
     for node_id in waiting(part):
-        wanted = {one.step.sub_index: one.step.after for one in claims.changes[node_id] if is_stamp(one)}
+        wanted = {change.step.sub_index: change.step.after for change in claims.changes[node_id] if is_stamp(change)}
         stamp = Stamp(*(int.from_bytes(wanted.get(one, b""), "little") for one in (DATE, TIME)))
         held = held_stamp(claims.nodes[node_id]) if stamp.is_own else None
         if held is not None and held != stamp and 0 in (held.days, held.ms):

@@ -81,7 +81,7 @@ def _usable(session: Session, file: str | None, refused: list[DvtcliError]) -> l
     found: dict[Path, Journal] = {}
     for path in waiting_paths(session, file, refused):
         try:
-            found |= {one.path: one for one in with_others(session, path)}
+            found |= {other.path: other for other in with_others(session, path)}
         except (InputFileError, SafetyRefusal) as unusable:
             refused.append(unusable)
     return list(found.values())
@@ -94,7 +94,10 @@ def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
     """
     from dvtcli.operations.recover.finish_stores import may_finish
 
-    wholes = {one.part.whole: [other for other in journals if other.part.whole == one.part.whole] for one in journals}
+    wholes = {
+        journal.part.whole: [other for other in journals if other.part.whole == journal.part.whole]
+        for journal in journals
+    }
     finishing = [ours for ours in wholes.values() if may_finish(ours)]
     alone = len(wholes) == 1
     for ours in finishing:
@@ -186,11 +189,11 @@ def _put_back(
             failures.append(error)
     failed = recover_together(begun)
     failures += failed.values()
-    for one in begun:
+    for recovery in begun:
         try:
-            if one.node.node_id not in failed:
-                ended = _ended(session, one, stored_before(one.journal, journals), time.monotonic() - started)
-                left = one.left_unknown()
+            if recovery.node.node_id not in failed:
+                ended = _ended(session, recovery, stored_before(recovery.journal, journals), time.monotonic() - started)
+                left = recovery.left_unknown()
                 if left is None:
                     done.append(ended)
                 else:

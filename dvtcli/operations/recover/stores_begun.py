@@ -22,29 +22,33 @@ def furthest(journals: Sequence[Journal]) -> GroupMember:
     """
     part = max((journal.part for journal in journals), key=lambda part: (len(part.stores), *_progress(part)))
     open_ids = {journal.plan.node_id for journal in journals}
-    stores = tuple(replace(one, is_accepted=one.is_accepted and one.node_id not in open_ids) for one in part.stores)
+    stores = tuple(
+        replace(store, is_accepted=store.is_accepted and store.node_id not in open_ids) for store in part.stores
+    )
     return replace(part, stores=stores)
 
 
 def _progress(part: GroupMember) -> tuple[int, int, int]:
     """How many nodes were accepted, how many answered their store, and how many were asked."""
     return (
-        sum(one.is_accepted for one in part.stores),
-        sum(one.is_done or one.is_refused for one in part.stores),
-        sum(one.is_begun for one in part.stores),
+        sum(store.is_accepted for store in part.stores),
+        sum(store.is_done or store.is_refused for store in part.stores),
+        sum(store.is_begun for store in part.stores),
     )
 
 
 def waiting(part: GroupMember) -> list[int]:
     """Node-IDs of the stores of *part* that are not known to be done, and not over: what was accepted stays so."""
-    return [one.node_id for one in part.stores if one.waits]
+    return [store.node_id for store in part.stores if store.waits]
 
 
 def stores_of(part: GroupMember) -> dict[str, list[int]]:
     """The nodes of *part* that stored, those that may have, and those that refused or were not asked yet."""
-    done = [one.node_id for one in part.stores if one.is_done]
-    asked = [one.node_id for one in part.stores if one.is_begun and one.waits and not one.is_refused]
-    if not any(one.is_begun for one in part.stores):  # an earlier version, which noted nothing else: they go in turn
+    done = [store.node_id for store in part.stores if store.is_done]
+    asked = [store.node_id for store in part.stores if store.is_begun and store.waits and not store.is_refused]
+    if not any(
+        store.is_begun for store in part.stores
+    ):  # an earlier version, which noted nothing else: they go in turn
         asked = waiting(part)[:1]
     return {"stored": done, "unknown": asked, "not stored": [one for one in waiting(part) if one not in asked]}
 

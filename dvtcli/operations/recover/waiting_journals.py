@@ -93,7 +93,7 @@ def with_others(session: Session, path: Path) -> list[Journal]:
         return [journal]
     beside = Journals(path.parent, journal.bus).all_of(journal.part.whole)
     others = [one for one in beside if one.plan.node_id != journal.plan.node_id]
-    return sorted([journal, *(one for one in others if _is_held(session, one))], key=lambda one: one.plan.node_id)
+    return sorted([journal, *(other for other in others if _is_held(session, other))], key=lambda one: one.plan.node_id)
 
 
 def _is_held(session: Session, journal: Journal) -> bool:

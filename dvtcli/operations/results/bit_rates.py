@@ -44,7 +44,7 @@ class BitRateFound(Answer):
     @property
     def silent(self) -> bool:
         """Whether nothing came at all, neither frames nor errors."""
-        return not any(one.frames or one.error_frames for one in self.heard)
+        return not any(heard_at.frames or heard_at.error_frames for heard_at in self.heard)
 
     @property
     def exit_code(self) -> int:
@@ -58,7 +58,7 @@ class BitRateFound(Answer):
             "bus": self.bus,
             "bit_rate": self.bit_rate,
             "silent": self.silent,
-            "heard": [one.document() for one in self.heard],
+            "heard": [heard_at.document() for heard_at in self.heard],
             "seconds": self.seconds,
             "listen_only": self.listen_only,
             "complete": self.complete,

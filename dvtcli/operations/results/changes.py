@@ -135,15 +135,15 @@ class ChangedNodes(Answer):
     @property
     def exit_code(self) -> int:
         """1 where something of a node was not put back as it was."""
-        return max(one.exit_code for one in self.nodes)
+        return max(node.exit_code for node in self.nodes)
 
     @property
     def not_put_back(self) -> tuple[Finding, ...]:
         """What was not put back as it was, of every node."""
         return tuple(
-            replace(finding, text=f"node {one.node}: {finding.text}")
-            for one in self.nodes
-            for finding in one.not_put_back
+            replace(finding, text=f"node {node.node}: {finding.text}")
+            for node in self.nodes
+            for finding in node.not_put_back
         )
 
     @property
@@ -157,11 +157,11 @@ class ChangedNodes(Answer):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What the rules said, of every node."""
-        return tuple(finding for one in self.nodes for finding in one.findings)
+        return tuple(finding for node in self.nodes for finding in node.findings)
 
     def document(self) -> Document:
         """`dvtcli.change/1` without a node of its own, and with each node's document in `nodes`."""
-        documents = [one.document() for one in self.nodes]
+        documents = [node.document() for node in self.nodes]
         return {
             "schema": "dvtcli.change/1",
             "node": None,

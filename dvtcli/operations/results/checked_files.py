@@ -146,21 +146,21 @@ class FileReports(Answer):
     @property
     def exit_code(self) -> int:
         """4 where a finding in any of them is bad enough."""
-        return max(one.exit_code for one in self.files)
+        return max(file.exit_code for file in self.files)
 
     def count(self) -> dict[str, int]:
         """How many findings of each severity, in all of them."""
-        counted = [one.count() for one in self.files]
+        counted = [file.count() for file in self.files]
         return {severity: sum(one[severity] for one in counted) for severity in SEVERITIES}
 
     def document(self) -> Document:
         """`dvtcli.eds-files/1`."""
-        bad = sum(1 for one in self.files if one.exit_code)
+        bad = sum(1 for file in self.files if file.exit_code)
         return {
             "schema": "dvtcli.eds-files/1",
             "bad": bad,
             "count": self.count(),
-            "files": [one.fields() for one in self.files],
+            "files": [file.fields() for file in self.files],
         }
 
 

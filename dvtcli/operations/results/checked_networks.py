@@ -110,8 +110,8 @@ class NetworksChecked(Answer):
     @property
     def exit_code(self) -> int:
         """4 where a file is wrong, else 3 where nodes on a bus are, else 2 where a file is not there."""
-        return max((one.exit_code for one in self.reports), default=0)
+        return max((report.exit_code for report in self.reports), default=0)
 
     def document(self) -> Document:
         """`dvtcli.network-check/1`."""
-        return {"schema": "dvtcli.network-check/1", "files": [one.fields() for one in self.reports]}
+        return {"schema": "dvtcli.network-check/1", "files": [report.fields() for report in self.reports]}

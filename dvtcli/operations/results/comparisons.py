@@ -113,7 +113,7 @@ class ComparedNodes(Answer):
     @property
     def exit_code(self) -> int:
         """1 where devices lack what the file sets, 3 where a node differs, else 1 where a frame is missing."""
-        return 1 if self.lacking else max(one.exit_code for one in self.nodes)
+        return 1 if self.lacking else max(node.exit_code for node in self.nodes)
 
     @property
     def failure(self) -> RuleError | None:
@@ -128,13 +128,13 @@ class ComparedNodes(Answer):
         from dvtcli.operations.results.failures import not_as_wanted
 
         differing = list(
-            dict.fromkeys(f"{label} of node {one.node}" for one in self.nodes for label, _ in one.differences)
+            dict.fromkeys(f"{label} of node {node.node}" for node in self.nodes for label, _ in node.differences)
         )
         return not_as_wanted(None, self.exit_code, differing, self.nodes[0].against) if self.exit_code else None
 
     def document(self) -> Document:
         """`dvtcli.verify/1` without a node of its own, and with each node's document in `nodes`."""
-        documents = [one.document() for one in self.nodes]
+        documents = [node.document() for node in self.nodes]
         return {
             "schema": "dvtcli.verify/1",
             "node": None,

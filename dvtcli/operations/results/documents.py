@@ -165,14 +165,14 @@ def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
     """Which PDOs and objects devices have not, and why."""
     return [
         {
-            "node": one.node_id,
-            "pdo": None if one.pdo is None else str(one.pdo),
-            "object": one.object if one.pdo is None else None,
-            "text": one.finding.text,
-            "hint": one.finding.hint,
-            "next": next_step(one.finding.hint),
+            "node": lacked.node_id,
+            "pdo": None if lacked.pdo is None else str(lacked.pdo),
+            "object": lacked.object if lacked.pdo is None else None,
+            "text": lacked.finding.text,
+            "hint": lacked.finding.hint,
+            "next": next_step(lacked.finding.hint),
         }
-        for one in lacking
+        for lacked in lacking
     ]
 
 

@@ -77,7 +77,7 @@ class FrameExplained(Answer):
             "kind": self.kind,
             "label": self.label,
             "node": self.node,
-            "parts": [part_document(one) for one in self.parts],
+            "parts": [part_document(part) for part in self.parts],
         }
 
 
@@ -107,4 +107,4 @@ class Traced(Answer):
 
     def document(self) -> Document:
         """`dvtcli.trace/1`."""
-        return {"schema": "dvtcli.trace/1", "frames": [one.document() for one in self.frames]}
+        return {"schema": "dvtcli.trace/1", "frames": [frame.document() for frame in self.frames]}

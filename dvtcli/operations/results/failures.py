@@ -60,14 +60,14 @@ def _state(word: str, proof: Proof) -> str:
 
 def lacking_error(lacking: Sequence[Lacked]) -> RuleError:
     """The error for all of *lacking*, of which there is at least one: what devices have not and a file sets."""
-    complaints = tuple(one.complaint for one in lacking if one.complaint is not None)
+    complaints = tuple(lacked.complaint for lacked in lacking if lacked.complaint is not None)
     place = f"{complaints[0].place}: " if complaints else ""
-    ids = {one.node_id for one in lacking}
-    findings = [one.finding for one in lacking]
+    ids = {lacked.node_id for lacked in lacking}
+    findings = [lacked.finding for lacked in lacking]
     only = ids.pop() if len(ids) == 1 else None
     found = RuleError(f"{place}{findings[0].text}", findings, node=only, can_force=False)
     found.complaints = complaints
-    found.abort = next((one.abort for one in lacking if one.abort), None)
+    found.abort = next((lacked.abort for lacked in lacking if lacked.abort), None)
     return found
 
 

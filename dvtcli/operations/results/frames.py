@@ -125,5 +125,5 @@ class Plotted(Answer):
             "file": self.file,
             "output": self.output,
             "seconds": round(self.seconds, 6),
-            "signals": [one.document() for one in self.signals],
+            "signals": [signal.document() for signal in self.signals],
         }

@@ -57,7 +57,7 @@ class HabitRow(Short):
         return {
             "name": self.name,
             "off_first": [one.document() for one in self.wanted],
-            "pre_operational": [one.document() for one in self.pre_operational],
+            "pre_operational": [state.document() for state in self.pre_operational],
             "problem": self.problem,
         }
 

@@ -76,12 +76,14 @@ class LearntDevice(Answered):
             "saves": self.saves,
             "put_back": True,
             "seconds": round(self.seconds, 3),
-            "profile": [_learnt(one) for one in self.conclusions.profile],
-            "family": [_learnt(one) for one in self.conclusions.family],
+            "profile": [_learnt(learnt) for learnt in self.conclusions.profile],
+            "family": [_learnt(learnt) for learnt in self.conclusions.family],
             "probes": [_answer(answer) for answer in self.answers],
             "saved": list(self.saved),
             "compared": None if self.compared is None else self.compared[0],
-            "differences": None if self.compared is None else [one.document() for one in self.compared[1]],
+            "differences": None
+            if self.compared is None
+            else [difference.document() for difference in self.compared[1]],
         }
 
 

@@ -97,16 +97,18 @@ class NetworkLoad(Answer):
         if measured is None or not measured.seconds:
             return None
         bits = Fraction(0)
-        for one in self.frames:
-            if one.heard is not None and one.needs and one.needs[0].stream.kind != "emcy":
-                rates = [Fraction(1_000_000) / n.stream.frame.period_us for n in one.needs if n.stream.frame.period_us]
-                bits += sum(rates, Fraction(0)) * one.heard.bits / one.heard.frames
+        for frame in self.frames:
+            if frame.heard is not None and frame.needs and frame.needs[0].stream.kind != "emcy":
+                rates = [
+                    Fraction(1_000_000) / n.stream.frame.period_us for n in frame.needs if n.stream.frame.period_us
+                ]
+                bits += sum(rates, Fraction(0)) * frame.heard.bits / frame.heard.frames
         return float(bits / self.need.bit_rate)
 
     @property
     def too_often(self) -> tuple[FrameLoad, ...]:
         """What was heard more often than is computed at worst: its node holds something else, or two nodes send it."""
-        return tuple(one for one in self.frames if self._is_too_often(one))
+        return tuple(frame for frame in self.frames if self._is_too_often(frame))
 
     def _is_too_often(self, one: FrameLoad) -> bool:
         if one.heard is None or not one.needs or self.measured is None:
@@ -118,8 +120,8 @@ class NetworkLoad(Answer):
     def frames(self) -> tuple[FrameLoad, ...]:
         """Every CAN-ID that is computed or was heard, in the order of the wire."""
         needs: dict[Identifier, list[StreamNeed]] = {}
-        for one in self.need.needs:
-            needs.setdefault((one.stream.frame.can_id, one.stream.frame.extended), []).append(one)
+        for need in self.need.needs:
+            needs.setdefault((need.stream.frame.can_id, need.stream.frame.extended), []).append(need)
         heard = self.measured.count.by_id if self.measured is not None else {}
         only_heard = [identifier for identifier in heard if identifier not in needs]
         order = sorted([*needs, *only_heard], key=lambda one: (one[0] >> 18 if one[1] else one[0], one[1], one[0]))
@@ -136,7 +138,7 @@ class NetworkLoad(Answer):
             "fitting_bit_rates": list(self.fitting),
             "assumed": list(self.need.assumed),
             "measured": self._measured(),
-            "frames": [self._frame(one) for one in self.frames],
+            "frames": [self._frame(frame) for frame in self.frames],
         }
 
     def _measured(self) -> Document | None:
@@ -180,8 +182,8 @@ def need_document(need: BusNeed) -> Document:
         "bit_rate": need.bit_rate,
         "load": None if need.total is None else round(float(need.total), 6),
         "limited_load": round(float(need.limited), 6),
-        "unlimited": [_who(one.node, one.label) for one in need.unlimited],
-        "late": [_who(one.stream.node, one.stream.label) for one in need.late],
+        "unlimited": [_who(stream.node, stream.label) for stream in need.unlimited],
+        "late": [_who(stream_need.stream.node, stream_need.stream.label) for stream_need in need.late],
         "fits": need.fits,
     }
 

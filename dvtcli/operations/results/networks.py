@@ -113,7 +113,7 @@ def _node_document(node: NodePlan) -> Document:
         "store": node.store or None,
         "read": node.is_read,
         "unstored": list(node.unstored),
-        "left_out": [_left_out_document(one) for one in node.left_out],
+        "left_out": [_left_out_document(left_out) for left_out in node.left_out],
         "power_off": node.needs_power_off,
         "doubt": node.doubt,
         "unchanged": node.unchanged,
@@ -158,7 +158,9 @@ def _labels(plan: NetworkPlan, *, unwritten_only: bool = False) -> list[str]:
     found: list[str] = []
     for node in plan.nodes:
         labels = [] if unwritten_only else [change.label for change in node.plan.changes]
-        found += (f"{label} of node {node.node_id}" for label in [*labels, *(one.object for one in node.remaining)])
+        found += (
+            f"{label} of node {node.node_id}" for label in [*labels, *(left_out.object for left_out in node.remaining)]
+        )
     return list(dict.fromkeys(found))
 
 

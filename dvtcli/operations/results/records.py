@@ -53,10 +53,10 @@ class RecordRead(Answer):
     @property
     def exit_code(self) -> int:
         """1 where the device refused an entry for another reason than that it can only be written."""
-        refused = (one.abort for one in self.entries if isinstance(one, EntryUnread))
+        refused = (entry.abort for entry in self.entries if isinstance(entry, EntryUnread))
         return int(any(abort not in (None, Abort.WRITE_ONLY) for abort in refused))
 
     def document(self) -> Document:
         """`dvtcli.value/1` of sub-index 0, with the *entries*."""
-        entries = [{key: said for key, said in one.document().items() if key != "schema"} for one in self.entries]
+        entries = [{key: said for key, said in entry.document().items() if key != "schema"} for entry in self.entries]
         return {**self.head.document(), "schema": "dvtcli.value/1", "entries": entries}

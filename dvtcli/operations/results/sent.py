@@ -156,7 +156,7 @@ class FramesSent(OfFrames):
             "schema": "dvtcli.send/1",
             "dry_run": self.dry_run,
             **self.outcome.fields(),
-            "frames": [one.document() for one in self.frames],
+            "frames": [frame.document() for frame in self.frames],
         }
 
 
@@ -222,6 +222,6 @@ class Replayed(OfFrames):
             "file": self.file,
             "dry_run": self.dry_run,
             **self.outcome.fields(),
-            "frames": [one.document() for one in self.frames],
+            "frames": [frame.document() for frame in self.frames],
             "left_out": [{"reason": reason, "frames": count} for reason, count in self.left_out],
         }

@@ -51,7 +51,7 @@ class SyncCheck(Answer):
     @property
     def produced(self) -> bool:
         """Whether SYNC was heard, or a node says that it produces it."""
-        return self.heard > 0 or any(one.produces for one in self.nodes)
+        return self.heard > 0 or any(node.produces for node in self.nodes)
 
     def document(self) -> Document:
         """`dvtcli.sync-check/1`."""
@@ -60,7 +60,7 @@ class SyncCheck(Answer):
             "produced": self.produced,
             "heard": self.heard,
             "listened_ms": self.listened_ms,
-            "nodes": [{"node": one.node, "cob_id": one.cob_id, "period_us": one.period_us} for one in self.nodes],
+            "nodes": [{"node": node.node, "cob_id": node.cob_id, "period_us": node.period_us} for node in self.nodes],
         }
         if self.findings:
             document["findings"] = [finding_document(finding) for finding in self.findings]

@@ -27,7 +27,7 @@ class ValuesRead(Answer):
 
     def document(self) -> Document:
         """`dvtcli.values/1`."""
-        values = [{key: said for key, said in one.document().items() if key != "schema"} for one in self.values]
+        values = [{key: said for key, said in value.document().items() if key != "schema"} for value in self.values]
         time = {} if self.at_s is None else {"time_s": round(self.at_s, 3)}
         return {"schema": "dvtcli.values/1", **time, "values": values}
 

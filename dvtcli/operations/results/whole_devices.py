@@ -103,7 +103,7 @@ class WholeCompared(Answer):
         """What a script says where it ends with this line: which settings differ."""
         from dvtcli.operations.results.failures import not_as_wanted
 
-        differing = [one.object for one in self.differences]
+        differing = [difference.object for difference in self.differences]
         if not differing:
             return None
         failed = not_as_wanted(self.node, self.exit_code, differing, self.first)
@@ -119,9 +119,9 @@ class WholeCompared(Answer):
             "second": self.second,
             "objects": self.objects,
             "equal": not self.differences,
-            "differences": [one.document() for one in self.differences],
-            "about": [one.document() for one in self.about],
-            "apart": [one.document() for one in self.apart],
+            "differences": [difference.document() for difference in self.differences],
+            "about": [difference.document() for difference in self.about],
+            "apart": [difference.document() for difference in self.apart],
             "unsaid": self.unsaid,
             "unread": list(self.unread),
             "unlike": self.unlike,

@@ -38,7 +38,7 @@ def store_group(word: str) -> int | None:
 def refuse_impossible_stores(nodes: Mapping[int, Node], stores: Mapping[int, str]) -> None:
     """RuleError with each of *nodes* that cannot store what *stores* ask of it, by node-ID; never to be forced."""
     found = {node_id: _finding(nodes[node_id], word) for node_id, word in stores.items() if word}
-    findings = [one for one in found.values() if one is not None]
+    findings = [finding for finding in found.values() if finding is not None]
     if findings:
         ids = [node_id for node_id, one in found.items() if one is not None]
         only = ids[0] if len(ids) == 1 else None
@@ -60,8 +60,10 @@ def refuse_stores_of(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog)
     if len(refused) == 1:
         raise refused[0]
     if refused:
-        every = RuleError(refused[0].text, [finding for one in refused for finding in one.findings], can_force=False)
-        every.complaints = tuple(complaint for one in refused for complaint in one.complaints)
+        every = RuleError(
+            refused[0].text, [finding for rule_error in refused for finding in rule_error.findings], can_force=False
+        )
+        every.complaints = tuple(complaint for rule_error in refused for complaint in rule_error.complaints)
         raise every
 
 

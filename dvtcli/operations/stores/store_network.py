@@ -51,7 +51,7 @@ def store_network(
     """
     if not stores:
         return ()
-    on_way = Stores({one.node_id: one for one in stores}, equal)
+    on_way = Stores({storing.node_id: storing for storing in stores}, equal)
     try:
         return store_each(session, course.name, on_way, claims, course.journals(), prove)
     except BaseException as fault:
@@ -60,7 +60,7 @@ def store_network(
             if kept is not None:
                 fault.details.append(("also", f"{kept.text}: {kept.why}"))
         elif isinstance(fault, LeftChanged) and not course.journals():
-            done = [one.node_id for one in on_way.states.values() if one.is_done]
+            done = [state.node_id for state in on_way.states.values() if state.is_done]
             cause = on_way.lost[0] if on_way.lost else next(iter(on_way.failed.values()), fault)
             fault.hint = hint_without_journal(cause, done)
         for journal in course.journals():
@@ -70,13 +70,13 @@ def store_network(
 
 def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore, left: LeftChanged) -> None:
     """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it."""
-    for one in stores.states.values():
-        if not one.waits:
+    for state in stores.states.values():
+        if not state.waits:
             continue
         try:
-            end_stamp(session, claims.nodes[one.node_id], "what is not stored has no stamp")
+            end_stamp(session, claims.nodes[state.node_id], "what is not stored has no stamp")
         except DvtcliError as failed:
-            left.details.append(("also", f"0x1020 of node {one.node_id} may say that it is stored: {failed.text}"))
+            left.details.append(("also", f"0x1020 of node {state.node_id} may say that it is stored: {failed.text}"))
 
 
 def store_each(
@@ -105,7 +105,7 @@ def store_each(
             if fault.state != "unknown":
                 stores.states[one.node_id] = replace(stores.states[one.node_id], is_refused=True)
 
-    jobs = [partial(store, one) for one in states if one.waits]
+    jobs = [partial(store, state) for state in states if state.waits]
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
     if faults and not stores.failed:
         raise faults[0]
@@ -124,7 +124,7 @@ def store_each(
     others = others or one_by_one([claims.others.verify_restarted])  # what was read of them first may be lost by now
     if others:
         raise lost_besides(stores, others[0]) from others[0]
-    return tuple(stores.answers[one.node_id] for one in states if one.node_id in stores.answers)
+    return tuple(stores.answers[state.node_id] for state in states if state.node_id in stores.answers)
 
 
 def _store_one(
@@ -150,7 +150,7 @@ def _store_one(
             raise
         stores.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove, is_part=True)
     except (SafetyRefusal, LeftChanged) as other:  # another device, or what tested the store is left on it
-        stores.lost = [other, *(one for one in stores.lost if one is not other)]
+        stores.lost = [other, *(exception for exception in stores.lost if exception is not other)]
         raise
     stores.states[one.node_id] = replace(one, is_done=True)
     _say_too_late(session, stores)
@@ -159,7 +159,7 @@ def _store_one(
 def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
     """Let *journals* say how the stores ended; what keeps one from it is said beside what is *left*."""
     states = tuple(stores.states.values())
-    line = f"{name}: store on node {', '.join(str(one.node_id) for one in states)}"
+    line = f"{name}: store on node {', '.join(str(state.node_id) for state in states)}"
     for journal in (journal for journal in journals if journal.is_begun):
         try:
             journal.final(line, states, stores.equal)
@@ -169,10 +169,10 @@ def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal], left
 
 def _say_too_late(session: Session, stores: Stores) -> None:
     """Where a request to stop came while a node stored: who has stored, and that the others do so, too."""
-    rest = [str(one.node_id) for one in stores.states.values() if one.waits]
+    rest = [str(state.node_id) for state in stores.states.values() if state.waits]
     if session.cancellation.requested and rest and not stores.was_late:
         stores.was_late = True
-        done = [str(one.node_id) for one in stores.states.values() if one.is_done]
+        done = [str(state.node_id) for state in stores.states.values() if state.is_done]
         session.tell.warning(
             f"too late to stop before the stores: node {', '.join(done)} has stored; node {', '.join(rest)} still "
             "stores, so that all keep the same (once more: at once)"

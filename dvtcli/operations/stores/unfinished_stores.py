@@ -44,7 +44,7 @@ class Stores:
 
     def are_all_done(self) -> bool:
         """Whether every node that is to store has acknowledged that."""
-        return not any(one.waits for one in self.states.values())
+        return not any(state.waits for state in self.states.values())
 
 
 def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
@@ -61,7 +61,7 @@ def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
         f"every node holds what was planned, and {', and '.join(said)}",
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
-        why="; ".join(str(one) or "interrupted" for one in course.failed.values()),
+        why="; ".join(str(exception) or "interrupted" for exception in course.failed.values()),
         hint=Hint(Action.FINISH_STORES, why="asks those again that have not stored").after(
             brought_back_first(fault.hint if isinstance(fault, DvtcliError) else None)
         )
@@ -169,9 +169,9 @@ def _lost_text(course: Stores, first: BaseException) -> str:
 
 def _say_who(course: Stores, left: LeftChanged) -> None:
     """Who has stored, who has not, and of whom nobody knows: for a screen, and for a program."""
-    done = tuple(one.node_id for one in course.states.values() if one.is_done)
+    done = tuple(state.node_id for state in course.states.values() if state.is_done)
     unsure = tuple(node_id for node_id, one in course.failed.items() if _is_unsure(one))
-    missing = tuple(one.node_id for one in course.states.values() if one.waits and one.node_id not in unsure)
+    missing = tuple(state.node_id for state in course.states.values() if state.waits and state.node_id not in unsure)
     lost = {fault.node for fault in course.lost if isinstance(fault, DeviceRefused)}
     not_held = tuple(node_id for node_id in done if node_id in lost)
     left.stores = WhoStored(tuple(node_id for node_id in done if node_id not in lost), missing, unsure, not_held)

@@ -119,7 +119,7 @@ def _how_to_finish(journal: Journal) -> Hint:
             f"a change of {labels} of node {node_id} was interrupted: {{}} puts the old configuration back",
         )
     back = Hint(Action.RECOVER_ALL, why=", {} takes every line of it back, on all nodes")
-    if journal.part.stores and not any(one.waits for one in journal.part.stores):
+    if journal.part.stores and not any(store.waits for store in journal.part.stores):
         said = f"{verbatim(journal.part.name)} was interrupted once nodes had stored what it changed, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at every node once more") + back
     if journal.part.stores:

@@ -45,7 +45,7 @@ class Secrets:
         words = re.sub(r"\b([0-9a-f]{1,4})h\b", r"\1", words)
         if any(re.search(rf"\b(?:{index:04x}|{index})\s+0*{sub:x}\b", words) for index, sub in self.objects):
             return True
-        found = (one.entry(*place) for one in dictionaries for place in self.objects)
+        found = (dictionary.entry(*place) for dictionary in dictionaries for place in self.objects)
         typed = normalised(line)
         names = (name for entry in found if entry is not None for name in (entry.name, entry.denotation))
         return any(name in typed for name in map(normalised, names) if name)

@@ -42,8 +42,8 @@ class IdentifiedNodes:
         """One error for all failures, where there is one: what trying again does not mend comes first."""
         if not self.failures:
             return
-        refused = [one for one in self.failures if isinstance(one, RuleError)]
-        others = [one for one in self.failures if not isinstance(one, RuleError)]
+        refused = [failure for failure in self.failures if isinstance(failure, RuleError)]
+        others = [failure for failure in self.failures if not isinstance(failure, RuleError)]
         failures: list[DvtcliError] = [*others, together(refused)] if refused else others
         first, *others = sorted(failures, key=_weight)
         if isinstance(first, RuleError):  # force helps where it helps with everything
@@ -103,11 +103,11 @@ def _ask_all(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
 
 def _joined(failures: list[DvtcliError]) -> None:
     """Nodes that are silent are one failure."""
-    silent = [one for one in failures if isinstance(one, NoAnswer) and one.node is not None]
+    silent = [failure for failure in failures if isinstance(failure, NoAnswer) and failure.node is not None]
     if len(silent) > 1:
-        silent[0].text = f"nodes {', '.join(str(one.node) for one in silent)} do not answer"
-        for one in silent[1:]:
-            failures.remove(one)
+        silent[0].text = f"nodes {', '.join(str(no_answer.node) for no_answer in silent)} do not answer"
+        for answer in silent[1:]:
+            failures.remove(answer)
 
 
 def _choose_files(session: Session, file: str, node: NodeWish) -> None:
@@ -161,8 +161,8 @@ def _texts(failure: DvtcliError, told_by: DvtcliError) -> Iterator[str]:
     if isinstance(failure, RuleError):
         node = "" if failure.node is None else f"node {failure.node}: "
         placed = isinstance(told_by, InputFileError)
-        yield from (f"{node}{one.text}" for one in failure.findings if one.complaint is None or not placed)
+        yield from (f"{node}{finding.text}" for finding in failure.findings if finding.complaint is None or not placed)
     elif isinstance(failure, InputFileError) and failure.complaints:
-        yield from (f"{one.place}: {one.text}" for one in failure.complaints)
+        yield from (f"{complaint.place}: {complaint.text}" for complaint in failure.complaints)
     else:
         yield failure.text

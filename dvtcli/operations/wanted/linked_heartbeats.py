@@ -117,14 +117,14 @@ def _node(wish: NetworkWish, node_id: int) -> NodeWish:
 def _said_slots(values: Iterable[ValueWish]) -> dict[int, int]:
     """The entries of 0x1016 that *values* name by number, by sub-index: what is no number is told where it is meant."""
     found: dict[int, int] = {}
-    for one in values:
-        place = parse_object(one.object.text)
+    for value in values:
+        place = parse_object(value.object.text)
         if place is not None and place[0] == _CONSUMER:
             with suppress(ValueError):
-                found[place[1]] = int(one.value.text, 0)
+                found[place[1]] = int(value.value.text, 0)
     return found
 
 
 def _wished_ms(said: Iterable[ObjectWish], held_ms: int) -> int:
     """What is *said* of 0x1017, else what the node holds."""
-    return next((int.from_bytes(one.data, "little") for one in said if one.key == _HEARTBEAT), held_ms)
+    return next((int.from_bytes(wish.data, "little") for wish in said if wish.key == _HEARTBEAT), held_ms)

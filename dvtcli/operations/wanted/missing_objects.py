@@ -56,8 +56,8 @@ def refuse_lacking(plan: NetworkPlan) -> NetworkPlan:
 def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -> tuple[NetworkWish, LackedOfWish]:
     """*wish* without what its *nodes* lack and the links of such PDOs, and what that is."""
     asked: dict[int, dict[Pdo, Mark]] = {}
-    for one in wish.nodes:
-        asked[one.node_id] = {pdo.pdo: pdo.mark for pdo in one.pdos}
+    for node_wish in wish.nodes:
+        asked[node_wish.node_id] = {pdo.pdo: pdo.mark for pdo in node_wish.pdos}
     for link in wish.links:
         for end in link.ends:
             asked[end.node_id].setdefault(end.pdo, link.mark)
@@ -90,8 +90,11 @@ def _look_ahead(node: Node, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mar
 def _places(node: Node, wish: NodeWish) -> Iterator[tuple[Place, Mark]]:
     """The single objects that *wish* sets, and where it does; those that it may not set are complained of elsewhere."""
     wishes: tuple[ObjectWish | ValueWish, ...] = (*wish.objects, *wish.values)
-    for one in wishes:
-        place, mark = _place_of(node, one), one.object.mark if isinstance(one, ValueWish) else one.mark
+    for object_wish in wishes:
+        place, mark = (
+            _place_of(node, object_wish),
+            object_wish.object.mark if isinstance(object_wish, ValueWish) else object_wish.mark,
+        )
         if place is not None and not set_elsewhere(node, place):
             yield place, mark
 
@@ -117,7 +120,7 @@ class LackedOfWish:
 
     def of(self, node_id: int) -> tuple[str, ...]:
         """What the node with *node_id* lacks, as labels."""
-        return tuple(one.label for one in self.found if one.node_id == node_id)
+        return tuple(lacked.label for lacked in self.found if lacked.node_id == node_id)
 
     def look(self, node: Node, pdo: Pdo, mark: Mark) -> None:
         """Take *pdo* in where *node* says that it has none; raises as reading it does for any other reason."""
@@ -155,10 +158,10 @@ class LackedOfWish:
             for link in wish.links
             if not self._has(link.producer) and (heard := tuple(end for end in link.consumers if not self._has(end)))
         )
-        return replace(wish, nodes=tuple(self._node(nodes[one.node_id], one) for one in wish.nodes), links=links)
+        return replace(wish, nodes=tuple(self._node(nodes[node.node_id], node) for node in wish.nodes), links=links)
 
     def _has(self, end: Endpoint) -> bool:
-        return any((one.node_id, one.pdo) == (end.node_id, end.pdo) for one in self.found)
+        return any((lacked.node_id, lacked.pdo) == (end.node_id, end.pdo) for lacked in self.found)
 
     def _node(self, node: Node, wish: NodeWish) -> NodeWish:
         def is_there(one: ObjectWish | ValueWish) -> bool:

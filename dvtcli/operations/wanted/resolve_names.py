@@ -79,7 +79,7 @@ def _wanted(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
     """What *wish* means objects of *node* to hold; where two of its lines want an object otherwise, that is told."""
     said = (*_objects(wish), *_values(node, wish, log))
     watches = _watches(node, wish, said, log)
-    taken = {one.place for one in watches}
+    taken = {watch.place for watch in watches}
     pins = wanted_pins(node, wish.pins, log)
     found: dict[Place, WantedValue] = {}
     for want in (*(one for one in said if not (_is_free_entry(one) and one.place in taken)), *watches, *pins):
@@ -152,28 +152,31 @@ def _text(wrong: DvtcliError) -> str:
 
 
 def _objects(wish: NodeWish) -> Iterator[WantedValue]:
-    yield from (WantedValue((one.index, one.sub_index), one.data, one.key, one.mark) for one in wish.objects)
+    yield from (
+        WantedValue((object_wish.index, object_wish.sub_index), object_wish.data, object_wish.key, object_wish.mark)
+        for object_wish in wish.objects
+    )
 
 
 def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
-    for one in wish.values:
+    for value in wish.values:
         try:
-            place = object_at(node, one.object.text)
+            place = object_at(node, value.object.text)
         except UsageError as wrong:
-            log.complain(one.object.mark, _unknown(node, wrong))
+            log.complain(value.object.mark, _unknown(node, wrong))
             continue
         if refusal := _why_not(node, place):
-            log.complain(one.object.mark, refusal)
+            log.complain(value.object.mark, refusal)
             continue
         try:
             kind = object_type(node, *place)
-            text = one.value.text if kind.limits is None else of_node(one.value.text, node.node_id)
+            text = value.value.text if kind.limits is None else of_node(value.value.text, node.node_id)
             data = typed_bytes(kind, meaning_of(node, *place), text)
-            yield WantedValue(place, data, _name(node, place), one.value.mark)
+            yield WantedValue(place, data, _name(node, place), value.value.mark)
         except ValueError as unfit:
-            log.complain(one.value.mark, f"{one.value.text!r} for {_shown(place)}: {unfit}")
+            log.complain(value.value.mark, f"{value.value.text!r} for {_shown(place)}: {unfit}")
         except SdoAborted as aborted:
-            log.complain(one.object.mark, aborted.text)
+            log.complain(value.object.mark, aborted.text)
 
 
 def _name(node: Node, place: Place) -> str:

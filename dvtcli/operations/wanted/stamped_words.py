@@ -54,15 +54,15 @@ def _words(node: Node, wish: NodeWish) -> list[Any]:
         wish.node_id,
         bool(wish.prune),
         sorted((_pdo_words(node, pdo) for pdo in wish.pdos), key=lambda row: str(row[0])),
-        sorted([one.index, one.sub_index, one.data.hex()] for one in wish.objects),
-        sorted([_at(object_at, node, one.object), one.value.text] for one in wish.values),
-        sorted([one.producer, one.time_ms] for one in wish.watches),
-        sorted([one.group, one.pin, one.object and _at(object_index, node, one.object)] for one in wish.pins),
+        sorted([object_wish.index, object_wish.sub_index, object_wish.data.hex()] for object_wish in wish.objects),
+        sorted([_at(object_at, node, value.object), value.value.text] for value in wish.values),
+        sorted([watch.producer, watch.time_ms] for watch in wish.watches),
+        sorted([pin.group, pin.pin, pin.object and _at(object_index, node, pin.object)] for pin in wish.pins),
     ]
 
 
 def _pdo_words(node: Node, pdo: PdoWish) -> list[Any]:
-    mapping = None if pdo.mapping is None else [_at(entry_at, node, one) for one in pdo.mapping]
+    mapping = None if pdo.mapping is None else [_at(entry_at, node, word) for word in pdo.mapping]
     return [
         str(pdo.pdo), pdo.enabled, pdo.cob_id, pdo.extended, pdo.rtr_allowed, pdo.transmission_type, pdo.inhibit_time,
         pdo.event_timer, pdo.sync_start_value, mapping,

@@ -52,9 +52,9 @@ class Stamping:
 def stamps_of(nodes: Mapping[int, Node], wish: NetworkWish) -> dict[int, Stamp]:
     """The stamp of each node of *wish* that is to get one, as the file says it, by node-ID."""
     return {
-        one.node_id: wanted_stamp(nodes, wish, one.node_id)
-        for one in wish.nodes
-        if one.stamp and linked_with(wish, one.node_id) <= nodes.keys()
+        node.node_id: wanted_stamp(nodes, wish, node.node_id)
+        for node in wish.nodes
+        if node.stamp and linked_with(wish, node.node_id) <= nodes.keys()
     }
 
 
@@ -86,7 +86,7 @@ def trusted(nodes: Mapping[int, Node], wish: NetworkWish) -> frozenset[int]:
     and 0x1011. An old stamp may come back with a restart then, beside a new value.
     """
     stamps = stamps_of(nodes, wish)
-    own = {one.node_id for one in wish.nodes if _is_stamped(nodes, one, stamps.get(one.node_id))}
+    own = {node.node_id for node in wish.nodes if _is_stamped(nodes, node, stamps.get(node.node_id))}
     return frozenset(node_id for node_id in own if linked_with(wish, node_id) <= own)
 
 
@@ -104,8 +104,8 @@ def _is_stamped(nodes: Mapping[int, Node], wish: NodeWish, wanted: Stamp | None)
 def _indices(node: Node, wish: NodeWish) -> Iterator[int]:
     """The objects that *wish* names besides PDOs, which are communication like 0x1020; 0 for one nobody knows."""
     yield from (pdo.pdo.communication_index for pdo in wish.pdos)
-    yield from (one.index for one in wish.objects)
-    for word in (one.object for one in wish.values):
+    yield from (object_wish.index for object_wish in wish.objects)
+    for word in (value.object for value in wish.values):
         try:
             yield object_at(node, word.text)[0]
         except UsageError:

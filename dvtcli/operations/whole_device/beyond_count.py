@@ -22,7 +22,7 @@ def count_beneath(place: ObjectAddress, *sides: Objects) -> int | None:
     index, sub_index = place
     if not is_pdo_mapping(index) or not sub_index:
         return None
-    counts = [data for one in sides if (data := _data(one, (index, 0))) is not None]
+    counts = [data for side in sides if (data := _data(side, (index, 0))) is not None]
     if not counts or not all(len(data) == 1 and data[0] < sub_index for data in counts):
         return None
     return max(data[0] for data in counts)

@@ -171,7 +171,7 @@ def _nothing_compared(first: HeldDevice, second: SecondSide) -> UsageError:
 
 def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:
     """What the first file that describes the object calls it."""
-    names = (one.display_name(*place) for one in dictionaries if one is not None)
+    names = (dictionary.display_name(*place) for dictionary in dictionaries if dictionary is not None)
     return next(filter(None, names), "")
 
 

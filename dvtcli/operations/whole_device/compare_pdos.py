@@ -68,7 +68,7 @@ def _verified(
     lacking = () if plan is None else plan.lacking
     if plan is not None and lacking and pdos:
         asked = {(session.node_id() if node_id is None else node_id, pdo) for node_id, pdo in pdos}
-        if not asked.isdisjoint((*((one.node_id, one.pdo) for one in lacking), *plan.torn)):
+        if not asked.isdisjoint((*((lacked.node_id, lacked.pdo) for lacked in lacking), *plan.torn)):
             refuse_lacking(plan)
         lacking = ()
     if plan is not None and lacking and not any(wanted.values()):

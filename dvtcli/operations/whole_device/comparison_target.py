@@ -124,7 +124,7 @@ def _known_by_identity(session: Session, *held: HeldDevice) -> ObjectDictionary 
 
     if session.options.eds is not None:
         return read_dictionary(file_or_family(session.options.eds))
-    found = next(filter(None, (found_file(KeptIdentity(one)) for one in held)), None)
+    found = next(filter(None, (found_file(KeptIdentity(device)) for device in held)), None)
     if found is not None and found.note:
         session.tell.note(found.note)
     return None if found is None else read_dictionary(found.path)

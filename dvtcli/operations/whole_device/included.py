@@ -46,10 +46,10 @@ class Included:
 def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[Included, ...]:
     """What *words* name of *held*; UsageError for a word that is no object, or one of which the file has no value."""
     found = tuple(_included(node, word) for word in words)
-    for one in found:
-        if not one.is_many and not one.of(held):
+    for included in found:
+        if not included.is_many and not included.of(held):
             raise UsageError(
-                f"--include {one.word} names nothing of {held.name}: the file has no value of it",
+                f"--include {included.word} names nothing of {held.name}: the file has no value of it",
                 node=node.node_id,
                 hint=Hint(
                     Action.PLAN,

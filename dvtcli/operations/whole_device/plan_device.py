@@ -75,8 +75,8 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
         met = meet(session, file, wish)
         met.end()
         planned = [
-            replace(one, boot_ups=met.boot_ups[one.node_id])
-            for one in _planned(session, met.nodes, held, wish, options)
+            replace(node_plan, boot_ups=met.boot_ups[node_plan.node_id])
+            for node_plan in _planned(session, met.nodes, held, wish, options)
         ]
         plan = checked_network(session, NetworkPlan(file, tuple(planned)), heard, of_device=True)
     return with_unknown_syncs(session, plan, frames)
@@ -94,10 +94,12 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
     for unlike in unlike_wanted(node, _wish(held, node.node_id).identity, force=False):
         raise unlike
     found = wanted_of_file(node, held)
-    unwritten = tuple((one.object, _unwritten(node, one)) for one in found.left_out.values() if one.remains)
+    unwritten = tuple(
+        (left_out.object, _unwritten(node, left_out)) for left_out in found.left_out.values() if left_out.remains
+    )
     pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
     said = {pdo: _said_of(held, pdo, config) for pdo, config in pdos.items()}
-    unreadable = tuple(one.object for one in found.left_out.values() if _reads_another_value(node, one))
+    unreadable = tuple(left_out.object for left_out in found.left_out.values() if _reads_another_value(node, left_out))
     return Wish(
         pdos,
         found.wants.values,
@@ -208,9 +210,9 @@ def _planned(
     planned, refused = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
     if refused:
         raise together(refused)
-    said = [_said(one, nodes[one.node_id], held, found[one.node_id]) for one in planned]
+    said = [_said(plan, nodes[plan.node_id], held, found[plan.node_id]) for plan in planned]
     judged = checked(nodes, said, force=session.options.force)
-    return (_powered(session, one) if len(one.plan) else one for one in judged)
+    return (_powered(session, plan) if len(plan.plan) else plan for plan in judged)
 
 
 def _powered(session: Session, planned: NodePlan) -> NodePlan:

@@ -55,7 +55,7 @@ class WantedOfFile:
 
     def __bool__(self) -> bool:
         """Whether anything that the file says was compared."""
-        is_other = any(one.remains for one in self.left_out.values())
+        is_other = any(left_out.remains for left_out in self.left_out.values())
         return bool(self.wants.pdos or self.wants.values or self.also_equal or is_other)
 
 
@@ -153,14 +153,14 @@ def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, f
 
 def _look_again(node: Node, found: WantedOfFile) -> None:
     """What is otherwise and is not written may be what changes by itself: look once more."""
-    suspects = [one for one in found.left_out.values() if one.remains and one.held is not None]
+    suspects = [left_out for left_out in found.left_out.values() if left_out.remains and left_out.held is not None]
     if suspects:
         node.bus.sleep(PAUSE_S)
-    for one in suspects:
-        index, _, sub_index = one.object.partition(":")
+    for suspect in suspects:
+        index, _, sub_index = suspect.object.partition(":")
         now = node.observed(partial(node.upload, int(index, 16), int(sub_index, 16)))
-        if now != one.held:
-            found.left_out[one.object] = replace(one, why="changes by itself", remains=False, held=now)
+        if now != suspect.held:
+            found.left_out[suspect.object] = replace(suspect, why="changes by itself", remains=False, held=now)
 
 
 def _name(node: Node, place: ObjectAddress) -> str:

@@ -121,8 +121,8 @@ class FaultyServer:
             device.boot_up()
             if self._no_boot_up:
                 device.outbox.pop()
-        due = [one for one in self._corrections if one[0] <= now_s]
-        self._corrections = [one for one in self._corrections if one[0] > now_s]
+        due = [correction for correction in self._corrections if correction[0] <= now_s]
+        self._corrections = [correction for correction in self._corrections if correction[0] > now_s]
         for _, index, sub_index, data in due:
             device.set_value(index, sub_index, data)
 

@@ -148,7 +148,7 @@ def _cut_off(cut: Bytes, field: Field, known: Layout, end: int) -> Iterator[Fram
     if field.start_bit >= end:
         return
     of = field.entry
-    named = next((one.name for one in known.signals if one.object == of.object), "") or of.object
+    named = next((signal.name for signal in known.signals if signal.object == of.object), "") or of.object
     text = f"cut off: {end - field.start_bit} of its {field.bits} bits are there"
     yield cut.part(field.start_bit, end - field.start_bit, named, text, of.object)
 

@@ -40,9 +40,9 @@ def lss_parts(data: bytes, *, request: bool) -> Iterator[FramePart]:
     cut, service = Bytes(data), data[0]
     yield cut.part(0, 8, "command specifier", _NAMES.get(service, "reserved, or not known"))
     there = 8 * len(data)
-    fields = [one for one in _fields(cut, service, request=request) if one.start_bit + one.bits <= there]
+    fields = [field for field in _fields(cut, service, request=request) if field.start_bit + field.bits <= there]
     yield from fields
-    yield from cut.rest(max([1, *((one.start_bit + one.bits) // 8 for one in fields)]), "reserved")
+    yield from cut.rest(max([1, *((field.start_bit + field.bits) // 8 for field in fields)]), "reserved")
 
 
 def _fields(cut: Bytes, service: int, *, request: bool) -> Iterator[FramePart]:

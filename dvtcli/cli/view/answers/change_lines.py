@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
     """Each node's lines, one node after the other."""
-    for one in result.nodes:
-        yield from change_lines(one, width)
+    for node in result.nodes:
+        yield from change_lines(node, width)
 
 
 def change_lines(result: Changed, width: int) -> Iterator[Line]:

@@ -40,9 +40,9 @@ def check_lines(result: FileReport, width: int) -> Iterator[Line]:
 
 def checks_lines(result: FileReports, width: int) -> Iterator[Line]:
     """The same of each file, and the sum of all."""
-    for one in result.files:
-        yield from check_lines(one, width)
-    counted, bad = result.count(), sum(1 for one in result.files if one.exit_code)
+    for file in result.files:
+        yield from check_lines(file, width)
+    counted, bad = result.count(), sum(1 for report in result.files if report.exit_code)
     found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES)
     yield f"{plural(len(result.files), 'file')}, {bad} of them invalid: {found}"
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:
     """Each node's lines, one node after the other."""
-    for one in result.nodes:
-        yield from compared_lines(one, width)
+    for node in result.nodes:
+        yield from compared_lines(node, width)
 
 
 def compared_lines(result: Compared, _width: int) -> Iterator[Line]:

@@ -22,11 +22,11 @@ def explained_lines(result: FrameExplained, width: int) -> Iterator[Line]:
 def trace_lines(result: Traced, _width: int) -> Iterator[Line]:
     """A line for each frame: when, whose, its bytes, and what it says in short."""
     began_s = result.frames[0].frame.frame.timestamp_s if result.frames else 0.0
-    for one in result.frames:
-        at_ms = (one.frame.frame.timestamp_s - began_s) * 1000
+    for frame in result.frames:
+        at_ms = (frame.frame.frame.timestamp_s - began_s) * 1000
         yield [
             Cell(f"{at_ms:9.1f} ms  ", "dim"),
-            Cell(f"{'->' if one.sent else '<-'} {frame_text(one.frame.frame):<20}  "),
-            Cell(f"{one.frame.what}  ", "bold"),
-            Cell(one.frame.short + ("  (its value is not shown)" if one.secret else "")),
+            Cell(f"{'->' if frame.sent else '<-'} {frame_text(frame.frame.frame):<20}  "),
+            Cell(f"{frame.frame.what}  ", "bold"),
+            Cell(frame.frame.short + ("  (its value is not shown)" if frame.secret else "")),
         ]

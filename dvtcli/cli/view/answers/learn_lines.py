@@ -20,8 +20,8 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     """What the device takes, how it answers the rest, and what is written."""
     yield [Cell(f"node {result.node}", "bold"), Cell(f"  {result.title}: what it takes")]
     table = Table(("VALUE", "LEARNT", "EVIDENCE"), shrink=2)
-    for one in result.conclusions.profile:
-        table.add(one.key, value_text(one.value), Cell(_short(one.evidence), "dim"))
+    for learnt in result.conclusions.profile:
+        table.add(learnt.key, value_text(learnt.value), Cell(_short(learnt.evidence), "dim"))
     yield from table.lines(width)
     yield from _answer_lines(result, width)
     yield from _lacking(result, width)
@@ -51,10 +51,10 @@ def _use(result: LearntDevice) -> str:
 def _answer_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     table = Table(("CHECK", "TPDO", "RPDO", "ABORT"), shrink=3)
     codes: dict[str, dict[str, int]] = {}
-    for one in result.conclusions.family:
-        table_name, _, check = one.key.rpartition(".")
-        if table_name.startswith("answers.") and isinstance(one.value, int):
-            codes.setdefault(check, {})[table_name.removeprefix("answers.")] = one.value
+    for learnt in result.conclusions.family:
+        table_name, _, check = learnt.key.rpartition(".")
+        if table_name.startswith("answers.") and isinstance(learnt.value, int):
+            codes.setdefault(check, {})[table_name.removeprefix("answers.")] = learnt.value
     if not codes:
         return
     yield ""
@@ -74,9 +74,9 @@ def _code(code: int | None) -> str:
 def _lacking(result: LearntDevice, width: int) -> Iterator[Line]:
     """Objects that the EDS lists and the device does not have."""
     codes: dict[int, list[str]] = {}
-    for one in result.conclusions.family:
-        if one.key.startswith(_ABSENT) and isinstance(one.value, int):
-            codes.setdefault(one.value, []).append(f"0x{one.key.removeprefix(_ABSENT)}")
+    for learnt in result.conclusions.family:
+        if learnt.key.startswith(_ABSENT) and isinstance(learnt.value, int):
+            codes.setdefault(learnt.value, []).append(f"0x{learnt.key.removeprefix(_ABSENT)}")
     if not codes:
         return
     table = Table(("NOT THERE, THOUGH IN THE EDS", "ABORT", "MEANING"), shrink=2)
@@ -111,9 +111,11 @@ def _compared(result: LearntDevice, width: int) -> Iterator[Line]:
         return
     yield f"it differs from the profile {name}:"
     table = Table(("VALUE", "PROFILE", "LEARNT", "EVIDENCE"), shrink=3)
-    for one in differences:
-        said = "-" if one.said is None else value_text(one.said)
-        table.add(one.key, said, value_text(one.learnt.value), Cell(_short(one.learnt.evidence), "dim"))
+    for difference in differences:
+        said = "-" if difference.said is None else value_text(difference.said)
+        table.add(
+            difference.key, said, value_text(difference.learnt.value), Cell(_short(difference.learnt.evidence), "dim")
+        )
     yield from table.lines(width)
 
 
@@ -123,7 +125,7 @@ def _saving(result: LearntDevice) -> Iterator[str]:
         if answer.probe.pdo is None and answer.code is not None:
             said = f"answered 0x{answer.code:08X} ({abort_text(answer.code)})" if answer.code else "accepted"
             yield f"0x{answer.probe.label}: {answer.probe.name} {said}"
-    if any(one.probe.pdo is None and one.accepted for one in result.answers):
+    if any(probe_answer.probe.pdo is None and probe_answer.accepted for probe_answer in result.answers):
         yield "what it held when it was found is what it may come up with from now on: no reset was made to see"
 
 

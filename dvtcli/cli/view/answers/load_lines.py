@@ -57,17 +57,17 @@ def _narrow_table(result: NetworkLoad, measured: Measured) -> Table:
 
 
 def _rows(result: NetworkLoad, measured: Measured | None) -> Iterator[list[str | Cell]]:
-    shares = [need.share for one in result.frames for need in one.needs if need.share is not None]
+    shares = [need.share for load in result.frames for need in load.needs if need.share is not None]
     most = max([*map(float, shares), *_measured_shares(result)], default=0.0)
-    for one in result.frames:
-        for number, need in enumerate(one.needs or (None,)):
-            yield list(_row(result, one, need, most, measured if number == 0 else None, heard=measured is not None))
+    for frame in result.frames:
+        for number, need in enumerate(frame.needs or (None,)):
+            yield list(_row(result, frame, need, most, measured if number == 0 else None, heard=measured is not None))
 
 
 def _measured_shares(result: NetworkLoad) -> Iterator[float]:
-    for one in result.frames:
-        if result.measured is not None and one.heard is not None:
-            yield result.measured.share(one.identifier, result.need.bit_rate)
+    for frame in result.frames:
+        if result.measured is not None and frame.heard is not None:
+            yield result.measured.share(frame.identifier, result.need.bit_rate)
 
 
 def _row(
@@ -145,9 +145,9 @@ def _too_often(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]
     """What came more often than it is to at worst, which then is not the worst."""
     if measured is None:
         return
-    for one in result.too_often:
-        rates = [1_000_000 / float(need.stream.frame.period_us) for need in one.needs if need.stream.frame.period_us]
-        said = f"{_who(one.node, one.label)} came {measured.rate_hz(one.identifier):.1f} times a second"
+    for load in result.too_often:
+        rates = [1_000_000 / float(need.stream.frame.period_us) for need in load.needs if need.stream.frame.period_us]
+        said = f"{_who(load.node, load.label)} came {measured.rate_hz(load.identifier):.1f} times a second"
         yield [Cell("too often  ", "bold"), Cell(f"{said}, {sum(rates):.1f} are computed at worst", "red")]
     if result.too_often:
         how = f"dvtcli diff {result.file} names what a node holds otherwise" if result.file else "dvtcli check --live"
@@ -170,7 +170,9 @@ def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
         ("", "what makes it be sent is not known", "a transmission type that CiA 301 has"),
     ):
         names = [
-            _who(one.node, one.label) for one in streams if (one.why if one.why in (NO_LIMIT, NO_SYNC) else "") == why
+            _who(stream.node, stream.label)
+            for stream in streams
+            if (stream.why if stream.why in (NO_LIMIT, NO_SYNC) else "") == why
         ]
         if names:
             yield join_some(names), text, hint
@@ -183,9 +185,9 @@ def _not_whole(measured: Measured) -> str:
 
 
 def _in_time(result: NetworkLoad) -> Iterator[Line]:
-    late = [one for one in result.need.late if one.response_us is not None or not result.need.unlimited]
+    late = [need for need in result.need.late if need.response_us is not None or not result.need.unlimited]
     if late:
-        names = join_some(_who(one.stream.node, one.stream.label) for one in late)
+        names = join_some(_who(need.stream.node, need.stream.label) for need in late)
         yield [Cell("late  ", "bold"), Cell(f"{names} may be there after the deadline", "red")]
     elif result.need.fits:
         yield "every frame is there before its deadline at worst"

@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 def check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
     """Findings with their places, the worst first, and a line for each file."""
-    for one in result.reports:
-        for line, column, times, text in one.notes:
+    for report in result.reports:
+        for line, column, times, text in report.notes:
             more = f" ({times} times)" if times > 1 else ""
-            yield f"{one.path}:{line}:{column}: note: {text}{more}"
+            yield f"{report.path}:{line}:{column}: note: {text}{more}"
         for severity in SEVERITIES:
-            for found in one.findings:
+            for found in report.findings:
                 if found.severity == severity:
-                    yield _finding(one, found)
+                    yield _finding(report, found)
                     yield from () if found.complaint is None or severity == "note" else source_lines(found.complaint)
-        yield _sum(one)
+        yield _sum(report)
 
 
 def _finding(report: NetworkReport, found: NetworkFinding) -> Line:

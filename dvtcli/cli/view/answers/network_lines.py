@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 
 #: why an object is not written that --include lifts
-_LIFTED = frozenset(str(one) for one in NotWritten if one.is_lifted_by_include)
+_LIFTED = frozenset(str(written) for written in NotWritten if written.is_lifted_by_include)
 
 
 def plan_lines(plan: NetworkPlan, width: int, *, compares: bool = False) -> Iterator[Line]:
@@ -40,7 +40,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     yield from _remaining(result.plan)
     yield from _untold(result.plan)
     if result.plan.lacking:
-        what = " and ".join(sorted({"objects" if one.pdo is None else "PDOs" for one in result.plan.lacking}))
+        what = " and ".join(sorted({"objects" if lacked.pdo is None else "PDOs" for lacked in result.plan.lacking}))
         yield f"Nothing was written, and nothing of it can be: devices lack {what} of the file."
         return
     if not result.plan.changed and result.plan.to_do:
@@ -78,14 +78,16 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
         are, verb = ("is", "differs") if len(node.remaining) == 1 else ("are", "differ")
         what = f"{plural(len(node.remaining), 'setting')} of node {node.node_id} {verb} from {plan.file}"
         hint = f"{named}{more} writes {'it' if are == 'is' else 'such'}" if lifted else ""
-        hint = hint or join_some(one.object for one in node.remaining)
+        hint = hint or join_some(left_out.object for left_out in node.remaining)
         yield [Cell(f"! {what} and {are} not written: {hint}", "yellow")]
 
 
 def _includes(node: NodePlan) -> list[str]:
     """What names just those settings of *node* that could be written: sub-indices, or the index of several."""
-    could = [one.object for one in node.remaining if one.why in _LIFTED]
-    others = {one.object[:4] for one in node.left_out if one.why in _LIFTED and one.object not in could}
+    could = [left_out.object for left_out in node.remaining if left_out.why in _LIFTED]
+    others = {
+        left_out.object[:4] for left_out in node.left_out if left_out.why in _LIFTED and left_out.object not in could
+    }
     others |= {change.step.object[:4] for change in node.plan.changes if not isinstance(change, PdoChange)}
     many = {index for index, count in Counter(place[:4] for place in could).items() if count > 1} - others
     words = (place[:4] if place[:4] in many or place.endswith(":00") else place for place in could)
@@ -136,7 +138,9 @@ def _aside(plan: NetworkPlan) -> Iterator[Line]:
 
 def _not_written(node: NodePlan) -> list[str]:
     """What the file says that could be set and is left out."""
-    return [one.object for one in node.left_out if one.why != NotWritten.READ_ONLY and not one.remains]
+    return [
+        left_out.object for left_out in node.left_out if left_out.why != NotWritten.READ_ONLY and not left_out.remains
+    ]
 
 
 def _load(need: BusNeed) -> Iterator[Line]:
@@ -152,7 +156,10 @@ def _load(need: BusNeed) -> Iterator[Line]:
             Cell(f": {whose}. All other frames: {share} at {rate}."),
         ]
     else:
-        late = join_some(f"{one.stream.node}:{one.stream.pdo or one.stream.kind}" for one in need.late)
+        late = join_some(
+            f"{stream_need.stream.node}:{stream_need.stream.pdo or stream_need.stream.kind}"
+            for stream_need in need.late
+        )
         yield f"Worst-case bus load at {rate} afterwards: {share}{f'; too late: {late}' if late else ''}."
 
 
@@ -166,7 +173,7 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
         yield from _aside(plan)
         yield from _remaining(plan)
         return
-    writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(one.plan)) for one in plan.nodes), "node")
+    writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(node.plan)) for node in plan.nodes), "node")
     if result.dry_run:
         text = f"{writes} on the twins of {nodes}, read back equal. Nothing was written."
         yield [Cell("dry run: ", "cyan"), Cell(text)]
@@ -218,7 +225,7 @@ def _counted(plan: NetworkPlan) -> str:
     parts = [plural(len(pdos) - offs, "PDO change"), plural(offs, "disable") if offs else ""]
     parts += [
         plural(values, "object") if values else "",
-        f"{sum(max(0, one.unchanged) for one in plan.nodes)} unchanged",
+        f"{sum(max(0, node.unchanged) for node in plan.nodes)} unchanged",
     ]
     store = f"a store on node {', '.join(stores)}" if stores else "no store"
     return f"{', '.join(filter(None, parts))}; {plural(plan.writes, 'SDO write')}, {store}"

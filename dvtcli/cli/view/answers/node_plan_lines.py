@@ -55,9 +55,9 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
 
 def _left_out(node: NodePlan) -> Iterator[Line]:
     """What the file says and nobody writes, by why; what is read-only is only counted."""
-    for one in node.remaining[:_MOST_REMAINING]:
-        yield _otherwise(node, one)
-        yield from _downloads(one.object, one.held, one.said)
+    for left_out in node.remaining[:_MOST_REMAINING]:
+        yield _otherwise(node, left_out)
+        yield from _downloads(left_out.object, left_out.held, left_out.said)
     if len(node.remaining) > _MOST_REMAINING:
         rest = [one.object for one in node.remaining[_MOST_REMAINING:]]
         yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {join_some(rest)}")]

@@ -15,10 +15,10 @@ def sent_lines(result: FramesSent, _width: int) -> Iterator[Line]:
     if not result.dry_run:
         yield outcome_text(result.outcome)
         return
-    asked = [one for one in result.frames if one.effects]
+    asked = [frame for frame in result.frames if frame.effects]
     yield f"dry run: nothing was sent; nodes act on {len(asked)} of {plural(len(result.frames), 'frame')}"
-    for one in asked:
-        yield f"  {frame_text(one.explained.frame)}: {one.effects}"
+    for send in asked:
+        yield f"  {frame_text(send.explained.frame)}: {send.effects}"
 
 
 def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:

@@ -22,14 +22,17 @@ _LEVELS = "▁▂▃▄▅▆▇█"
 def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
     """One object a line, or all of them in a line with its time."""
     if result.at_s is not None:
-        values = [one for one in result.values if isinstance(one, ValueRead)]
-        yield [Cell(f"{result.at_s:9.3f} s", "dim"), *(Cell(f"  {_place(one)} {_value(one)}") for one in values)]
+        values = [value_read for value_read in result.values if isinstance(value_read, ValueRead)]
+        yield [
+            Cell(f"{result.at_s:9.3f} s", "dim"),
+            *(Cell(f"  {_place(value_read)} {_value(value_read)}") for value_read in values),
+        ]
         return
     several_nodes = len({one.node for one in result.values}) > 1
-    for one in result.values:
-        for line in record_lines(one, width) if isinstance(one, RecordRead) else [value_line(one)]:
+    for value in result.values:
+        for line in record_lines(value, width) if isinstance(value, RecordRead) else [value_line(value)]:
             assert isinstance(line, list)  # noqa: S101 - it is one of cells
-            yield [Cell(f"node {one.node}  "), *line] if several_nodes else line
+            yield [Cell(f"node {value.node}  "), *line] if several_nodes else line
 
 
 def watched_lines(result: ValuesWatched, width: int) -> Iterator[Line]:

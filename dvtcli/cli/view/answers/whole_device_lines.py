@@ -27,8 +27,8 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
         yield [Cell("another device: ", "yellow"), Cell(result.unlike)]
     if result.differences:
         yield from _rows(result, result.differences, width)
-        for one in result.differences:
-            yield from (f"  {text}" for text in download_lines(one.object, one.before, one.after))
+        for difference in result.differences:
+            yield from (f"  {text}" for text in download_lines(difference.object, difference.before, difference.after))
         verb = "differs" if len(result.differences) == 1 else "differ"
         yield f"{len(result.differences)} of {plural(result.objects, 'setting')} {verb} from {result.first}"
     else:
@@ -40,7 +40,8 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
             yield from _reasons(found)
         elif found:
             verb = "is no setting" if len(found) == 1 else "are no settings"
-            yield f"{label:<11} {join_some(one.object for one in found)} {verb}: not counted; --all shows them"
+            objects = join_some(difference.object for difference in found)
+            yield f"{label:<11} {objects} {verb}: not counted; --all shows them"
     if result.unread:
         verb = "was" if len(result.unread) == 1 else "were"
         yield f"not read    {join_some(result.unread)} {verb} not read by one side: not compared"
@@ -52,9 +53,9 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
 def _reasons(found: Iterable[ObjectDifference]) -> Iterator[Line]:
     """Why they are no settings, where that is known: some of it is a guess."""
     by_why: dict[str, list[str]] = {}
-    for one in found:
-        if one.apart:
-            by_why.setdefault(one.apart, []).append(one.object)
+    for difference in found:
+        if difference.apart:
+            by_why.setdefault(difference.apart, []).append(difference.object)
     for why, places in by_why.items():
         yield [Cell(f"            {join_some(places)} {why}", "dim")]
 
@@ -62,9 +63,12 @@ def _reasons(found: Iterable[ObjectDifference]) -> Iterator[Line]:
 def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) -> Iterable[Line]:
     sides = (re.split(r"[/\\]", side)[-1] for side in (result.first, result.second))  # a whole path takes a screen
     table = Table(("OBJECT", "NAME", *sides), shrink=1)
-    for one in found:
-        before, after = (one.unread if data is None else value_text(one, data) for data in (one.before, one.after))
-        table.add(one.object, Cell(one.name, "bold"), before or "-", Cell(after or "-", "red"))
+    for difference in found:
+        before, after = (
+            difference.unread if data is None else value_text(difference, data)
+            for data in (difference.before, difference.after)
+        )
+        table.add(difference.object, Cell(difference.name, "bold"), before or "-", Cell(after or "-", "red"))
     return table.lines(width)
 
 

@@ -55,8 +55,8 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) 
     elif isinstance(result, WholeCompared):
         yield from _whole(result)
     else:
-        for one in result.nodes:
-            yield from _compared(one)
+        for compared in result.nodes:
+            yield from _compared(compared)
         yield from _lacking(result.lacking, result.nodes[0].against)
 
 
@@ -87,9 +87,9 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
 
 def _lacking(lacking: Sequence[Lacked], file: str) -> Iterator[Case]:
     """The PDOs and objects of *file* that nodes have not."""
-    for one in lacking:
-        line = 0 if one.complaint is None else one.complaint.line
-        yield Case(one.node_id, one.label, (one.finding.text,), "error", file, line)
+    for lacked in lacking:
+        line = 0 if lacked.complaint is None else lacked.complaint.line
+        yield Case(lacked.node_id, lacked.label, (lacked.finding.text,), "error", file, line)
 
 
 def _line(node: NodePlan, change: Change) -> int:
@@ -129,10 +129,10 @@ def _whole(result: WholeCompared) -> Iterator[Case]:
     yield Case(where, plural(equal, "equal setting"), file=result.first)
     if result.unlike:
         yield Case(where, "another device", (result.unlike,), "warning", result.first)
-    for one in result.differences:
-        yield Case(where, _named(one), (_sides(one),), file=result.first)
-    for one in (*result.about, *result.apart) if result.shows_all else ():
-        yield Case(where, _named(one), (_sides(one),), "notice", result.first)
+    for difference in result.differences:
+        yield Case(where, _named(difference), (_sides(difference),), file=result.first)
+    for object_difference in (*result.about, *result.apart) if result.shows_all else ():
+        yield Case(where, _named(object_difference), (_sides(object_difference),), "notice", result.first)
 
 
 def _named(one: ObjectDifference) -> str:

@@ -33,8 +33,8 @@ def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeC
 def github_error_lines(error: DvtcliError) -> Iterator[Line]:
     """A command for each complaint about a file, else one for the failure, and one for what failed with it."""
     complaints = error.complaints if isinstance(error, InputFileError | RuleError) else ()
-    for one in complaints:
-        yield workflow_command("error", one.file, one.line, "dvtcli", one.text, one.column)
+    for complaint in complaints:
+        yield workflow_command("error", complaint.file, complaint.line, "dvtcli", complaint.text, complaint.column)
     if not complaints:
         yield workflow_command("error", "", 0, error.slug, str(error))
     for label, text in error.details:

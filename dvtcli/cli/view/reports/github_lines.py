@@ -19,9 +19,9 @@ def github_lines(result: Reported, _width: int) -> Iterator[Line]:
             for finding in one.findings:
                 if finding.severity == severity:
                     yield f"::{_COMMANDS[severity]} {_place(one, finding)}::{as_data(finding.text)}"
-    for one in reports:
-        counted = one.count()
-        yield as_path(f"{one.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}")
+    for report in reports:
+        counted = report.count()
+        yield as_path(f"{report.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}")
 
 
 def _place(report: Report, finding: FileFinding) -> str:

@@ -54,7 +54,10 @@ def junit_error_lines(error: DvtcliError) -> Iterator[Line]:
     complaints = error.complaints if isinstance(error, InputFileError | RuleError) else ()
     suite = ET.Element("testsuite", {"name": "dvtcli", "tests": "1", "failures": "0", "errors": "1"})
     element = ET.SubElement(suite, "testcase", {"classname": "dvtcli", "name": error.slug})
-    texts = [*(f"{one.place}: {one.text}" for one in complaints), *(text for _, text in error.details)]
+    texts = [
+        *(f"{complaint.place}: {complaint.text}" for complaint in complaints),
+        *(text for _, text in error.details),
+    ]
     said = {"type": error.slug, "message": safe(str(error))}
     ET.SubElement(element, "error", said).text = "\n".join(map(safe, texts))
     yield from suites_text([suite])

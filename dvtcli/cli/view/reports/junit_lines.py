@@ -13,7 +13,7 @@ from dvtcli.operations.results.checked_files import FileFinding, Report, Reporte
 
 def junit_lines(result: Reported, _width: int) -> Iterator[Line]:
     """A rule that found what makes the file invalid is a failure; what else was found stands in the case's output."""
-    yield from suites_text(_suite(one) for one in result.reports)
+    yield from suites_text(_suite(report) for report in result.reports)
 
 
 def suites_text(made: Iterable[ET.Element]) -> Iterator[Line]:
@@ -47,7 +47,7 @@ def _suite(result: Report) -> ET.Element:
 
 
 def _text(result: Report, findings: list[FileFinding]) -> str:
-    return "\n".join(safe(f"{_place(result, one)}: {one.severity}: {one.text}") for one in findings)
+    return "\n".join(safe(f"{_place(result, finding)}: {finding.severity}: {finding.text}") for finding in findings)
 
 
 def _place(result: Report, found: FileFinding) -> str:

@@ -19,14 +19,14 @@ _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 def sarif_lines(result: Reported, _width: int) -> Iterator[Line]:
     """The whole document, with every rule that was asked: who reads it sees what is settled since."""
     reports = result.reports
-    rules = list({rule.name: rule for one in reports for rule in one.rules}.values())
+    rules = list({rule.name: rule for report in reports for rule in report.rules}.values())
     places = {rule.name: number for number, rule in enumerate(rules)}
     driver = {"name": "dvtcli", "version": __version__, "rules": [_rule(rule) for rule in rules]}
     run = {
         "tool": {"driver": driver},
         "columnKind": "unicodeCodePoints",
-        "artifacts": [{"location": {"uri": _uri(one.path)}} for one in reports],
-        "results": [_result(one, finding, places) for one in reports for finding in one.findings],
+        "artifacts": [{"location": {"uri": _uri(report.path)}} for report in reports],
+        "results": [_result(report, finding, places) for report in reports for finding in report.findings],
     }
     yield from json.dumps({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1).splitlines()
 

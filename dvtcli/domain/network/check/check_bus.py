@@ -88,13 +88,13 @@ def busy_bus(network: CheckedNetwork) -> NetFound:
 @check("too-late", ERROR, "a frame may be there after its deadline", _ANALYSIS)
 def too_late(network: CheckedNetwork) -> NetFound:
     """The next one is due by then, or a consumer has given up."""
-    for one in () if network.need is None else network.need.late:
-        stream = one.stream
-        is_said = stream.window_us is not None or one.response_us is None
-        if is_said or stream.deadline_us is None or one.response_us is None:
+    for need in () if network.need is None else network.need.late:
+        stream = need.stream
+        is_said = stream.window_us is not None or need.response_us is None
+        if is_said or stream.deadline_us is None or need.response_us is None:
             continue  # SYNC's window, and what has no bound, have rules of their own
         times = (
-            f"{float(one.response_us) / 1000:.2f} ms at worst, {float(stream.deadline_us) / 1000:g} ms is the deadline"
+            f"{float(need.response_us) / 1000:.2f} ms at worst, {float(stream.deadline_us) / 1000:g} ms is the deadline"
         )
         yield NetSpot(stream.node, stream.pdo), f"{stream.label} takes {times}"
 

@@ -60,7 +60,7 @@ def sync_heard_twice(network: CheckedNetwork) -> NetFound:
 
 
 def _sync_spot(network: CheckedNetwork) -> NetSpot:
-    node = next((one for one in network.nodes if one.produces_sync), None)
+    node = next((node_state for node_state in network.nodes if node_state.produces_sync), None)
     return NetSpot() if node is None else held(node, SYNC_COB_ID)
 
 
@@ -82,7 +82,7 @@ def sync_uneven(network: CheckedNetwork) -> NetFound:
         if heard is None or len(gaps) < _ENOUGH or _second_counter(heard) or _more(network, "sync", identifier):
             continue
         typical_s = gaps[int(0.9 * len(gaps))]
-        short = [one for one in gaps if one < _SHORT * typical_s]
+        short = [gap for gap in gaps if gap < _SHORT * typical_s]
         if len(short) >= _SHORT_ONES * len(gaps):
             times = f"{1000 * gaps[0]:.1f} to {1000 * gaps[-1]:.1f} ms"
             yield NetSpot(), f"0x{identifier[0]:03X} comes after {times}"
@@ -97,13 +97,13 @@ def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
     most = most_frames(streams, traffic.seconds) if streams else None
     if most is None or traffic.count(identifier) <= most:
         return ""
-    rate = sum(1_000_000 / float(one.frame.period_us) for one in streams if one.frame.period_us)
+    rate = sum(1_000_000 / float(stream.frame.period_us) for stream in streams if stream.frame.period_us)
     return f"{traffic.rate_hz(identifier):.1f} a second were heard, {rate:.1f} are to come at most"
 
 
 def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list[Stream]:
-    found = (one for one in network.streams.streams if one.kind == kind)
-    return [one for one in found if (one.frame.can_id, one.frame.extended) == identifier]
+    found = (stream for stream in network.streams.streams if stream.kind == kind)
+    return [stream for stream in found if (stream.frame.can_id, stream.frame.extended) == identifier]
 
 
 @check("comes-too-often", WARNING, "a TPDO comes more often than what its node holds lets it",
@@ -122,7 +122,7 @@ def other_length(network: CheckedNetwork) -> NetFound:
         heard = None if network.traffic is None else network.traffic.by_id.get(identifier_of(config))
         is_known = config.has_mapping and not config.inconsistency and config.mpdo is None
         if heard is not None and is_known and heard.lengths != {byte_length(config.bits)}:
-            lengths = join_some(str(one) for one in sorted(heard.lengths))
+            lengths = join_some(str(length) for length in sorted(heard.lengths))
             yield at(node, pdo), f"{lengths} bytes were heard, it maps {byte_length(config.bits)}"
 
 
@@ -198,7 +198,7 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
     period_is_known = node_id not in traffic.heartbeat_written
     if period_is_known and (why := _more(network, "heartbeat", (0x700 + node_id, False))):
         yield f"of its heartbeats {why}"
-    states = [one for one in traffic.states.get(node_id, ()) if one is not NmtState.INITIALISING]
+    states = [state for state in traffic.states.get(node_id, ()) if state is not NmtState.INITIALISING]
     if len(states) > 2 and not traffic.commands and not traffic.boot_ups[node_id]:
         yield f"its heartbeats say {states[0].label} and {states[1].label} by turns, without an NMT command"
 

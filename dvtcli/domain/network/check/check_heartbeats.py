@@ -147,14 +147,14 @@ def guarding(network: CheckedNetwork) -> NetFound:
 def unwatched_link(network: CheckedNetwork) -> NetFound:
     """It goes on with the last values when the producer is gone, unless the RPDO has a deadline."""
     said: set[tuple[int, int]] = set()
-    for one in network.heard:
-        pair = one.consumer.node_id, one.producer.node_id
-        timed = bool(one.takes.communication.event_timer)
-        if one.consumer not in network.told or pair in said or timed or pair[1] in one.consumer.watched:
+    for connection in network.heard:
+        pair = connection.consumer.node_id, connection.producer.node_id
+        timed = bool(connection.takes.communication.event_timer)
+        if connection.consumer not in network.told or pair in said or timed or pair[1] in connection.consumer.watched:
             continue
-        if one.producer.heartbeat_ms:
+        if connection.producer.heartbeat_ms:
             said.add(pair)
-            yield one.spot, f"it hears {one.sender}, whose heartbeat the node does not watch"
+            yield connection.spot, f"it hears {connection.sender}, whose heartbeat the node does not watch"
 
 
 @check("goes-on-after-error", NOTE, "a node that waits for heartbeats stays as it is when one is missing (0x1029:01 is "
@@ -169,18 +169,18 @@ def goes_on_after_error(network: CheckedNetwork) -> NetFound:
 @check("deadline-below-period", ERROR, "an RPDO gives up before its TPDO is due", "CiA 301, 7.5.2.35: event timer")
 def deadline_below_period(network: CheckedNetwork) -> NetFound:
     """It is an error each time."""
-    periods = {(one.node, one.pdo): _longest_ms(network, one.node, one.pdo)
-               for one in network.streams.streams if one.kind == "tpdo"}  # fmt: skip
-    for one in network.heard:
-        patience = one.takes.communication.event_timer or 0
-        period = periods.get((one.producer.node_id, one.tpdo))
+    periods = {(stream.node, stream.pdo): _longest_ms(network, stream.node, stream.pdo)
+               for stream in network.streams.streams if stream.kind == "tpdo"}  # fmt: skip
+    for connection in network.heard:
+        patience = connection.takes.communication.event_timer or 0
+        period = periods.get((connection.producer.node_id, connection.tpdo))
         if patience and period and patience <= period:
-            yield one.spot, f"it gives up after {patience} ms; {one.sender} comes every {period:g} ms"
+            yield connection.spot, f"it gives up after {patience} ms; {connection.sender} comes every {period:g} ms"
 
 
 def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> float | None:
     """How long it may be between two frames of a TPDO, in ms; None where nobody knows."""
-    found = next((one for one in network.tpdos if one[0].node_id == node_id and one[1] == pdo), None)
+    found = next((tpdo for tpdo in network.tpdos if tpdo[0].node_id == node_id and tpdo[1] == pdo), None)
     if found is None:
         return None
     parameter = found[2].communication
@@ -194,11 +194,12 @@ def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> fl
        "CiA 301, 7.5.2.35 and 7.5.2.37: event timer")  # fmt: skip
 def deadline_without_timer(network: CheckedNetwork) -> NetFound:
     """While nothing changes it is an error."""
-    for one in network.heard:
-        sends = one.sends.communication
+    for connection in network.heard:
+        sends = connection.sends.communication
         by_event = sends.transmission_type in (254, 255) and not sends.event_timer
-        if one.takes.communication.event_timer and by_event:
+        if connection.takes.communication.event_timer and by_event:
             yield (
-                one.spot,
-                f"it gives up after {one.takes.communication.event_timer} ms; {one.sender} has no event timer",
+                connection.spot,
+                f"it gives up after {connection.takes.communication.event_timer} ms; "
+                f"{connection.sender} has no event timer",
             )

@@ -77,30 +77,36 @@ def heard_twice(network: CheckedNetwork) -> NetFound:
        _LENGTHS)  # fmt: skip
 def frame_too_short(network: CheckedNetwork) -> NetFound:
     """The consumer sends an EMCY for each."""
-    for one in _whole(network):
-        if one.takes.bits > one.sends.bits:
-            yield one.spot, f"it maps {one.takes.bits} bits, {one.sender} sends {one.sends.bits}"
+    for connection in _whole(network):
+        if connection.takes.bits > connection.sends.bits:
+            yield (
+                connection.spot,
+                f"it maps {connection.takes.bits} bits, {connection.sender} sends {connection.sends.bits}",
+            )
 
 
 @check("frame-too-long", WARNING, "a TPDO sends more than an RPDO that hears it maps: the rest is dropped (0x8220)",
        _LENGTHS)  # fmt: skip
 def frame_too_long(network: CheckedNetwork) -> NetFound:
     """Devices may send an EMCY for it; dummies say that it is meant."""
-    for one in _whole(network):
-        if one.takes.bits < one.sends.bits:
-            yield one.spot, f"it maps {one.takes.bits} bits, {one.sender} sends {one.sends.bits}"
+    for connection in _whole(network):
+        if connection.takes.bits < connection.sends.bits:
+            yield (
+                connection.spot,
+                f"it maps {connection.takes.bits} bits, {connection.sender} sends {connection.sends.bits}",
+            )
 
 
 @check("layout", ERROR, "an object of an RPDO lies across two objects of the TPDO that it hears", _LAYOUT)
 def layout(network: CheckedNetwork) -> NetFound:
     """Its value is made of parts of two."""
-    for one in _whole(network):
-        for start, heard in _starts(one.takes.mapping):
-            sent = [entry for first, entry in _starts(one.sends.mapping)
+    for connection in _whole(network):
+        for start, heard in _starts(connection.takes.mapping):
+            sent = [entry for first, entry in _starts(connection.sends.mapping)
                     if first < start + heard.bits and start < first + entry.bits]  # fmt: skip
             if len(sent) > 1 and not heard.is_dummy:
-                text = f"{heard.object} hears parts of {sent[0].object} and {sent[1].object} of {one.sender}"
-                yield one.spot, text
+                text = f"{heard.object} hears parts of {sent[0].object} and {sent[1].object} of {connection.sender}"
+                yield connection.spot, text
 
 
 @check("part-of-object", WARNING, "an object of an RPDO hears some bits of a longer one", _LAYOUT)
@@ -187,10 +193,16 @@ def one_object_two_writers(network: CheckedNetwork) -> NetFound:
        "CiA 301, 7.5.2.35: transmission type")  # fmt: skip
 def synchronous_consumer(network: CheckedNetwork) -> NetFound:
     """It is as late as the next SYNC, and what came before that one is lost."""
-    for one in network.heard:
-        takes, sends = one.takes.communication.transmission_type, one.sends.communication.transmission_type
+    for connection in network.heard:
+        takes, sends = (
+            connection.takes.communication.transmission_type,
+            connection.sends.communication.transmission_type,
+        )
         if takes is not None and sends is not None and takes <= 240 and sends >= 254:
-            yield one.spot, f"it takes over with SYNC (type {takes}), {one.sender} comes with events (type {sends})"
+            yield (
+                connection.spot,
+                f"it takes over with SYNC (type {takes}), {connection.sender} comes with events (type {sends})",
+            )
 
 
 def _commanded(network: CheckedNetwork, *, controlwords: bool) -> NetFound:
@@ -215,10 +227,13 @@ def _sides(one: PdoConnection) -> tuple[LinkSide, LinkSide]:
 
 def _whole(network: CheckedNetwork) -> Iterator[PdoConnection]:
     """Those pairs of which both sides are known."""
-    for one in network.heard:
-        odd = any(side.inconsistency or side.mpdo is not None or not side.mapping for side in (one.takes, one.sends))
+    for connection in network.heard:
+        odd = any(
+            side.inconsistency or side.mpdo is not None or not side.mapping
+            for side in (connection.takes, connection.sends)
+        )
         if not odd:
-            yield one
+            yield connection
 
 
 def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMappingEntry]]:
@@ -230,8 +245,8 @@ def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMapp
 
 def _pairs(network: CheckedNetwork) -> Iterator[tuple[PdoConnection, PdoMappingEntry, PdoMappingEntry]]:
     """Each object that hears one object, or a part of one."""
-    for one in _whole(network):
-        for start, heard in _starts(one.takes.mapping):
-            for first, sent in _starts(one.sends.mapping):
+    for connection in _whole(network):
+        for start, heard in _starts(connection.takes.mapping):
+            for first, sent in _starts(connection.sends.mapping):
                 if first <= start and start + heard.bits <= first + sent.bits and not heard.is_dummy:
-                    yield one, heard, sent
+                    yield connection, heard, sent

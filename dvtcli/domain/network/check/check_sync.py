@@ -64,13 +64,13 @@ def sync_without_period(network: CheckedNetwork) -> NetFound:
 @check("sync-window", ERROR, "synchronous PDOs may come after the window for them (0x1007)", "CiA 301, 7.5.2.7")
 def sync_window(network: CheckedNetwork) -> NetFound:
     """What comes later is to be dropped."""
-    for one in () if network.need is None else network.need.needs:
-        stream = one.stream
-        if stream.window_us is None or stream.node is None or not one.is_late:
+    for need in () if network.need is None else network.need.needs:
+        stream = need.stream
+        if stream.window_us is None or stream.node is None or not need.is_late:
             continue
         node = network.state.node(stream.node)
         if node is not None:
-            late = "at any time" if one.response_us is None else f"{float(one.response_us) / 1000:.2f} ms after SYNC"
+            late = "at any time" if need.response_us is None else f"{float(need.response_us) / 1000:.2f} ms after SYNC"
             yield at(node, stream.pdo), f"it may come {late}; the window is {stream.window_us / 1000:g} ms"
 
 

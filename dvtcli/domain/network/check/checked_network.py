@@ -115,8 +115,8 @@ class CheckedNetwork:
     def heard(self) -> tuple[PdoConnection, ...]:
         """Every RPDO with each TPDO of another node that it hears."""
         sent: dict[Identifier, list[tuple[NodeState, Pdo, PdoConfig]]] = {}
-        for one in self.tpdos:
-            sent.setdefault(identifier_of(one[2]), []).append(one)
+        for tpdo in self.tpdos:
+            sent.setdefault(identifier_of(tpdo[2]), []).append(tpdo)
         return tuple(
             PdoConnection(consumer, rpdo, takes, producer, tpdo, sends)
             for consumer, rpdo, takes in self.rpdos

@@ -81,8 +81,8 @@ def group_messaging(text: LintedText) -> Found:
     """Multiplexed PDOs are what it is about."""
     value, dictionary = given(text.values("deviceinfo"), "groupmessaging"), text.file.dictionary
     if value is not None and value.value == "0":
-        multiplexed = [one for one in default_pdos(dictionary, 1) if one.config.mpdo is not None]
-        yield from ((value.line, f"{quoted(value)}, but {one.pdo.label} is multiplexed") for one in multiplexed[:1])
+        multiplexed = [pdo for pdo in default_pdos(dictionary, 1) if pdo.config.mpdo is not None]
+        yield from ((value.line, f"{quoted(value)}, but {pdo.pdo.label} is multiplexed") for pdo in multiplexed[:1])
 
 
 @check("granularity-value", WARNING, "Granularity is above 64 bits", "CiA 306, DeviceInfo: Granularity")

@@ -71,23 +71,23 @@ def misspelt_section(text: LintedText) -> Found:
 @check("no-sub-number", NOTE, "an object with sub-indices has no SubNumber", "CiA 306, 4.6.3: SubNumber")
 def no_sub_number(text: LintedText) -> Found:
     """Readers that count by it find none."""
-    for one in text.objects:
+    for object_text in text.objects:
         if (
-            one.sub_index is None
-            and one.index in text.of_many
-            and not one.values.keys() & {"subnumber", "compactsubobj"}
+            object_text.sub_index is None
+            and object_text.index in text.of_many
+            and not object_text.values.keys() & {"subnumber", "compactsubobj"}
         ):
-            yield one.section.line, "no SubNumber, but sub-indices"
+            yield object_text.section.line, "no SubNumber, but sub-indices"
 
 
 @check("key-without-effect", NOTE, "an object with sub-indices has keys that only those have", "CiA 306, 4.6.3")
 def key_without_effect(text: LintedText) -> Found:
     """What it says counts for none of them."""
-    for one in text.objects:
-        if is_head(text, one):
+    for object_text in text.objects:
+        if is_head(text, object_text):
             for key in _OF_ENTRIES:
-                if key in one.values:
-                    value = one.values[key]
+                if key in object_text.values:
+                    value = object_text.values[key]
                     yield value.line, f"{value.key} says nothing here: the sub-indices have their own"
 
 
@@ -95,7 +95,7 @@ def unknown_keys(text: LintedText) -> Iterator[tuple[IniValue, str]]:
     """Every value of a key that is not known, with the known one that is nearly the same, or nothing."""
     seen: dict[tuple[str, str], str] = {}
     sections = [(name, text.values(name).items()) for name in _KEYS]
-    for name, values in [*sections, *(("", one.values.items()) for one in text.objects)]:
+    for name, values in [*sections, *(("", object_text.values.items()) for object_text in text.objects)]:
         known = _LOWER[name]
         for key, value in values:
             if key not in known:

@@ -44,26 +44,34 @@ def list_numbering(text: LintedText) -> Found:
 @check("compact-record", NOTE, "CompactSubObj of what is no ARRAY", _COMPACT)
 def compact_record(text: LintedText) -> Found:
     """All its sub-indices would be alike, and a RECORD's are not."""
-    for one in text.objects:
-        if "compactsubobj" in one.values and one.sub_index is None:
-            held = text.file.dictionary[one.index]
+    for object_text in text.objects:
+        if "compactsubobj" in object_text.values and object_text.sub_index is None:
+            held = text.file.dictionary[object_text.index]
             if len(held.entries) > 1 and held.object_type != ObjectType.ARRAY:
-                yield one.values["compactsubobj"].line, f"CompactSubObj, but ObjectType is 0x{held.object_type:X}"
+                yield (
+                    object_text.values["compactsubobj"].line,
+                    f"CompactSubObj, but ObjectType is 0x{held.object_type:X}",
+                )
 
 
 @check("compact-and-sub", NOTE, "an object in short form has sections of sub-indices, too", _COMPACT)
 def compact_and_sub(text: LintedText) -> Found:
     """They count; some readers take the short form only."""
-    for one in text.objects:
-        value = one.values.get("compactsubobj")
-        if value is not None and value.value not in ("", "0") and one.sub_index is None and one.index in text.of_many:
+    for object_text in text.objects:
+        value = object_text.values.get("compactsubobj")
+        if (
+            value is not None
+            and value.value not in ("", "0")
+            and object_text.sub_index is None
+            and object_text.index in text.of_many
+        ):
             yield value.line, f"{quoted(value)}, and sections of its sub-indices"
 
 
 @check("table-without-compact", NOTE, "a table of names or values of an object that is not in short form", _COMPACT)
 def table_without_compact(text: LintedText) -> Found:
     """Other readers do not look at it."""
-    compact = {one.index for one in text.objects if "compactsubobj" in one.values}
+    compact = {object_text.index for object_text in text.objects if "compactsubobj" in object_text.values}
     for index in text.file.layout.objects:
         if index not in compact:
             sections = text.file.layout.object_sections(index)
@@ -76,8 +84,8 @@ def table_without_compact(text: LintedText) -> Found:
        "CiA 301, 7.4.1")  # fmt: skip
 def missing_deftype(text: LintedText) -> Found:
     """What such an object holds is not known."""
-    for one in text.objects:
-        value = one.values.get("datatype")
+    for object_text in text.objects:
+        value = object_text.values.get("datatype")
         code = None if value is None else _number(value)
         own = code is not None and code not in DATA_TYPES and 0x20 <= code < 0x1000
         if value is not None and own and code not in text.file.dictionary:

@@ -67,7 +67,7 @@ class LintedText:
     @cached_property
     def of_many(self) -> frozenset[int]:
         """The objects that have sections of sub-indices."""
-        return frozenset(one.index for one in self.objects if one.sub_index is not None)
+        return frozenset(text.index for text in self.objects if text.sub_index is not None)
 
 
 def is_head(text: LintedText, one: ObjectText) -> bool:

@@ -45,7 +45,11 @@ DEVICE_CHECKS: list[RuleCheck[DescribedDevice, Spot]] = [
     *checks_of(lint_pdos, lint_standard, lint_services, lint_objects, lint_mappability, lint_values),
 ]
 #: Every rule there is.
-RULES: tuple[LintRule, ...] = (*READ_RULES, *(one.rule for one in TEXT_CHECKS), *(one.rule for one in DEVICE_CHECKS))
+RULES: tuple[LintRule, ...] = (
+    *READ_RULES,
+    *(rule_check.rule for rule_check in TEXT_CHECKS),
+    *(rule_check.rule for rule_check in DEVICE_CHECKS),
+)
 
 
 def lint(file: EdsFile, name: str, wanted: Collection[str], profile: DeviceProfile = GENERIC) -> tuple[EdsFinding, ...]:
