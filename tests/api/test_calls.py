@@ -527,9 +527,9 @@ def test_sync_answers_what_the_command_answers() -> None:
 
 def test_the_can_id_of_sync_is_what_its_node_says() -> None:
     with dvtcli.simulate("generic", "generic@5") as bus:
-        bus.node(5).write("1005", 0x81)
+        bus.node(5).write("1005", 0x82)
         assert bus.sync().can_id == 0x080
-        assert bus.sync(node_id=5).can_id == 0x081
+        assert bus.sync(node_id=5).can_id == 0x082
         assert bus.node(5).recover(yes=True) is None
         assert bus.sync().can_id == 0x080, "the node of an earlier call is not selected by it"
 

@@ -127,7 +127,7 @@ def test_a_journal_that_is_gone_is_gone_though_the_lock_still_names_it(keep: Kee
     with files_end_at(0):
         one.own_journal.end()
     assert not one.own_journal.path.exists()
-    assert warned == [f"the state folder takes nothing more ({TOO_LARGE}): {one.own_journal.path}"]
+    assert warned == [f"the state folder takes nothing more ({TOO_LARGE}): {one.lock.path}"]
 
 
 def test_one_that_was_recovered_elsewhere_is_gone_too(keep: Keep, warned: list[str]) -> None:

@@ -64,7 +64,7 @@ BROKEN = [
     ("say(b'[\"Ready\", null, 0]\\n')", "Ready.missing is no str"),
     ("ready(); say(Ready('', 0))", "'Ready' may not come now"),
     ("ready(); say(Go())", "'Go' may not come now"),
-    ("ready(); say(Answer(False, 'OK'))", "'Answer' may not come now"),
+    ("ready(); say(CallResult(False, 'OK'))", "'CallResult' may not come now"),
     ("ready(); say(Setup('/etc/passwd', (), 1.0, 1, 1))", "'Setup' may not come now"),
     ("ready(); say(b'[\"Call\", \"store\", \"1\", 1, \"x\"]\\n')", "Call.texts is no tuple[str, ...]"),
     ("ready(); say(b'[\"Call\", \"store\", [1], 1, \"x\"]\\n')", "Call.texts is no tuple[str, ...]"),
@@ -133,7 +133,7 @@ def test_what_it_may_ask_for_is_what_a_script_may(tmp_path: Path) -> None:
     ]  # fmt: skip
     body = (
         f"ready()\nfor name, *texts in {asked[:5] + asked[6:]!r}:\n"
-        "    say(Call(name, tuple(texts), 1, 'x'))\n    answer = decode(hear(), Answer)\n"
+        "    say(Call(name, tuple(texts), 1, 'x'))\n    answer = decode(hear(), CallResult)\n"
         "    assert answer.failed, (name, answer)\n    sys.stderr.flush()\n"
         f"say(Call('dvtcli', {asked[5][1:]!r}, 2, 'y' * 5000)); hear()"
     )

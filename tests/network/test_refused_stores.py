@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.who_stored import WhoStored
@@ -140,8 +141,8 @@ class Warned(Said):
         super().__init__()
         self.warnings: list[str] = []
 
-    def warning(self, text: str) -> None:
-        self.warnings.append(text)
+    def warning(self, text: Hint | str) -> None:
+        self.warnings.append(typed(text))
 
 
 def ways_on(session: Session, chain: Chain, *, finishes: bool) -> None:

@@ -150,9 +150,10 @@ def test_in_a_script_it_is_refused_to_its_end(command: str, files: Path, pytestc
     with Machine() as machine:
         machine.bench.script(FIRST)
         ended = machine.bus.answers
-    with Machine() as machine:
-        machine.bench.script(FIRST, line)
-        first = next(one for one in machine.bus.downloads if one >= ended) - ended
+    for _ in range(2):  # the first change of a device reads it for its backup, too
+        with Machine() as machine:
+            machine.bench.script(FIRST, line)
+            first = next(answers for answers in machine.bus.downloads if answers >= ended) - ended
     for after in sampled(to_first_download(command, first)[1:], pytestconfig, command):
         with Machine() as machine:
             machine.bus.after = [ended + after]

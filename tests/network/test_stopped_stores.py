@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.domain.hint import Hint
 from dvtcli.errors import Interrupted, LeftChanged
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
@@ -24,8 +25,8 @@ class Said(NullReporter):
 
     warnings: list[str] = field(default_factory=list)
 
-    def warning(self, text: str) -> None:
-        self.warnings.append(text)
+    def warning(self, text: Hint | str) -> None:
+        self.warnings.append(typed(text))
 
 
 @pytest.fixture

@@ -54,7 +54,7 @@ def test_a_folder_is_no_file_to_save_to(tmp_path: Path) -> None:
         ran = bench.run(f"save {tmp_path}")
         assert ran.code == 2
         assert f"{tmp_path} is a folder" in ran.stderr
-        assert f"save {tmp_path}/NAME.dvt" in ran.stderr
+        assert f"name a file in it, as {tmp_path}/NAME.dvt" in ran.stderr
         ran = bench.run(f"save {tmp_path}/none/x.dvt")
         assert ran.code == 2
         assert f"there is no folder {tmp_path}/none" in ran.stderr

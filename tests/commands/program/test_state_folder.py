@@ -234,10 +234,10 @@ def test_a_state_folder_without_rights_stops_changes_only(tmp_path: Path, bits: 
         assert parent.exists()
     program = (
         "import os,sys\nfrom pathlib import Path\nfrom dvtcli.device.trust import unusable\n"
-        "from dvtcli.device.change.change_guard import Keeper\nfrom dvtcli.errors import SafetyRefusal\n"
+        "from dvtcli.device.change.change_guard import ChangeGuard\nfrom dvtcli.errors import SafetyRefusal\n"
         f"os.chown({str(folder)!r}, 65534, 65534)\nos.chdir({str(tmp_path)!r})\nos.setgroups([])\n"
         "os.setgid(65534)\nos.setuid(65534)\nfolder = Path('state')\n"
-        "print(unusable(folder / 'locks').text)\nkeeper = Keeper(folder, folder / 'locks', 'can0', 5)\n"
+        "print(unusable(folder / 'locks').text)\nkeeper = ChangeGuard(folder, folder / 'locks', 'can0', 5)\n"
         "try:\n    keeper.refuse_while_open()\nexcept SafetyRefusal as refused:\n    print('refused', refused.text)\n"
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False,
