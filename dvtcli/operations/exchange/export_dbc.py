@@ -53,7 +53,8 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions 
     from dvtcli.operations.wanted.network_wish import read_wish
 
     place_of(file, "NAME.dbc")
-    wish, state = read_wish(source), described_network(source, session.tell)
+    wish = read_wish(source)
+    state = described_network(source, session.tell, wish=wish)
     for node in state.nodes:
         _tell_guessed(session, source, node, everything=wishes.everything)
     return _write(session, file, source, state, rules_by_node(wish.nodes), wishes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,7 +60,7 @@ def described_nodes(session: Session, file: str | None = None) -> Callable[[int]
 
     Asks no node.
     """
-    known = _network_nodes(file) if file is not None and Path(file).suffix.lower() in _NETWORK else {}
+    known = cache(partial(_network_nodes, file))  # a frame of a PDO asks for none: the file is not planned for it
     offline: list[KnownNode] = []
     if session.base.eds is not None:
         from dvtcli.operations.opening.device_files import offline_dictionaries
@@ -69,22 +70,26 @@ def described_nodes(session: Session, file: str | None = None) -> Callable[[int]
 
     def described(node_id: int) -> KnownNode:
         node = session.network.nodes.get(node_id) if session.is_open else None
-        if node is not None and node_id not in known:
-            known[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
-        return known.get(node_id) or next(iter(offline), nobody)
+        if node is not None and node_id not in known():
+            known()[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
+        return known().get(node_id) or next(iter(offline), nobody)
 
     return described
 
 
-def _network_nodes(file: str) -> dict[int, KnownNode]:
+def _network_nodes(file: str | None) -> dict[int, KnownNode]:
+    """What a network *file* says of its nodes' objects; nothing if it is no network file."""
+    if file is None or Path(file).suffix.lower() not in _NETWORK:
+        return {}
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.wanted.network_wish import read_wish
 
-    own = rules_by_node(read_wish(file).nodes)
+    wish = read_wish(file)
+    own = rules_by_node(wish.nodes)
     return {
         node.node_id: KnownNode(
             node.dictionary, meanings_of(node.profile, node.dictionary, [own.get(node.node_id, {})])
         )
-        for node in described_network(file).nodes
+        for node in described_network(file, wish=wish).nodes
     }

@@ -40,7 +40,8 @@ def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
     from dvtcli.operations.wanted.network_wish import read_wish
     from dvtcli.watch.decoder import Decoder
 
-    wish, state = read_wish(file), described_network(file)
+    wish = read_wish(file)
+    state = described_network(file, wish=wish)
     for note in unknown_names(file, wish):
         place = f"{file}:{note.mark.line}:{note.mark.column}"
         tell.note(f"{place}: {note.text}; frames with such a name stay bytes")
