@@ -19,7 +19,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import SimulatedSignal
+    from dvtcli.simulator.network.signals import SimulatedSignal
 
 #: Longest wait for a frame, in seconds: bounds how long `stop` takes, never how long an answer takes.
 _LONGEST_WAIT_S = 0.05

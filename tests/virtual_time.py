@@ -30,7 +30,7 @@ from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import SimulatedSignal
+    from dvtcli.simulator.network.signals import SimulatedSignal
 
 #: from a frame of ours to a node's answer (s): two frames at 500 kbit/s and a quick device
 ANSWER_S = 0.0005

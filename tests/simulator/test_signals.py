@@ -9,10 +9,11 @@ import pytest
 
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import InputFileError
 from dvtcli.simulator.device.plant import DriveState, Plant, is_drive, next_state, state_of
-from dvtcli.simulator.device.signal_shapes import RowsError
-from dvtcli.simulator.device.signals import SimulatedSignal
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.signal_shapes import RowsError
+from dvtcli.simulator.network.signals import SimulatedSignal
 from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import Client, booted
 from tests.virtual_time import VirtualTimeBus
@@ -352,3 +353,13 @@ def test_every_drive_family_has_a_plant(family: str) -> None:
     assert node.next_poll_s() == 0.0
     node.poll(2.0)
     assert velocity(device) > 0
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="this system has no /dev/zero")
+def test_a_device_or_a_large_file_is_no_signal(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="/dev/zero"):
+        SimulatedSignal.parse("606C=csv(/dev/zero,1)")
+    with (large := tmp_path / "large.csv").open("wb") as file:
+        file.truncate((16 << 20) + 1)
+    with pytest.raises(InputFileError, match="larger than 16 MiB"):
+        SimulatedSignal.parse(f"606C=csv({large},1)")

@@ -20,9 +20,9 @@ from dvtcli.operations.opening.simulated_nodes import (
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
+    from dvtcli.simulator.network.signals import SimulatedSignal
 
 #: Opens the bus that options name.
 OpenBus = Callable[[Options], CanopenBus]

@@ -22,9 +22,9 @@ from dvtcli.operations.user.options import is_file, node_id
 if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.simulator.device.family import Family
-    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
+    from dvtcli.simulator.network.signals import SimulatedSignal
 
 
 #: why the file of a simulated node describes it
@@ -170,8 +170,8 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
             + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, " too: {}")
             + Hint(Action.GIVE, {"signals": "606C=sine(1500,2s)"}, " {}"),
         )
-    from dvtcli.simulator.device.signal_shapes import RowsError
-    from dvtcli.simulator.device.signals import read_signals
+    from dvtcli.simulator.network.signal_shapes import RowsError
+    from dvtcli.simulator.network.signals import read_signals
 
     try:
         return read_signals(words, [(one.node_id, read_dictionary(one.eds)) for one in simulated])

@@ -23,8 +23,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
+    from dvtcli.simulator.network.signals import SimulatedSignal
 
 #: what nodes run at where nobody says it (bit/s)
 BIT_RATE = 500_000

@@ -14,9 +14,9 @@ from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
+    from dvtcli.simulator.network.signals import SimulatedSignal
 
 #: Nodes that answer each other for ever must not keep others out, nor flood the bus: after so many frames it rests (s).
 _AT_ONCE, _REST_S = 500, 0.02

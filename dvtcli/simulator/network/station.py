@@ -17,8 +17,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.faulty import FaultyReply, FaultyServer
-    from dvtcli.simulator.device.signals import SimulatedSignal
     from dvtcli.simulator.device.simulated_faults import Fault
+    from dvtcli.simulator.network.signals import SimulatedSignal
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
 #: how long the next frame of a block transfer is waited for (s): a client on a busy computer may take seconds
@@ -75,7 +75,7 @@ class SimulatedNode:
         from dvtcli.simulator.device.plant import Plant, is_drive
 
         if signals:
-            from dvtcli.simulator.device.signals import SignalSource
+            from dvtcli.simulator.network.signals import SignalSource
 
             self._sources += [SignalSource(self.device, signal) for signal in signals]
         if self.device.family.plant and is_drive(self.device):

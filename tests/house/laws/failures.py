@@ -58,7 +58,7 @@ MAY_LEAVE_UNSAID = {
 INNER = {
     "files/recorded_lines.py:LostLineError", "files/recorded_lines.py:NoFrameError",
     "domain/gateway/error_numbers.py:GatewayRequestError",  # a client's line, which gets an answer
-    "simulator/network/socketcand.py:RubbishError", "simulator/device/signal_shapes.py:RowsError",
+    "simulator/network/socketcand.py:RubbishError", "simulator/network/signal_shapes.py:RowsError",
     "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
     "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/checking.py:Refused", "cli/view/streams.py:ReaderLeft",

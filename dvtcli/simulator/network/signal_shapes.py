@@ -13,11 +13,13 @@ from bisect import bisect_right
 from collections.abc import Callable
 from pathlib import Path
 
+from dvtcli.files.input_file import read_input
+
 Shape = Callable[[float], float]
 
 _COLUMN = re.compile(r"[0-9]{1,4}")
-#: more than this many characters of a CSV file are no signal
-_MOST_CHARACTERS = 100_000_000
+#: A larger CSV file is no signal (bytes).
+_MOST_BYTES = 16 << 20
 #: a walk begins anew after so many steps
 _MOST_STEPS = 100_000
 
@@ -85,12 +87,8 @@ def read_rows(path: Path, column: str) -> list[tuple[float, float]]:
 
 
 def _lines(path: Path) -> list[str]:
-    """The lines of *path*, read as far as a file of sane size goes; OSError where it cannot be read."""
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        text = file.read(_MOST_CHARACTERS + 1)
-    if len(text) > _MOST_CHARACTERS:
-        raise RowsError(f"more than {_MOST_CHARACTERS:,} characters", str(path))
-    return text.splitlines(keepends=True)
+    """The lines of *path*; OSError if it cannot be opened, InputFileError if it is no file or too large."""
+    return read_input(path, _MOST_BYTES, "file of a signal").decode("utf-8-sig").splitlines(keepends=True)
 
 
 def _cell(path: Path, line: int, cells: list[str], place: int) -> float:

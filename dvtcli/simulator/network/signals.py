@@ -15,8 +15,8 @@ from pathlib import Path
 from dvtcli.domain.datatypes import DataType, Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.simulator.device.moving import put_number
-from dvtcli.simulator.device.signal_shapes import RowsError, Shape, ramp, read_rows, rows, sine, square, walk
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.signal_shapes import RowsError, Shape, ramp, read_rows, rows, sine, square, walk
 
 #: how often a signal is written (s)
 SAMPLE_S = 0.01
