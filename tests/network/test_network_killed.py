@@ -91,9 +91,8 @@ def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Killable) -
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
     recovered = nodes.dvtcli("recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert (
-        "had begun: node 1 stored what was taken back; `dvtcli -n 1 store` keeps what it holds now" in recovered.stderr
-    )
+    assert "had begun: node 1 stored what was taken back; `dvtcli " in recovered.stderr
+    assert "-n 1 store` keeps what it holds now" in recovered.stderr
     assert "had begun: node 3 may have stored what was taken back" in recovered.stderr
     assert "node 1 may have" not in recovered.stderr
     assert held(nodes) == before
