@@ -195,6 +195,8 @@ class Conversation(Session):
             self.start(given)
         with self._under(given):
             self.cancellation.release()
+            if self.cancellation.requested:  # between the lines of a script, or just before this one
+                raise KeyboardInterrupt
             try:
                 yield
             finally:

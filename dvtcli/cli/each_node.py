@@ -86,6 +86,8 @@ def on_each_node(
 
     def turn(node_id: int) -> Any:
         try:
+            if session.cancellation.requested:  # asked for while the last node was written, whose change is complete
+                raise KeyboardInterrupt
             outcomes[node_id] = run()
         except BaseException as fault:
             outcomes[node_id] = fault

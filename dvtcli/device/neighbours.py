@@ -46,6 +46,16 @@ def services_taken(nodes: Iterable[KnownPdos], *, without: int | None = None) ->
     return found
 
 
+def enabled_pdos(nodes: Iterable[KnownPdos]) -> Iterator[Producer]:
+    """Every PDO of *nodes* that is enabled, RPDOs too; of a node that does not answer, as it was last known."""
+    for node in nodes:
+        try:
+            held = dict(node.known_cob_ids())
+        except (NoAnswer, SdoAborted, SdoProtocolError):
+            held = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
+        yield from (Producer(node.node_id, pdo, cob_id) for pdo, cob_id in held.items() if cob_id.valid)
+
+
 def producers_of(nodes: Iterable[KnownPdos], cob_id: CobId) -> tuple[Producer, ...]:
     """The enabled TPDOs of *nodes* that send the CAN-ID of *cob_id*, as they say now.
 

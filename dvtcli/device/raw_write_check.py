@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
-from dvtcli.device.neighbours import producers, services_taken
+from dvtcli.device.neighbours import enabled_pdos, services_taken
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional, service_ids_beside
 from dvtcli.domain.abort import Abort
@@ -64,10 +64,8 @@ def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: byt
     taken |= service_ids_beside(node.memory, node.node_id, node.dictionary, without=index)
     if index != SYNC and "SYNC" not in taken.values():
         taken[SYNC_BY_DEFAULT] = "SYNC"
-    for producer in producers(node.neighbours()):
-        taken[producer.cob_id.can_id, producer.cob_id.extended] = (
-            f"that of {producer.pdo.label} of node {producer.node_id}"
-        )
+    for other in enabled_pdos(node.neighbours()):
+        taken[other.cob_id.can_id, other.cob_id.extended] = f"that of {other.pdo.label} of node {other.node_id}"
     for pdo, cob_id in node.known_cob_ids().items():
         if cob_id.valid:
             taken[cob_id.can_id, cob_id.extended] = f"that of {pdo.label} of node {node.node_id}"

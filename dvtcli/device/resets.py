@@ -23,8 +23,9 @@ _ASK_EVERY_S, _ANSWER_S = 0.5, 0.1
 _DEVICE_TYPE = 0x1000
 #: How often it is looked after whether waiting for a power cycle shall end, in seconds.
 _LOOK_S = 0.1
-#: How many questions in a row an unpowered node leaves without an answer; a frame that is lost is one only.
-_OFF = 3
+#: How many questions in a row an unpowered node leaves without an answer, some two seconds: a lost frame is one only,
+#: and a device that writes its flash is silent for less.
+_OFF = 10
 
 
 @dataclass(slots=True)

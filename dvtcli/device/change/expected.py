@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.several import value_text
 from dvtcli.errors import SafetyRefusal
@@ -74,8 +74,8 @@ class Expected:
                 hint=Hint(
                     Action.STORE,
                     {"force": True},
-                    f"{who_else}, or it corrects what is written, or altered this beside a change of something else: "
-                    "set it as it should be and store again; {} stores what it holds now",
+                    f"{verbatim(who_else)}, or it corrects what is written, or altered this beside a change of "
+                    "something else: set it as it should be and store again; {} stores what it holds now",
                 ),
             )
 

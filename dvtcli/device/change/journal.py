@@ -94,9 +94,26 @@ class Journals:
             sync_folder(self.folder)
 
     def tidy(self, whole: str | None) -> None:
-        """After a journal of the *whole* of this id is gone: so is what the last one needed."""
-        if whole is not None and self._marker(whole).exists() and next(self._of(whole), None) is None:
+        """After a journal of the *whole* of this id is gone: so is what the last one needed.
+
+        A journal that cannot be used now may be one of them, and counts.
+        """
+        if whole is not None and self._marker(whole).exists() and not self._may_have(whole):
             self.close_whole(whole)
+
+    def _may_have(self, whole: str) -> bool:
+        """Whether there is a journal of the *whole* of this id, or one of which nobody can tell."""
+        for path in self._paths():
+            try:
+                found = read_journal(path)
+            except (InputFileError, SafetyRefusal):
+                return True
+            if (found.bus, found.part.whole) == (self.bus, whole):
+                return True
+        return False
+
+    def _paths(self) -> Iterator[Path]:
+        return self.folder.glob(f"{file_name(self.bus)}-*.json")
 
     def is_named(self, path: Path, node_id: int) -> bool:
         """Whether a file at *path* has the name of a journal of *node_id*; what has another one is left alone."""
@@ -117,7 +134,7 @@ class Journals:
         return sorted(self._of(whole), key=lambda one: one.plan.node_id)
 
     def _of(self, whole: str) -> Iterator[Journal]:
-        for path in self.folder.glob(f"{file_name(self.bus)}-*.json"):
+        for path in self._paths():
             with suppress(InputFileError, SafetyRefusal):
                 found = read_journal(path)
                 if (found.bus, found.part.whole) == (self.bus, whole):
@@ -193,11 +210,14 @@ def read_journal(path: Path) -> Journal:
 
 
 def unneeded_markers(folder: Path) -> list[Path]:
-    """What says in *folder* that journals count of which there are none: a process was killed before the first one."""
-    needed = set()
-    for path in folder.glob("*.json"):
-        with suppress(InputFileError, SafetyRefusal):
-            needed.add(read_journal(path).part.whole)
+    """What says in *folder* that journals count of which there are none: a process was killed before the first one.
+
+    If a journal cannot be used now, nobody can tell which of them it needs: none is told.
+    """
+    try:
+        needed = {read_journal(path).part.whole for path in folder.glob("*.json")}
+    except (InputFileError, SafetyRefusal):
+        return []
     return sorted(path for path in folder.glob("*.whole") if path.stem not in needed)
 
 

@@ -49,9 +49,12 @@ class Unpacked:
     def _unpacked(self, container: bytes) -> bytes:
         if len(container) < _HEAD.size or _HEAD.unpack_from(container)[0] != _PACKED:
             return container
-        data = zlib.decompressobj().decompress(container[_HEAD.size :], _MOST_BYTES + 1)
+        unpacking = zlib.decompressobj()
+        data = unpacking.decompress(container[_HEAD.size :], _MOST_BYTES + 1)
         if len(data) > _MOST_BYTES:
             raise NoFrameError(f"a container of more than {_MOST_BYTES >> 20} MiB; writers make them of 128 KiB")
+        if not unpacking.eof:
+            raise NoFrameError("a container that ends before what is packed in it does")
         return _HEAD.pack(_PLAIN, len(data)) + data
 
     def close(self) -> None:

@@ -5,6 +5,7 @@ The process says a frame a line, as JSON, and that it came to the end, or what i
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sys
@@ -20,7 +21,8 @@ from dvtcli.files.recorded_lines import NoFrameError
 from dvtcli.files.recordings.recording_format import RecordingFormat
 from dvtcli.version import DISTRIBUTION
 
-#: what asammdf may take: memory (bytes), of which its own libraries are 250 MB, and time until the next frame (s)
+#: what asammdf may take: memory beside the file itself (bytes), of which its own libraries are 250 MB, and time until
+#: the next frame (s)
 _MOST_MEMORY, _SECONDS = 720 << 20, 20.0
 #: no frame is a longer line
 _MOST_LINE = 4096
@@ -80,9 +82,9 @@ def _message(said: list[Any]) -> can.Message:
 def main() -> None:
     """Say the frames of the file whose path is on stdin, then end the process."""
     try:
-        limit(_MOST_MEMORY)
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each thread of numpy's would count as memory
         path = os.fsdecode(sys.stdin.buffer.read())
+        limit(_MOST_MEMORY + os.path.getsize(path))  # noqa: PTH202 - asammdf maps the file, which counts
         for said in _told(path):
             sys.stdout.write(json.dumps(said) + "\n")
         sys.stdout.flush()
@@ -100,6 +102,11 @@ def _told(path: str) -> Iterator[list[Any] | str]:
             ]  # fmt: skip
     except MemoryError:
         raise
+    except OSError as failed:
+        if failed.errno == errno.ENOMEM:  # of a file that is mapped
+            raise MemoryError from failed
+        yield str(failed)[:200]
+        return
     except Exception as wrong:  # noqa: BLE001 - asammdf raises what it comes across
         yield str(wrong).partition("\n")[0][:200] or type(wrong).__name__
         return

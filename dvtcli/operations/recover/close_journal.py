@@ -219,7 +219,7 @@ def _one_at_a_time(paths: Sequence[Path]) -> UsageError:
     if damaged is None:
         hint = Hint(Action.RECOVER_ALL, why="each of them can be used: {} puts all of them back")
     else:
-        hint = Hint(Action.RECOVER, {"node": _number_of(damaged), "discard": True}, f"sets {damaged} aside")
+        hint = Hint(Action.RECOVER, {"node": _number_of(damaged), "discard": True}, f"sets {verbatim(damaged)} aside")
     return UsageError(
         "several changes were interrupted on this bus: --discard closes one at a time",
         why=f"they are in {join_some(map(str, paths))}",

@@ -154,6 +154,7 @@ OTHERS = {
     "TPDO of the node": 0x189,
     "RPDO of the node": 0x209,
     "TPDO of another node": 0x185,
+    "RPDO of another node": 0x205,
 }
 
 
@@ -163,7 +164,7 @@ OTHERS = {
 def test_no_write_gives_a_service_a_can_id_that_is_taken(service: str, what: str, tmp_path: Path) -> None:
     flags, shares = SERVICES[service]
     with with_both(tmp_path) as bench:
-        done(bench, "write 1005 0x82", "enable 9:rpdo1", "disable 9:tpdo2", f"read 9:{service}")
+        done(bench, "write 1005 0x82", "enable 9:rpdo1", "enable 5:rpdo1", "disable 9:tpdo2", f"read 9:{service}")
         held = held_at(bench, service)
         raw = held if what == "itself" else flags | {**OTHERS, "PDO that is off": 0x289}[what]
         ran = bench.run(f"write 9:{service} 0x{raw:X} --json")
