@@ -22,7 +22,7 @@ _LOOK_S = 6.0
 def main(interfaces: list[str]) -> None:
     """Print what is found as one line, and leave without waiting for drivers that hang."""
     asked = interfaces or sorted(set(BACKENDS) - NOT_ASKED)
-    found = [one for name in asked for one in _detected(name)]
+    found = [channel for name in asked for channel in _detected(name)]
     sys.stdout.write("\n" + json.dumps(found) + "\n")
     sys.stdout.flush()
     os._exit(0)

@@ -124,8 +124,8 @@ class NodeWatch:
 
     def order_restart(self, node_id: int, within_s: float) -> None:
         """Something is sent from here that restarts *node_id* (0: all nodes) within *within_s* seconds."""
-        for one in range(1, 128) if node_id == 0 else (node_id,):
-            self._ordered_until_s[one] = self.now_s() + within_s
+        for restarting_id in range(1, 128) if node_id == 0 else (node_id,):
+            self._ordered_until_s[restarting_id] = self.now_s() + within_s
 
     def _tell(self, event: NodeEvent) -> None:
         for listener in tuple(self.listeners):

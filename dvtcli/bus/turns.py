@@ -266,7 +266,7 @@ class Turns:
             worker, waits = self._told.popleft()
             if worker.waits == waits and worker in self._going:
                 found[worker] = None
-        return (*found, *(one for one in self._asked if one.ready is not None and one.ready()))
+        return (*found, *(waiting for waiting in self._asked if waiting.ready is not None and waiting.ready()))
 
     def _first_s(self) -> float:
         """When the first of them does not want to wait any more."""
@@ -279,7 +279,7 @@ class Turns:
         now_s, found = self._now_s(), list[_Worker]()
         while self._first_s() <= now_s:
             found.append(self._workers[heappop(self._deadlines)[1]])
-        return sorted(found, key=lambda one: one.number)
+        return sorted(found, key=lambda worker: worker.number)
 
     def _is_past(self, deadline_s: float, number: int, waits: int) -> bool:
         worker = self._workers[number]

@@ -151,7 +151,7 @@ def _typed(word: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) 
     except ValueError:
         return None, given or 0
     found = dictionary.find(name)[:1] if numbers is None else [dictionary.entry(*numbers)]
-    entry = next((one for one in found if one is not None), None)
+    entry = next((candidate for candidate in found if candidate is not None), None)
     if entry is None:
         return None, given or 0
     return (entry.index, entry.sub_index), entry.bits or 0 if given is None else given

@@ -36,7 +36,7 @@ def backups(folder: Path, bus: str, node_id: int, identity: Mapping[str, int | N
     """The backups in *folder* of the node at *node_id* on *bus* that has this *identity*, oldest first."""
     head, needed = f"{file_name(bus)}-{node_id}-", identity_line(identity)
     found = [Backup(path, path.name.removeprefix(head).removesuffix(".dvt")) for path in folder.glob(f"{head}*.dvt")]
-    return sorted((backup for backup in found if _pins(backup.lines()) == needed), key=lambda one: one.stamp)
+    return sorted((backup for backup in found if _pins(backup.lines()) == needed), key=lambda backup: backup.stamp)
 
 
 def of_this_device(found: Iterable[Backup], identity: Mapping[str, int | None]) -> list[Backup]:

@@ -335,7 +335,9 @@ class Canary:
 
 def holds_test(node: Node, changes: Sequence[Change]) -> bool:
     """Whether *node* still holds what *changes* of a proof left on it: no restart has taken it then."""
-    return bool(changes) and node.observed(lambda: all(first_difference(node.sdo, one) is None for one in changes))
+    return bool(changes) and node.observed(
+        lambda: all(first_difference(node.sdo, change) is None for change in changes)
+    )
 
 
 def put_test_back(node: Node, changes: Sequence[Change], text: str) -> None:

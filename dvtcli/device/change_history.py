@@ -94,7 +94,7 @@ class ChangeHistory:
         InputFileError where its file is damaged.
         """
         found = [entry for entry in self.all_of(node_id, identity) if not entry.undoes]
-        meant = takewhile(lambda one: one.is_meant(selected), reversed(found))
+        meant = takewhile(lambda entry: entry.is_meant(selected), reversed(found))
         return list(meant)[::-1]
 
     def all_of(self, node_id: int, identity: Identity) -> list[ChangeHistoryEntry]:
@@ -108,7 +108,7 @@ class ChangeHistory:
         """
         found = self._last_of(f"{file_name(self.bus)}-*.json")
         meant = (entry for entry in found if entry.bus == self.bus and entry.is_meant(selected))
-        return sorted(meant, key=lambda one: one.order, reverse=True)
+        return sorted(meant, key=lambda entry: entry.order, reverse=True)
 
     def moved(self, node_id: int, identity: Identity) -> ChangeHistoryEntry | None:
         """The last change of this device, by its serial number, while it had another node-ID than *node_id*.
@@ -120,7 +120,7 @@ class ChangeHistory:
         found = self._last_of(f"{file_name(self.bus)}-{_words(identity)}-node*.json")
         return max(
             (entry for entry in found if entry.is_of(self.bus, identity) and entry.plan.node_id != node_id),
-            key=lambda one: one.order,
+            key=lambda entry: entry.order,
             default=None,
         )
 
@@ -182,7 +182,7 @@ class ChangeHistory:
     def forget_own(self, count: int, back: Plan) -> None:
         """Drop the last *count* changes that this process made: *back* put them back."""
         last, self._own = self._own[-count:], self._own[:-count]
-        dropped = [one for one in last if one is not None]
+        dropped = [change for change in last if change is not None]
         for path in {path for path, _ in dropped}:
             self._drop(path, [name for _, name in dropped], back)
 

@@ -65,7 +65,7 @@ def heard_producer_findings(
             continue
         own = [held for other, held in node.known_cob_ids().items() if other.is_tpdo and held.valid]
         known = [*own, *(producer.cob_id for producer in producers(node.neighbours()))]
-        if identifier not in {(one.can_id, one.extended) for one in known}:
+        if identifier not in {(known_id.can_id, known_id.extended) for known_id in known}:
             heard_words = f"{frames} frame{'s' if frames > 1 else ''} while the node was read"
             text = f"CAN-ID {cob_id} is on the bus already, sent by a node that is not known here ({heard_words})"
             hint = Hint(Action.CHECK_LIVE, why="asks every node") + Hint(

@@ -216,7 +216,7 @@ class LssMaster:
         waited for.
         """
         if self._everybody is not None:
-            return next((one for one in self._everybody if one not in found), None)
+            return next((slave for slave in self._everybody if slave not in found), None)
         wait_s, again = self._scan_s, 0
         for _ in range(_SCANS):
             if not self._anybody(max(wait_s, self._answer_s / 2)):
@@ -225,7 +225,7 @@ class LssMaster:
                 everybody = self._every_branch(wait_s, on_bit)
                 if everybody is not None:
                     self._everybody = everybody
-                    return next((one for one in everybody if one not in found), None)
+                    return next((slave for slave in everybody if slave not in found), None)
             else:
                 address = self._scan_once(wait_s, on_bit)
                 if address is not None and address not in found:
@@ -233,8 +233,8 @@ class LssMaster:
                 again += address is not None
             wait_s *= 2
             self.let_wait()
-            for lss_address in found:
-                self._select(lss_address)
+            for address in found:
+                self._select(address)
         raise NoAnswer(
             "the answers to the fast scan do not fit together",
             why=f"tried {_SCANS} times, at last with {1000 * wait_s / 2:.0f} ms for each question: answers are lost, "

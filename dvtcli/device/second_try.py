@@ -216,4 +216,4 @@ def _errors(node: Changeable, change: PdoChange, now: PdoConfig, want: PdoConfig
 def _with_off(plan: Plan, change: PdoChange) -> Plan:
     """*plan* with the PDO of *change* disabled before anything of it is written."""
     off = replace(plan_pdo(change.pdo, change.before, change.after, off=True), back=change.back)
-    return replace(plan, changes=tuple(off if one is change else one for one in plan.changes))
+    return replace(plan, changes=tuple(off if planned is change else planned for planned in plan.changes))

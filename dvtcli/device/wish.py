@@ -44,7 +44,7 @@ class Wish:
     def only(self, pdos: Collection[Pdo]) -> Wish:
         """The part of it that is about *pdos*."""
         chosen = {pdo: config for pdo, config in self.pdos.items() if pdo in pdos}
-        unwritten = tuple(one for one in self.unwritten if _pdo_of(one[0]) in pdos)
+        unwritten = tuple(row for row in self.unwritten if _pdo_of(row[0]) in pdos)
         return Wish(chosen, said=self.said, unwritten=unwritten)
 
     @property

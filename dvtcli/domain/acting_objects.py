@@ -67,8 +67,8 @@ class DeviceTypes:
     @classmethod
     def of(cls, *types: bytes, logical: Mapping[int, bytes] | None = None) -> DeviceTypes:
         """As *types*, values of 0x1000, and those of *logical* devices tell it."""
-        numbers = frozenset(int.from_bytes(kind[:2], "little") for kind in types)
-        is_several = any(int.from_bytes(kind[2:4], "little") == _SEVERAL for kind in types)
+        numbers = frozenset(int.from_bytes(device_type[:2], "little") for device_type in types)
+        is_several = any(int.from_bytes(device_type[2:4], "little") == _SEVERAL for device_type in types)
         own = {device: int.from_bytes(one[:2], "little") for device, one in (logical or {}).items()}
         return cls(numbers - {0} or frozenset({0}), is_several, own)
 

@@ -117,7 +117,7 @@ def _profile_number(dictionary: ObjectDictionary | None) -> int | None:
 def best(rules: Rules, index: int, sub_index: int) -> Scaling | None:
     """The meaning of the narrowest range that holds *index*:*sub_index*, None where none does."""
     fitting = [(place.size, meaning) for place, meaning in rules.items() if place.holds(index, sub_index)]
-    return min(fitting, key=lambda one: one[0])[1].at(sub_index) if fitting else None
+    return min(fitting, key=lambda pair: pair[0])[1].at(sub_index) if fitting else None
 
 
 class Meanings:

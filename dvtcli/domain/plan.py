@@ -168,7 +168,7 @@ class Plan:
                 from dvtcli.domain.value_order import in_order
 
                 is_done = True
-                steps = in_order(one.step for one in dependent.values())
+                steps = in_order(value_change.step for value_change in dependent.values())
                 yield from ((dependent[step.index, step.sub_index], step) for step in steps)
 
     def __len__(self) -> int:

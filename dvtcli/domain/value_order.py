@@ -132,21 +132,25 @@ def _consumers(steps: Sequence[Step]) -> Iterator[Step]:
     """Consumer heartbeat times, each once no other entry waits for its node; where that is a circle one is cleared."""
     pending = list(steps)
     while pending:
-        free = (one for one in pending if not any(_is_in_the_way(other, one) for other in pending if other is not one))
+        free = (
+            step for step in pending if not any(_is_in_the_way(other, step) for other in pending if other is not step)
+        )
         chosen = next(free, None)
         if chosen is not None:
             pending.remove(chosen)
             yield chosen
             continue
-        blocking = next(one for one in pending if any(_is_in_the_way(one, two) for two in pending if two is not one))
+        blocking = next(
+            step for step in pending if any(_is_in_the_way(step, other) for other in pending if other is not step)
+        )
         cleared = blocking.otherwise(blocking.before, bytes(len(blocking.after)), _RELEASED)
         pending[pending.index(blocking)] = blocking.otherwise(cleared.after, blocking.after, blocking.reason)
         yield cleared
 
 
-def _is_in_the_way(other: Download, one: Download) -> bool:
-    """Whether *other* waits, so far, for the node that *one* is to wait for."""
-    node_id = _watched(one.after)
+def _is_in_the_way(other: Download, step: Download) -> bool:
+    """Whether *other* waits, so far, for the node that *step* is to wait for."""
+    node_id = _watched(step.after)
     return node_id is not None and node_id == _watched(other.before)
 
 

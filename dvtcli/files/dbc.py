@@ -118,9 +118,9 @@ def _hint(path: Path) -> Hint:
 def _layout(said: Mapping[str, Any], file: str) -> Layout:
     """The layout of the message that *said* describes; its unit only, as its values are scaled when they are read."""
     signals = tuple(
-        Signal(one["name"], one["name"], "", Scaling(one["unit"]),
-               place=SignalPlace(one["start"], one["bits"], one["big_endian"]))
-        for one in said["signals"]
+        Signal(signal["name"], signal["name"], "", Scaling(signal["unit"]),
+               place=SignalPlace(signal["start"], signal["bits"], signal["big_endian"]))
+        for signal in said["signals"]
     )  # fmt: skip
     read = _reader(said["signals"], said["length"])
     return Layout(Service("message", said["name"]), signals, read, byte_length=said["length"], source=file)
@@ -177,7 +177,7 @@ class _Field:
 
 
 def _fields(signals: Sequence[Mapping[str, Any]]) -> list[_Field]:
-    places = {one["name"]: place for place, one in enumerate(signals)}
+    places = {signal["name"]: place for place, signal in enumerate(signals)}
     fields = [_field(signal, places) for signal in signals]
     for field in fields:
         above = [field]
@@ -185,15 +185,15 @@ def _fields(signals: Sequence[Mapping[str, Any]]) -> list[_Field]:
             above.append(fields[chooser])
         is_circle = len(above) > len(fields)
         depth = -1 if is_circle or above[-1].depth < 0 else above[-1].depth
-        for one in reversed(above[:-1]):
+        for multiplexed in reversed(above[:-1]):
             depth = depth if depth < 0 else depth + 1
-            one.depth = depth
+            multiplexed.depth = depth
     return fields
 
 
 def _field(said: Mapping[str, Any], places: Mapping[str, int]) -> _Field:
     start, scale, offset, chosen_by = said["start"], said["scale"], said["offset"], said["chosen_by"]
-    if not said["real"] and all(isinstance(one, int) or one.is_integer() for one in (scale, offset)):
+    if not said["real"] and all(isinstance(number, int) or number.is_integer() for number in (scale, offset)):
         scale, offset = int(scale), int(offset)
     multiplexor = said["multiplexor"]
     chooser = None if multiplexor is None else places.get(multiplexor)

@@ -103,7 +103,7 @@ class Names:
         return name
 
     def _keep_whole(self, name: str, whole: str) -> None:
-        taken, found, number = {one.casefold() for one in self._whole.values()}, whole, 1
+        taken, found, number = {kept.casefold() for kept in self._whole.values()}, whole, 1
         while found.casefold() in taken:
             number += 1
             found = f"{whole}_{number}"
@@ -186,7 +186,7 @@ def _reals(messages: Iterable[DbcMessage]) -> Iterator[str]:
 def quoted(text: str) -> str:
     r"""*text* as a string of the file, on one line; quotes and `\`, which tools read in several ways, are ' and /."""
     plain = text.replace('"', "'").replace("\\", "/").replace("\u03bc", "\u00b5").replace("\u03a9", "Ohm")
-    return f'"{" ".join("".join(one if one.isprintable() else " " for one in plain).split())}"'
+    return f'"{" ".join("".join(character if character.isprintable() else " " for character in plain).split())}"'
 
 
 def decimal(number: Fraction | float) -> str:

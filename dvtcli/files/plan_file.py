@@ -37,7 +37,7 @@ def read_network_plan(path: Path) -> NetworkPlan:
         nodes = document.get("nodes")
         if not isinstance(nodes, list):
             raise ValueError("it names no nodes")
-        planned = tuple(sorted(map(_node, nodes), key=lambda one: one.node_id))
+        planned = tuple(sorted(map(_node, nodes), key=lambda plan: plan.node_id))
         if len({plan.node_id for plan in planned}) != len(planned):
             raise ValueError("a node stands twice")
         return NetworkPlan(str(document.get("file", path)), planned, document.get("sync_master") is True)

@@ -25,9 +25,9 @@ class Recorder:
         self.path = path
         self._format = format_of(path)
         if append and not self._format.appends:
-            raise _cannot(path, "nothing can be appended", lambda one: one.appends)
+            raise _cannot(path, "nothing can be appended", lambda file_format: file_format.appends)
         if most_bytes and not self._format.rotates:
-            raise _cannot(path, "files cannot be rotated", lambda one: one.rotates)
+            raise _cannot(path, "files cannot be rotated", lambda file_format: file_format.rotates)
         self.frames = 0
         #: frames that the format cannot hold
         self.left_out = 0
@@ -108,7 +108,7 @@ class Recorder:
 
 
 def _cannot(path: Path, what: str, can_do: Callable[[RecordingFormat], bool]) -> UsageError:
-    others = " ".join(suffix for suffix, one in written().items() if can_do(one))
+    others = " ".join(suffix for suffix, file_format in written().items() if can_do(file_format))
     return UsageError(f"{path.name}: {what} in a {path.suffix} file", hint=f"take one of {others}")
 
 

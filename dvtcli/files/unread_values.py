@@ -44,9 +44,9 @@ def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:
     for value, near in unknown_keys(text):
         if near.lower() in (_VALUE, _NODE_ID) and value.value:
             yield value.line, f"{quoted(value)} is not read; is {near} meant?"
-    for object_text in text.objects:
-        if is_head(text, object_text) and (own := given(object_text.values, _VALUE)) is not None:
-            yield own.line, f"{quoted(own)} is not read: the sub-indices of {object_text.index:04X} have their own"
+    for entry in text.objects:
+        if is_head(text, entry) and (own := given(entry.values, _VALUE)) is not None:
+            yield own.line, f"{quoted(own)} is not read: the sub-indices of {entry.index:04X} have their own"
     for section in read.layout.stray:
         if _HAS_VALUE.search(section.text) or ("=" in section.text and _NEARLY_OBJECT.fullmatch(section.name)):
             yield section.line, f"[{section.name[:60]}] is not read: it belongs to no object in this file"

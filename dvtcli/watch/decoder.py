@@ -176,7 +176,7 @@ def _layout(
             signals.append(Signal(name or entry.object, name, entry.object, meaning, entry.bits, types[entry]))
 
     def read(data: bytes) -> list[Value | None]:
-        return [one.value for one in decode(mapping, data, types.get)]
+        return [decoded.value for decoded in decode(mapping, data, types.get)]
 
     return Layout(service, tuple(unique(signals)), read, mapping)
 

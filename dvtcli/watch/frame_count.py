@@ -56,9 +56,9 @@ class FrameCount:
     @property
     def frames(self) -> int:
         """How many there were in all."""
-        return sum(counted.frames for counted in self.by_id.values())
+        return sum(count.frames for count in self.by_id.values())
 
     @property
     def bits(self) -> int:
         """How many bits they took in all."""
-        return sum(counted.bits for counted in self.by_id.values())
+        return sum(count.bits for count in self.by_id.values())

@@ -65,7 +65,7 @@ def effects(frame: Frame, parties: Parties) -> str:
     address = frame.can_id, frame.extended
     service = service_of(frame.can_id, extended=frame.extended)
     services = {**({} if service.kind in ("pdo", "other") else {service: None}), **parties.services.get(address, {})}
-    said = [_of_service(frame, one) for one in services]
+    said = [_of_service(frame, possible_service) for possible_service in services]
     if not frame.remote:  # a remote frame carries nothing that could be taken, and the TPDO's own node answers it
         said += _of_pdos(address, service, parties)
     return "; ".join(said)

@@ -62,7 +62,7 @@ def command(
         else:
             output.note(event.text)
 
-    where = [listen_address(one) for one in listen]
+    where = [listen_address(address) for address in listen]
     serve_gateway(
         session,
         where or [(LOOPBACK, DEFAULT_PORT)],

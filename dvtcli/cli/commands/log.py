@@ -72,10 +72,10 @@ def _masks_and_text(
     filters: tuple[tuple[int, int] | str, ...], *, decode: bool
 ) -> tuple[tuple[tuple[int, int], ...], str]:
     """CAN-IDs with their masks, and the text that is sought in names of signals; UsageError where there can be none."""
-    words = [one for one in filters if isinstance(one, str)]
+    words = [word for word in filters if isinstance(word, str)]
     if len(words) > 1 or (words and not decode):
         raise UsageError(
             f"--filter {words[-1]}: not ID:MASK in hexadecimal, such as 180:780",
             hint="with --decode one --filter may be a text that names of signals have",
         )
-    return tuple(one for one in filters if not isinstance(one, str)), "".join(words).lower()
+    return tuple(mask for mask in filters if not isinstance(mask, str)), "".join(words).lower()

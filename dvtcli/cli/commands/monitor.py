@@ -67,7 +67,7 @@ def command(
 
 def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
     output = session.output
-    return lambda seen: output.documents(frame_seen.document() for frame_seen in seen)
+    return lambda seen: output.documents(frame.document() for frame in seen)
 
 
 def _told_by(session: Conversation) -> Tell:

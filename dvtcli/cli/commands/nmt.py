@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Commanded
     from dvtcli.operations.session.session import Session
 
-_WORDS = {nmt_command.word: nmt_command for nmt_command in NmtCommand}
+_WORDS = {command.word: command for command in NmtCommand}
 
 
 class NodeOrAll(CanopenType):

@@ -48,13 +48,12 @@ def _meant(session: Session, word: DvtWord, values: Sequence[Any]) -> str:
         return ""
     dictionary = session.node(named["NODE"]).dictionary
     index, sub_index = named["INDEX"], named["SUB"]
-    for one in dict.fromkeys(((index, meant_in_hex(sub_index)), (meant_in_hex(index), sub_index),
+    for place in dict.fromkeys(((index, meant_in_hex(sub_index)), (meant_in_hex(index), sub_index),
                               (meant_in_hex(index), meant_in_hex(sub_index)))):  # fmt: skip
-        if one != (index, sub_index) and dictionary is not None and dictionary.entry(*one) is not None:
+        if place != (index, sub_index) and dictionary is not None and dictionary.entry(*place) is not None:
             typed = f"{index} {sub_index}"
-            return (
-                f"without 0x a number is decimal: {typed} would be 0x{one[0]:04X} 0x{one[1]:02X} in hex, which is there"
-            )
+            in_hex = f"0x{place[0]:04X} 0x{place[1]:02X}"
+            return f"without 0x a number is decimal: {typed} would be {in_hex} in hex, which is there"
     return ""
 
 

@@ -130,9 +130,9 @@ def _table(board: Board, view: View, moment: Moment, width: int, room: int) -> L
     view.chosen = max(0, min(view.chosen, len(shown) - 1))
     lines: Lines = []
     places: list[int] = []
-    for one in shown[: len(board.objects)]:
+    for shown_value in shown[: len(board.objects)]:
         places.append(len(lines))
-        lines.append(_line(one, view, moment, width, chosen=len(places) - 1 == view.chosen))
+        lines.append(_line(shown_value, view, moment, width, chosen=len(places) - 1 == view.chosen))
     for pdo in board.pdos:
         lines.append(_pdo_line(board, pdo, moment))
         for signal in _signals(board, pdo):

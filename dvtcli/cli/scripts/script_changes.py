@@ -204,7 +204,7 @@ class ScriptChanges:
             journal.final("")
         with self._session.cancellation.way_back(), self._session.agreed():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
-            failures = [failure for back in tried if (failure := back.settled(cause)) is not None]
+            failures = [failure for attempt in tried if (failure := attempt.settled(cause)) is not None]
         if failures:
             from dvtcli.device.change.left_behind import could_not
 

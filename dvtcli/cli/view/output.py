@@ -265,13 +265,13 @@ class Output:
     def stream(self, results: Iterable[Result]) -> None:
         """Print many answers of one command as they come: a document or a few lines each. ReaderLeft as below."""
         if self.json:
-            self.documents(one.document() for one in results)
+            self.documents(result.document() for result in results)
             return
         from dvtcli.cli.view.renderers import text
 
         with self._streaming():
-            for one in results:
-                for line in text(one, self.width):
+            for result in results:
+                for line in text(result, self.width):
                     self._write(self.stdout, line)
             self.stdout.flush()
 

@@ -63,7 +63,12 @@ class Applier(Changeable):
             )
             findings += locked
             plan, findings = carry_out_as_taken(
-                self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept), is_kept=kept
+                self,
+                plan,
+                findings,
+                found,
+                lambda carried_out, boot_ups: self._done(carried_out, boot_ups, kept=kept),
+                is_kept=kept,
             )
             findings += self._unreadable_findings(plan)
         else:

@@ -74,7 +74,7 @@ class JournalContents:
     @property
     def plan(self) -> Plan:
         """Everything that has to be put back, as one plan."""
-        plans = [one for one in (self.prepared, *self.made, self.in_hand) if one is not None]
+        plans = [plan for plan in (self.prepared, *self.made, self.in_hand) if plan is not None]
         return plans[0] if len(plans) == 1 else combine_plans(plans[0].node_id, plans)
 
 

@@ -209,7 +209,7 @@ class Recovery:
 
     def _held_now(self) -> Plan:
         """From what the interrupted change wanted to what was put back instead."""
-        taken = {pdo_change.pdo: pdo_change.back for pdo_change in self._otherwise}
+        taken = {change.pdo: change.back for change in self._otherwise}
         changes: list[Change] = []
         for change in self.changes:
             if isinstance(change, PdoChange):
@@ -272,7 +272,9 @@ def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Chan
     others = tuple(change for change in interrupted.changes if not is_stamp(change))
     if held.is_own and not any(map(is_stamp, back.changes)):
         return others  # nothing of what it stands for changes
-    ends = (Step(STAMP, one, bytes(4), held.data(one), "a stamp is not put back") for one in (DATE, TIME))
+    ends = (
+        Step(STAMP, sub_index, bytes(4), held.data(sub_index), "a stamp is not put back") for sub_index in (DATE, TIME)
+    )
     return (*others, *map(ValueChange, ends))
 
 
@@ -287,7 +289,7 @@ def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:
     if len(recoveries) > 1:
         for phase in zip(*(recovery.ahead() for recovery in recoveries), strict=True):
             parts = {part.node_id: part for part in phase}
-            _each(recoveries, failed, lambda one, parts=parts: one.go_ahead(parts[one.node.node_id]))  # type: ignore[misc]
+            _each(recoveries, failed, lambda recovery, parts=parts: recovery.go_ahead(parts[recovery.node.node_id]))  # type: ignore[misc]
     _each(recoveries, failed, Recovery.put_back)
     _each(recoveries, failed, Recovery.start)
     return failed

@@ -131,7 +131,7 @@ class Journals:
 
     def all_of(self, whole: str) -> list[Journal]:
         """The journals that belong to the *whole* of this id, by node-ID; those that cannot be used are passed over."""
-        return sorted(self._of(whole), key=lambda one: one.plan.node_id)
+        return sorted(self._of(whole), key=lambda journal: journal.plan.node_id)
 
     def _of(self, whole: str) -> Iterator[Journal]:
         for path in self._paths():
@@ -174,7 +174,7 @@ class Journals:
             "final": part.final,
             "asked": list(part.asked),
             "stores": [_store_document(store) for store in part.stores],
-            "equal": [_store_document(storing) for storing in part.equal],
+            "equal": [_store_document(store) for store in part.equal],
             "tests": [change_document(change) for change in part.tests],
             "changes": [change_document(change) for change in plan.changes],
         }
@@ -251,7 +251,7 @@ def _part(document: dict[str, Any]) -> GroupMember:
     if isinstance(whole, str) and not re.fullmatch("[0-9a-f]{1,64}", whole):  # it is part of a file's name
         raise ValueError("the id of what it belongs to is malformed")
     lists = isinstance(entries, list) and isinstance(asked, list)
-    if not lists or not all(isinstance(one, str) for one in (whole or "", name, final, *entries, *asked)):
+    if not lists or not all(isinstance(text, str) for text in (whole or "", name, final, *entries, *asked)):
         raise ValueError("what it belongs to is malformed")
     tests = document.get("tests", [])
     if not isinstance(tests, list) or len(tests) > MOST_CHANGES:
@@ -262,21 +262,21 @@ def _part(document: dict[str, Any]) -> GroupMember:
 
 
 def _stores(document: Any) -> Iterator[Storing]:
-    if not isinstance(document, list) or not all(isinstance(one, dict) for one in document):
+    if not isinstance(document, list) or not all(isinstance(entry, dict) for entry in document):
         raise ValueError("its stores are malformed")
-    for one in document:
-        holds = one.get("holds", [])
+    for entry in document:
+        holds = entry.get("holds", [])
         if not isinstance(holds, list) or len(holds) > MOST_CHANGES:
             raise ValueError("its stores are malformed")
         yield Storing(
-            read_number(one, "node", 127),
-            str(one.get("group")),
-            one.get("done") is True,
-            None if one.get("identity") is None else read_identity(one),
+            read_number(entry, "node", 127),
+            str(entry.get("group")),
+            entry.get("done") is True,
+            None if entry.get("identity") is None else read_identity(entry),
             tuple(map(read_change, holds)),
-            one.get("begun") is True,
-            one.get("refused") is True,
-            one.get("accepted") is True,
+            entry.get("begun") is True,
+            entry.get("refused") is True,
+            entry.get("accepted") is True,
         )
 
 

@@ -49,12 +49,12 @@ def name_left(left: LeftChanged, guarded: Iterable[Guarded], *, stopped: bool = 
     """
     objects: list[LeftObject] = []
     as_before: dict[int, list[str]] = {}
-    for one in guarded:
-        left.guarded[one.node_id] = one.all
-        found = list(_unread(one, one.changes, "stopped before it was read")) if stopped else _look(one)
+    for node in guarded:
+        left.guarded[node.node_id] = node.all
+        found = list(_unread(node, node.changes, "stopped before it was read")) if stopped else _look(node)
         objects += found
-        others = {_label(change) for change in one.changes} - {row.label for row in found}
-        as_before[one.node_id] = [label for label in dict.fromkeys(map(_label, one.changes)) if label in others]
+        others = {_label(change) for change in node.changes} - {row.label for row in found}
+        as_before[node.node_id] = [label for label in dict.fromkeys(map(_label, node.changes)) if label in others]
     left.left = tuple(objects)
     left.as_before = {node_id: tuple(labels) for node_id, labels in as_before.items() if labels}
     left.state_text = _state_text(left)

@@ -81,8 +81,8 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
     failures: list[Exception] = []
     fillers = _fillers(changes)
     behind = {id(filler) for group in fillers.values() for filler in group}
-    dependent = [one for one in changes if isinstance(one, ValueChange) and one.is_dependent]
-    behind |= {id(one) for one in dependent[:-1]}  # they go with the last of them, in their own order
+    dependent = [change for change in changes if isinstance(change, ValueChange) and change.is_dependent]
+    behind |= {id(change) for change in dependent[:-1]}  # they go with the last of them, in their own order
     for change in reversed(changes):
         if id(change) in behind:
             continue  # goes with its PDO, whose count is in its way
@@ -222,14 +222,14 @@ def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[Valu
     """The PDO's own steps; where an entry behind its count differs, that is written while the mapping is open."""
     now = read_pdo(sdo, change.pdo)
     held = {filler: sdo.upload(filler.step.index, filler.step.sub_index) for filler in fillers}
-    differing = [one for one, data in held.items() if data != one.step.before]
+    differing = [filler for filler, data in held.items() if data != filler.step.before]
     if not differing:
         return plan_pdo(change.pdo, now, change.before).steps
     cob_id = now.communication.cob_id.disabled()
     opened = PdoConfig(replace(now.communication, cob_id=cob_id), ())
     return (
         *plan_pdo(change.pdo, now, opened).steps,
-        *(step for one in differing for step in one.reversed().steps),
+        *(step for filler in differing for step in filler.reversed().steps),
         *plan_pdo(change.pdo, opened, change.before).steps,
     )
 

@@ -102,7 +102,7 @@ class UntouchedPdos:
         """The device's state after the way back from *plan*; None where all were put back whole."""
         if not self._in_part:
             return None
-        own, altered = (join_some(one.label for one in some) for some in (plan.changes, self._in_part))
+        own, altered = (join_some(item.label for item in group) for group in (plan.changes, self._in_part))
         return (
             f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; what else it held "
             "was not read before: look at it"

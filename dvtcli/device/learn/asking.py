@@ -63,7 +63,7 @@ class Asking:
         }
         words = list(
             takewhile(
-                lambda one: self._takes(pdo.mapping_index, one[0], one[1].to_bytes(4, "little")),
+                lambda numbered: self._takes(pdo.mapping_index, numbered[0], numbered[1].to_bytes(4, "little")),
                 enumerate(subject.entries, 1),
             )
         )

@@ -26,12 +26,12 @@ def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known
         with suppress(SdoAborted):  # what it does not tell is left out
             values[place] = node.memory.upload(*place)
     mapped = {way: [e for p, c in pdos.items() if p.direction is way for e in c.mapping] for way in Direction}
-    for one in known:
-        mapped[one.subject.pdo.direction] += one.fits
-        if one.subject.other_way is not None and one.accepted(OTHER_WAY):
-            mapped[one.subject.pdo.direction].append(one.subject.other_way)
+    for answers in known:
+        mapped[answers.subject.pdo.direction] += answers.fits
+        if answers.subject.other_way is not None and answers.accepted(OTHER_WAY):
+            mapped[answers.subject.pdo.direction].append(answers.subject.other_way)
     mapped = {way: [entry for entry in entries if not entry.is_dummy] for way, entries in mapped.items()}
     places = {(entry.index, entry.sub_index) for entries in mapped.values() for entry in entries}
     lengths = {place: bits for place in places if (bits := node.length_of(*place)) is not None}
-    own = {one.subject.pdo: one.subject.entries for one in known}
+    own = {answers.subject.pdo: answers.subject.entries for answers in known}
     return ReadDevice(node.node_id, node.title, values, pdos, own, mapped, lengths, node.bus.bitrate)

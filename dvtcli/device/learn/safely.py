@@ -151,7 +151,7 @@ def _ask(
     quiet = terms.isolated or node.access.state() is NmtState.PRE_OPERATIONAL
     known = []
     for candidates, own in zip(ways, answers, strict=True):
-        asking = _that_goes_back(candidates, lambda one: _keep_to(terms, askings, one))
+        asking = _that_goes_back(candidates, lambda candidate: _keep_to(terms, askings, candidate))
         if not quiet:
             asking.subject = replace(asking.subject, spare=())
         known.append(_ask_one(asking, own, terms))
@@ -172,7 +172,7 @@ def _that_goes_back(candidates: Sequence[Asking], keep_to: Callable[[Asking], No
 
 def _keep_to(terms: Terms, askings: Sequence[Asking], asking: Asking) -> None:
     """Let *asking* write as often as is left of what was agreed to."""
-    asking.limit = terms.limit - sum(one.writes for one in askings if one is not asking)
+    asking.limit = terms.limit - sum(other.writes for other in askings if other is not asking)
 
 
 def _ask_one(asking: Asking, answers: dict[str, ProbeAnswer], terms: Terms) -> KnownAnswers:

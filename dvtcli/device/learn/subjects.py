@@ -83,7 +83,7 @@ def _subject(
 def _candidates(pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> list[tuple[Pdo, PdoConfig]]:
     """Those that are off first, of these the empty ones; of equals the one with the highest number."""
     own = [(pdo, config) for pdo, config in pdos.items() if pdo.direction is direction]
-    return sorted(own, key=lambda one: (one[1].enabled, one[1].count > 0, -one[0].number))
+    return sorted(own, key=lambda candidate: (candidate[1].enabled, candidate[1].count > 0, -candidate[0].number))
 
 
 def _goes_back(node: Node, pdo: Pdo, held: PdoConfig) -> bool:
@@ -186,7 +186,7 @@ def _mappable(dictionary: ObjectDictionary, direction: Direction) -> Iterator[Pd
     """What may be mapped by its file; objects for this direction alone before those for both."""
     wanted = FEEDS_TPDO if direction is Direction.TPDO else TAKES_RPDO
     entries = [entry for entry in _marked(dictionary) if entry.access in wanted]
-    for entry in sorted(entries, key=lambda one: one.access in FEEDS_TPDO & TAKES_RPDO):
+    for entry in sorted(entries, key=lambda mappable: mappable.access in FEEDS_TPDO & TAKES_RPDO):
         yield PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0)
 
 

@@ -19,7 +19,7 @@ _NMT = {
 def format_request(request: Request) -> str:
     """The line of *request*, without its end."""
     head = [] if request.sequence is None else [f"[{request.sequence}]"]
-    where = [str(one) for one in (request.net, request.node) if one is not None]
+    where = [str(number) for number in (request.net, request.node) if number is not None]
     return " ".join([*head, *where, _command(request)])
 
 

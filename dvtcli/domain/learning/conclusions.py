@@ -28,12 +28,12 @@ def _common(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Itera
     each = list(known.values())
     yield from _max_entries(each, most_entries)
     yield from _max_entry_bits(each)
-    yield from _first(_granularity(one) for one in each)
-    policies = {way: found for way, one in known.items() if (found := _rtr_bit(one)) is not None}
+    yield from _first(_granularity(answers) for answers in each)
+    policies = {way: found for way, answers in known.items() if (found := _rtr_bit(answers)) is not None}
     for way in Direction:
         if policies:
             yield policies.get(way) or Learnt(f"rtr_bit.{way}", "keep", "not asked: no PDO of this direction could be")
-    yield from _first(_extended(one) for one in each)
+    yield from _first(_extended(answers) for answers in each)
     if Direction.RPDO in known:
         yield from _dummies(known[Direction.RPDO])
 
@@ -46,7 +46,7 @@ def _max_entries(each: list[KnownAnswers], most_entries: int) -> Iterator[Learnt
     counted = [known for known in each if known.fits]
     if not counted:
         return
-    most = max(counted, key=lambda one: one.max_entries)
+    most = max(counted, key=lambda known: known.max_entries)
     last = most.answers.get(f"entry {most.max_entries}") or next(a for a in most.answers.values() if a.accepted)
     if all(known.max_entries == len(known.subject.entries) for known in counted) and most_entries > most.max_entries:
         taken = f"{most.subject.pdo.label} took all {most.max_entries} that"

@@ -36,7 +36,14 @@ def limit_probes(subject: ProbedPdo) -> Iterator[Probe]:
         low, high = subject.limits[index, sub_index]
         check, what = _CHECKED[sub_index]
         for side, values in (("below", range(low - 1, low - 2, -1)), ("above", range(high + 1, high + 4))):
-            value = next((one for one in values if 0 <= one < 1 << 8 * len(data) and not _rtr(sub_index, one)), None)
+            value = next(
+                (
+                    candidate
+                    for candidate in values
+                    if 0 <= candidate < 1 << 8 * len(data) and not _rtr(sub_index, candidate)
+                ),
+                None,
+            )
             if value is not None:
                 write = ProbeWrite(index, sub_index, value.to_bytes(len(data), "little"))
                 sense = f"{what} {value}, {side} the limit of the EDS, is taken"

@@ -37,11 +37,11 @@ def family_values(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
     yield from _family_types(known)
     yield from _accesses(known)
     for name, key in (("inhibit time", "max_inhibit_time"), ("event timer", "max_event_timer")):
-        found = [highest for one in known.values() if (highest := highest_time(one, name)) is not None]
+        found = [highest for answers in known.values() if (highest := highest_time(answers, name)) is not None]
         if found:
             value, text = max(found)
             yield Learnt(key, value, text)
-    restricted = [answer for one in known.values() for answer in _restricted(one)]
+    restricted = [answer for answers in known.values() for answer in _restricted(answers)]
     if restricted:
         refused = [answer for answer in restricted if answer.code]
         yield Learnt("restricted_ids_refused", bool(refused), (refused or restricted)[0].text)

@@ -26,9 +26,9 @@ def profile_values(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
             yield Learnt(key, "fine" if answer.accepted else "error", answer.text)
     times = [
         (highest, text)
-        for one in known.values()
+        for answers in known.values()
         for name in ("inhibit time", "event timer")
-        if (found := highest_time(one, name)) is not None
+        if (found := highest_time(answers, name)) is not None
         for highest, text in [found]
     ]
     if times:

@@ -106,8 +106,8 @@ def _for_the_state(answers: Mapping[str, ProbeAnswer]) -> list[ProbeAnswer]:
 def gate_for_profile(answers: Iterable[Mapping[str, ProbeAnswer]]) -> Iterator[Learnt]:
     """Whether PDO parameters want PRE-OPERATIONAL; nothing where that was not asked, or something else was refused."""
     each = list(answers)
-    refused = [answer for mapping in each for answer in _for_the_state(mapping)]
-    asked = [answer for mapping in each for answer, _ in _pairs(mapping)]
+    refused = [answer for answered in each for answer in _for_the_state(answered)]
+    asked = [answer for answered in each for answer, _ in _pairs(answered)]
     if refused:
         yield Learnt("pre_operational_gate", "required", "; ".join(answer.text for answer in refused))
     elif asked and all(answer.accepted for answer in asked):
@@ -147,11 +147,7 @@ def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mappi
     if not every or gated or len(every) < sum(map(len, pairs.values())):
         return family
     kept = [learnt for learnt in family if not learnt.key.startswith(_UNCHECKED) or _says_more(learnt)]
-    kept.append(
-        Learnt(
-            "pdo_rules_always", False, "; ".join(f"{probe_answer.text}, in OPERATIONAL only" for probe_answer in every)
-        )
-    )
+    kept.append(Learnt("pdo_rules_always", False, "; ".join(f"{answer.text}, in OPERATIONAL only" for answer in every)))
     for way, own in refused.items():
         for answer in own:
             check = _CHECKS[answer.probe.name.removesuffix(IN_OPERATIONAL)]

@@ -39,7 +39,9 @@ class KnownAnswers:
 
     def accepted(self, name: str) -> bool:
         """Whether the probe *name* was made, and accepted, then or when it was asked again."""
-        return any(one in self.answers and self.answers[one].accepted for one in (name, name + AGAIN))
+        return any(
+            probe_name in self.answers and self.answers[probe_name].accepted for probe_name in (name, name + AGAIN)
+        )
 
     def refused(self, name: str) -> bool:
         """Whether the probe *name* was made, and answered with an abort."""
@@ -67,13 +69,13 @@ class KnownAnswers:
         asked = self.mapped
         taken = [entry for entry, answer in asked.items() if answer.accepted]
         values = {feature(entry) for entry in taken}
-        others = [one for one in (self.length, self.access, self.kind) if one != feature]
+        others = [candidate for candidate in (self.length, self.access, self.kind) if candidate != feature]
         return [
             answer
             for entry, answer in asked.items()
             if not answer.accepted
             and feature(entry) not in values
-            and any(all(other(entry) == other(one) for other in others) for one in taken)
+            and any(all(other(entry) == other(taken_entry) for other in others) for taken_entry in taken)
         ]
 
     def length(self, entry: PdoMappingEntry) -> int:
@@ -176,7 +178,7 @@ def _contradictions(known: KnownAnswers) -> Iterator[Probe]:
     taken = [entry for entry, answer in asked.items() if answer.accepted]
     features = (known.length, known.access, known.kind)
     for entry, answer in asked.items():
-        unexplained = all(any(feature(entry) == feature(one) for one in taken) for feature in features)
+        unexplained = all(any(feature(entry) == feature(taken_entry) for taken_entry in taken) for feature in features)
         if unexplained and known.access(entry) and not answer.accepted and not answer.probe.name.endswith(AGAIN):
             yield replace(answer.probe, name=answer.probe.name + AGAIN)
 
@@ -197,10 +199,10 @@ def _entries(known: KnownAnswers) -> Iterator[Probe]:
     yield entry("missing-sub-index", "a sub-index that is not there is mapped", fit.index << 16 | 0xEE << 8 | fit.bits)
     yield entry("entry-zero", "an entry of 0 is taken", 0)
     yield entry("no-bits", "an entry of 0 bits is taken", fit.raw & ~0xFF, "entry of 0 bits")
-    half = next((one for one in known.fits if 2 * one.bits in {other.bits for other in known.fits}), fit)
+    half = next((shorter for shorter in known.fits if 2 * shorter.bits in {other.bits for other in known.fits}), fit)
     yield entry("entry-too-long", "an entry may be longer than its object", (half.raw & ~0xFF) | 2 * half.bits)
     yield entry("entry-bits", "an entry may be longer than 64 bits", (fit.raw & ~0xFF) | 72, "entry of 72 bits")
-    longest = max(known.fits, key=lambda one: one.bits)
+    longest = max(known.fits, key=lambda mapped: mapped.bits)
     if longest.bits > 8:
         yield entry(
             "entry-too-short", "an entry may be shorter than its object", (longest.raw & ~0xFF) | (longest.bits - 8)
@@ -245,7 +247,7 @@ def _counts(known: KnownAnswers) -> Iterator[Probe]:
     fit, most = known.fits[0], known.max_entries
 
     def filled(number: int, entry: PdoMappingEntry) -> list[ProbeWrite]:
-        return [_entry(known, one, entry.raw) for one in range(1, number + 1)]
+        return [_entry(known, position, entry.raw) for position in range(1, number + 1)]
 
     if most < 64 and not known.subject.more:
         yield _probe(
@@ -262,19 +264,19 @@ def _counts(known: KnownAnswers) -> Iterator[Probe]:
             known, "count-over-no-bits", "a count may cover an entry of 0 bits",
             _entry(known, 1, fit.raw & ~0xFF), _count(known, 1), check="count-over-no-bits",
         )  # fmt: skip
-    for one in known.fits:
-        full = MAX_PDO_BITS // one.bits
+    for mapped in known.fits:
+        full = MAX_PDO_BITS // mapped.bits
         if full <= most:
             yield _probe(
-                known, "64 bits", "a mapping may have 64 bits", *filled(full, one), _count(known, full)
+                known, "64 bits", "a mapping may have 64 bits", *filled(full, mapped), _count(known, full)
             )  # fmt: skip
             break
-    for one in known.fits:
-        over = MAX_PDO_BITS // one.bits + 1
+    for mapped in known.fits:
+        over = MAX_PDO_BITS // mapped.bits + 1
         if over <= most:
             yield _probe(
                 known, "too-many-bits", "a mapping may have more than 64 bits",
-                *filled(over, one), _count(known, over), check="too-many-bits",
+                *filled(over, mapped), _count(known, over), check="too-many-bits",
             )  # fmt: skip
             break
 

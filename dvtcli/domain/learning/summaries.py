@@ -40,7 +40,7 @@ def types_taken(known: KnownAnswers) -> list[tuple[int, int, int]]:
     if len(codes) < len(TYPES):
         return []
     found = []
-    for code, group in groupby(codes, key=lambda one: one[1]):
+    for code, group in groupby(codes, key=lambda pair: pair[1]):
         values = [value for value, _ in group]
         found.append((values[0], values[-1], code or 0))
     return [

@@ -92,7 +92,7 @@ def bus_need(found: Streams, bit_rate: int) -> BusNeed:
 
     What SYNC makes be sent is as late as SYNC may be, beyond its shortest time on the wire: its jitter.
     """
-    streams = sorted(found.streams, key=lambda one: one.frame.arbitration)
+    streams = sorted(found.streams, key=lambda stream: stream.frame.arbitration)
     times = _times(streams, bit_rate)
     for _ in range(_SETTLES):
         late_us = _sync_jitter(streams, times, bit_rate)

@@ -63,10 +63,12 @@ def length_findings(consumer: NodePlan, sent: Mapping[Id, Iterable[Sent]]) -> It
     changed = _changed(consumer)
     for rpdo, takes in _ends(consumer).items():
         cob_id = takes.communication.cob_id
-        for one in sent.get(_id(cob_id), ()) if not rpdo.is_tpdo and cob_id.valid else ():
-            changes = one.changes or rpdo in changed
-            if changes and one.plan is not consumer and one.config.bits != takes.bits:
-                yield _finding(rpdo, rpdo.label, takes, f"{one.pdo.label} of node {one.plan.node_id}", one.config)
+        for producer in sent.get(_id(cob_id), ()) if not rpdo.is_tpdo and cob_id.valid else ():
+            changes = producer.changes or rpdo in changed
+            if changes and producer.plan is not consumer and producer.config.bits != takes.bits:
+                yield _finding(
+                    rpdo, rpdo.label, takes, f"{producer.pdo.label} of node {producer.plan.node_id}", producer.config
+                )
 
 
 def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:

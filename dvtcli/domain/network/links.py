@@ -190,7 +190,7 @@ def _places(
     last = _in_order(range(wanted)[::-1], range(offered)[::-1], fits)
     if first is not None and last is not None:
         return first, last[::-1]
-    choices = [[place for place in range(offered) if fits(one, place)] for one in range(wanted)]
+    choices = [[place for place in range(offered) if fits(number, place)] for number in range(wanted)]
     only = tuple(choice[0] for choice in choices if len(choice) == 1)
     return (only, only) if len(set(only)) == wanted else None
 
@@ -199,8 +199,8 @@ def _in_order(wanted: range, offered: range, fits: Callable[[int, int], bool]) -
     """The earliest places, as *offered* counts, that fit the *wanted* one behind the other."""
     found: list[int] = []
     places = iter(offered)
-    for one in wanted:
-        place = next((place for place in places if fits(one, place)), None)
+    for number in wanted:
+        place = next((place for place in places if fits(number, place)), None)
         if place is None:
             return None
         found.append(place)

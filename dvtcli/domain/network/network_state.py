@@ -169,7 +169,7 @@ class NetworkState:
 
     def node(self, node_id: int) -> NodeState | None:
         """The node with *node_id*, None where there is none."""
-        return next((node_state for node_state in self.nodes if node_state.node_id == node_id), None)
+        return next((node for node in self.nodes if node.node_id == node_id), None)
 
     def enabled(self, *, is_tpdo: bool) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
         """Every PDO of one direction that is enabled."""

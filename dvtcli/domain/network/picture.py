@@ -186,7 +186,7 @@ class NetworkPicture:
 
     def node(self, node_id: int) -> PictureNode | None:
         """The node with *node_id*, None where there is none."""
-        return next((picture_node for picture_node in self.nodes if picture_node.node_id == node_id), None)
+        return next((node for node in self.nodes if node.node_id == node_id), None)
 
     @property
     def pdos(self) -> Iterator[tuple[PictureNode, PicturePdo]]:

@@ -37,11 +37,11 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
     by_master = [stream for stream in streams if stream.kind == "rpdo"]
     if by_master:
         yield f"a master sends on each SYNC what no node here does: {_names(by_master)}"
-    others = [one for one in without_producer(state) if not _counted(one[2], sync_us)]
+    others = [row for row in without_producer(state) if not _counted(row[2], sync_us)]
     if others:
         listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
         yield f"no node here sends what {listed} {'hears' if len(others) == 1 else 'hear'}: not counted"
-    asked = [f"{node.node_id}:{pdo}" for node, pdo, one in state.enabled(is_tpdo=True) if _is_asked(one)]
+    asked = [f"{node.node_id}:{pdo}" for node, pdo, config in state.enabled(is_tpdo=True) if _is_asked(config)]
     if asked:
         yield f"sent on request (RTR) only, and not counted: {join_some(asked)}"
     if state.untold:

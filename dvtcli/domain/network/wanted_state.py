@@ -245,7 +245,7 @@ class NetworkWish:
         """Find where the file speaks of *place* (`0x1A00:03`, `TPDO1`, `5:tpdo1`), of its PDO, or of the node."""
         found, linked = _PLACE.fullmatch(place), _LINKED.fullmatch(place)
         node_id = int(linked[1]) if linked is not None else node_id
-        node = next((node_wish for node_wish in self.nodes if node_wish.node_id == node_id), None)
+        node = next((node for node in self.nodes if node.node_id == node_id), None)
         if node is None:
             return NOWHERE
         if found is not None:
@@ -255,8 +255,8 @@ class NetworkWish:
             pdo = Pdo.at(number[0])
         else:
             pdo = Pdo.parse(linked[2]) if linked is not None else None
-            pdo = pdo or next((pdo_wish.pdo for pdo_wish in node.pdos if place == pdo_wish.pdo.label), None)
-        said = next((pdo_wish.mark for pdo_wish in node.pdos if pdo_wish.pdo == pdo and pdo_wish.mark.line), NOWHERE)
+            pdo = pdo or next((wish.pdo for wish in node.pdos if place == wish.pdo.label), None)
+        said = next((wish.mark for wish in node.pdos if wish.pdo == pdo and wish.mark.line), NOWHERE)
         ends = (link.mark for link in self.links if any((end.node_id, end.pdo) == (node_id, pdo) for end in link.ends))
         return said if said.line else next(ends, node.mark)
 

@@ -91,7 +91,7 @@ def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revisi
     fitting = [file for file in files if (file.vendor_id, file.product_code) == (vendor_id, product_code)]
     if not fitting or not vendor_id:
         return None
-    best = min(fitting, key=lambda one: _rank(one, revision))
+    best = min(fitting, key=lambda file: _rank(file, revision))
     same = [file for file in fitting if file.revision == best.revision]
     first, preferred = first_of(same)
     others = (
@@ -109,10 +109,10 @@ def first_of(same: Sequence[StoredFile], added: StoredFile | None = None) -> tup
     if len(same) == 1:
         return same[0], False
 
-    def age(one: StoredFile) -> tuple[bool, tuple[int, str]]:
-        return one == added, _newest(one)
+    def age(file: StoredFile) -> tuple[bool, tuple[int, str]]:
+        return file == added, _newest(file)
 
-    first = max(same, key=lambda one: (not one.is_of_one_node, age(one)))
+    first = max(same, key=lambda file: (not file.is_of_one_node, age(file)))
     chosen = max((file for file in same if file != added and remembered(file).preferred), key=age, default=None)
     if chosen is None or age(chosen) < age(first):
         return first, False

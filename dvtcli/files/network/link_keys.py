@@ -27,12 +27,14 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
         if to is not None and not trees:
             log.complain(to.mark, "a link needs an RPDO that hears it")
         consumers = []
-        for one in trees:
-            consumer = _endpoint(one, Direction.RPDO, node_ids, log)
+        for endpoint in trees:
+            consumer = _endpoint(endpoint, Direction.RPDO, node_ids, log)
             if consumer is not None and consumer in heard:
-                log.complain(one.mark, f"{leaves.shown(one)} hears another TPDO already (line {heard[consumer]})")
+                log.complain(
+                    endpoint.mark, f"{leaves.shown(endpoint)} hears another TPDO already (line {heard[consumer]})"
+                )
             elif consumer is not None:
-                heard[consumer] = one.mark.line
+                heard[consumer] = endpoint.mark.line
                 consumers.append(consumer)
         if producer is not None and consumers:
             yield LinkWish(producer, tuple(consumers), found.get("heartbeat"), tree.mark)

@@ -36,7 +36,7 @@ def cob_id_map(picture: NetworkPicture, width: int = 960, name: str = "map") -> 
             add(root, "text", words.partition(",")[0].removesuffix(" answer").removesuffix(" request"), x=42, y=y + 11,
                 class_="dim tiny")  # fmt: skip
         add(root, "rect", x=left, y=y, width=step * 128, height=_ROW - 3, rx=2, class_="lane")
-    for frame in sorted(frames, key=lambda one: _KINDS.index(_kind(one))):  # what is worst is drawn over the others
+    for frame in sorted(frames, key=lambda drawn: _KINDS.index(_kind(drawn))):  # what is worst is drawn over the others
         _place(root, frame, left, step)
     return root
 

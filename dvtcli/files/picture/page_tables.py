@@ -69,13 +69,15 @@ def findings_table(picture: NetworkPicture) -> PageTable:
             TableCell(finding.rule, style="code"),
             *((_line(finding),) if has_lines else ()),
         )
-        for finding in sorted(picture.findings, key=lambda one: _SEVERITIES.index(one.severity))
+        for finding in sorted(picture.findings, key=lambda found: _SEVERITIES.index(found.severity))
     )
     return _table("findings", "Findings of the rules", columns, rows, "Line")
 
 
-def _line(one: PictureFinding) -> TableCell:
-    return TableCell("-" if one.line is None else str(one.line), _LAST if one.line is None else one.line)
+def _line(finding: PictureFinding) -> TableCell:
+    return TableCell(
+        "-" if finding.line is None else str(finding.line), _LAST if finding.line is None else finding.line
+    )
 
 
 def differences_table(picture: NetworkPicture) -> PageTable:
@@ -133,9 +135,7 @@ def frames_table(picture: NetworkPicture) -> PageTable:
     heard = picture.load.measured is not None
     columns = ["COB-ID", "What", "Sent by", "Heard by", "Bytes", "At most", "Load", "Response", "Deadline"]
     columns += ["Heard/s", "Heard load"] if heard else []
-    most = max(
-        (float(picture_frame.share) for picture_frame in picture.frames if picture_frame.share is not None), default=0.0
-    )
+    most = max((float(frame.share) for frame in picture.frames if frame.share is not None), default=0.0)
     rows = []
     for frame in picture.frames:
         row = [

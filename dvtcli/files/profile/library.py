@@ -124,7 +124,9 @@ def _fitting(vendor_id: int, product_code: int, names: tuple[str, ...], _own: Ow
     own = set(own_names())
     possible = (name for name in names if name in own or may_be_of(name, vendor_id))
     fitting = [profile for profile in map(load_profile, possible) if profile.matches(vendor_id, product_code)]
-    fitting.sort(key=lambda one: (product_code in one.product_codes, bool(one.product_masks), one.name in own))
+    fitting.sort(
+        key=lambda profile: (product_code in profile.product_codes, bool(profile.product_masks), profile.name in own)
+    )
     return fitting[-1] if fitting else load_profile("generic")
 
 

@@ -83,7 +83,7 @@ def _texts(low: int, high: int) -> Any:
 def _states(item: Item) -> tuple[State, ...]:
     """A list of [mask, bits, text]; or `"statusword"`, the states that a drive's tells."""
     if item.value == "statusword":
-        return tuple(State(*one) for one in STATES)
+        return tuple(State(*row) for row in STATES)
     states = []
     for member in members(item):
         parts = members(member)

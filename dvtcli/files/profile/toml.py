@@ -179,7 +179,7 @@ def _faults(item: Item) -> dict[int, KnownFault]:
     for member in item.items():
         if not re.fullmatch(r"0x[0-9A-Fa-f]{4}", member.key):
             member.fail("the key must be an error code such as 0x4481")
-        texts = [string(member)] if isinstance(member.value, str) else [string(one) for one in members(member)]
+        texts = [string(member)] if isinstance(member.value, str) else [string(part) for part in members(member)]
         if not 1 <= len(texts) <= 2:
             member.fail("must be what it means, or that and what helps")
         found[int(member.key, 16)] = KnownFault(*texts)

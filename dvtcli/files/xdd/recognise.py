@@ -22,7 +22,7 @@ def must_be_canopen(tree: XmlTree, source: str) -> None:
 def _other(tree: XmlTree) -> tuple[str, str | None] | None:
     """What it is, and what helps; None where it is CiA 311."""
     named = [tree.namespace, *tree.types]
-    if any("powerlink" in one.lower() for one in named):
+    if any("powerlink" in name.lower() for name in named):
         return (
             "a description of an Ethernet POWERLINK device (EPSG DS 311), not of a CANopen one",
             "its maker may have an EDS or XDD of the CANopen variant",

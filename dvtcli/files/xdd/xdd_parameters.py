@@ -86,7 +86,11 @@ class Parameter:
         """That of the parameter and that of its unit, without those that are 1."""
         unit = self._child("unit")
         given = (self._attribute("multiplier"), None if unit is None else unit.attributes.get("multiplier"))
-        return [text for one in given if one is not None and _number(text := one.strip()[:_LONGEST]) != 1]
+        return [
+            text
+            for multiplier in given
+            if multiplier is not None and _number(text := multiplier.strip()[:_LONGEST]) != 1
+        ]
 
     @property
     def _given_offset(self) -> str:
@@ -130,7 +134,7 @@ class Parameter:
 
 def read_parameters(root: XmlElement, findings: Findings) -> dict[str, Parameter]:
     """The parameters below *root* by their uniqueID."""
-    templates = {one.attributes.get("uniqueID", ""): one for one in root.anywhere("parameterTemplate")}
+    templates = {template.attributes.get("uniqueID", ""): template for template in root.anywhere("parameterTemplate")}
     found: dict[str, Parameter] = {}
     for element in root.anywhere("parameter"):
         name = element.attributes.get("uniqueID", "")
@@ -152,7 +156,7 @@ def _number(text: str) -> Fraction | None:
 def _label(element: XmlElement) -> str:
     """The English label, else the first one."""
     labels = element.all("label")
-    best = next((one for one in labels if one.attributes.get("lang", "").lower().startswith("en")), None)
+    best = next((label for label in labels if label.attributes.get("lang", "").lower().startswith("en")), None)
     chosen = best or (labels[0] if labels else None)
     text = "" if chosen is None else chosen.text.strip()
     return " ".join(text.split()) if "\n" in text else text

@@ -46,7 +46,11 @@ class XddFile:
     def sections(self) -> int:
         """How many elements describe objects and sub-indices."""
         lists = self.tree.root.anywhere("CANopenObjectList")
-        return sum(1 + len(element.all("CANopenSubObject")) for each in lists for element in each.all("CANopenObject"))
+        return sum(
+            1 + len(element.all("CANopenSubObject"))
+            for object_list in lists
+            for element in object_list.all("CANopenObject")
+        )
 
     @property
     def understood(self) -> int:
@@ -99,7 +103,7 @@ def _build(elements: dict[int, XmlElement], parameters: dict[str, Parameter], in
 def _values(element: XmlElement) -> list[tuple[str, str]]:
     """The actual values of an object and its sub-indices, as they are written."""
     every = [element, *element.all("CANopenSubObject")]
-    return [(one.attributes.get("subIndex", ""), one.attributes.get("actualValue", "").strip()) for one in every]
+    return [(item.attributes.get("subIndex", ""), item.attributes.get("actualValue", "").strip()) for item in every]
 
 
 def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:

@@ -113,8 +113,8 @@ class Roster:
     def _has_id(self, node: SimulatedNode, node_id: int) -> None:
         """*node* has *node_id* from now on."""
         before, self._ids[node] = self._ids.get(node), node_id
-        for one in (node_id,) if before is None else (before, node_id):
-            self._by_id[one] = tuple(other for other in self._nodes if self._ids.get(other) == one)
+        for changed_id in (node_id,) if before is None else (before, node_id):
+            self._by_id[changed_id] = tuple(other for other in self._nodes if self._ids.get(other) == changed_id)
         self._routes.clear()
 
     def _look_at_changed(self) -> None:

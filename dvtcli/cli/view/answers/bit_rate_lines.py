@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 def bit_rate_lines(result: BitRateFound, width: int) -> Iterator[Line]:
     """The bit rate that was found, and what came at those that were tried."""
     table = Table(("BIT/S", "FRAMES", "ERROR FRAMES"))
-    for heard_at in result.heard:
-        table.add(str(heard_at.bit_rate), str(heard_at.frames), str(heard_at.error_frames))
+    for trial in result.heard:
+        table.add(str(trial.bit_rate), str(trial.frames), str(trial.error_frames))
     yield from table.lines(width)
     if result.bit_rate is not None:
         yield [Cell(f"{result.bus} runs at {result.bit_rate} bit/s", "green"), Cell(f": -b {result.bit_rate}")]
@@ -28,7 +28,7 @@ def _nothing(result: BitRateFound) -> str:
     at = "at none of the standard's bit rates" if result.complete else f"at {result.heard[0].bit_rate} bit/s"
     if result.silent:
         return f"{result.bus} is silent: no frame and no error frame {at}, {result.seconds:g} s each"
-    if not any(heard_at.frames for heard_at in result.heard):
+    if not any(trial.frames for trial in result.heard):
         return f"{result.bus}: something is sent, and {at} it can be read"
     return f"{result.bus}: frames come, and {at} without error frames"
 
@@ -39,7 +39,7 @@ def _hints(result: BitRateFound) -> Iterator[str]:
             "a silent bus tells no bit rate: switch a node on while it is listened to, for it says boot-up; "
             "--for 5s; is the cable right?"
         )
-    elif not any(heard_at.frames for heard_at in result.heard):
+    elif not any(trial.frames for trial in result.heard):
         yield "one node alone is never acknowledged, and cannot be read while we are silent: connect a second one"
     else:
         yield "nodes of two bit rates on one bus, or a bad line: take them off one by one"

@@ -125,7 +125,7 @@ def _saving(result: LearntDevice) -> Iterator[str]:
         if answer.probe.pdo is None and answer.code is not None:
             said = f"answered 0x{answer.code:08X} ({abort_text(answer.code)})" if answer.code else "accepted"
             yield f"0x{answer.probe.label}: {answer.probe.name} {said}"
-    if any(probe_answer.probe.pdo is None and probe_answer.accepted for probe_answer in result.answers):
+    if any(answer.probe.pdo is None and answer.accepted for answer in result.answers):
         yield "what it held when it was found is what it may come up with from now on: no reset was made to see"
 
 
@@ -137,8 +137,8 @@ def _short(evidence: str) -> str:
 
 def value_text(value: Value) -> str:
     """A learnt value on a screen: ranges as `0..240`."""
-    if isinstance(value, list) and value and all(isinstance(one, list) and len(one) == 2 for one in value):
-        return ", ".join(f"{one[0]}..{one[1]}" for one in value if isinstance(one, list))
+    if isinstance(value, list) and value and all(isinstance(bounds, list) and len(bounds) == 2 for bounds in value):
+        return ", ".join(f"{bounds[0]}..{bounds[1]}" for bounds in value if isinstance(bounds, list))
     if isinstance(value, list):
         return ", ".join(map(value_text, value)) or "none"
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)

@@ -181,7 +181,7 @@ def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
 def _not_whole(measured: Measured) -> str:
     odd = [plural(number, what) for number, what in ((measured.error_frames, "error frame"),) if number]
     odd += [f"{measured.lost_frames} frames were lost here"] if measured.lost_frames else []
-    return "".join(f"; {one}" for one in odd)
+    return "".join(f"; {remark}" for remark in odd)
 
 
 def _in_time(result: NetworkLoad) -> Iterator[Line]:

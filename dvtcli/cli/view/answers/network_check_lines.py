@@ -22,10 +22,12 @@ def check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
             more = f" ({times} times)" if times > 1 else ""
             yield f"{report.path}:{line}:{column}: note: {text}{more}"
         for severity in SEVERITIES:
-            for found in report.findings:
-                if found.severity == severity:
-                    yield _finding(report, found)
-                    yield from () if found.complaint is None or severity == "note" else source_lines(found.complaint)
+            for finding in report.findings:
+                if finding.severity == severity:
+                    yield _finding(report, finding)
+                    yield from (
+                        () if finding.complaint is None or severity == "note" else source_lines(finding.complaint)
+                    )
         yield _sum(report)
 
 

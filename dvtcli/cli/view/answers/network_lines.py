@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 
 #: why an object is not written that --include lifts
-_LIFTED = frozenset(str(written) for written in NotWritten if written.is_lifted_by_include)
+_LIFTED = frozenset(str(reason) for reason in NotWritten if reason.is_lifted_by_include)
 
 
 def plan_lines(plan: NetworkPlan, width: int, *, compares: bool = False) -> Iterator[Line]:
@@ -188,7 +188,7 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
 
 def _kept(result: NetworkApplied) -> Iterator[Line]:
     """What keeps that on the nodes that did not store, as `write` says it."""
-    stored, told = {one.node for one in result.stored}, dict[str, list[str]]()
+    stored, told = {store.node for store in result.stored}, dict[str, list[str]]()
     for node_id, words in result.keep.items():
         if node_id not in stored:
             told.setdefault(typed(words), []).append(str(node_id))
@@ -205,14 +205,14 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
 def _stored(result: NetworkApplied) -> Iterator[Line]:
     """Who acknowledged the store, and of whom a restart has shown more than that."""
     told: dict[str, list[str]] = {}
-    for one in result.stored:
-        if one.proof is None:
+    for store in result.stored:
+        if store.proof is None:
             text = "Stored, as acknowledged by node {}. To check: store --prove, node by node"
-        elif one.proof.holds:
+        elif store.proof.holds:
             text = "Stored on node {}, and proved by a restart."
         else:
             text = "Acknowledged by node {}, and not proved by the restart."
-        told.setdefault(text, []).append(str(one.node))
+        told.setdefault(text, []).append(str(store.node))
     for text, nodes in told.items():
         yield text.format(", ".join(nodes))
 

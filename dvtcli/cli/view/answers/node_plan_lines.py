@@ -59,12 +59,12 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
         yield _otherwise(node, left_out)
         yield from _downloads(left_out.object, left_out.held, left_out.said)
     if len(node.remaining) > _MOST_REMAINING:
-        rest = [one.object for one in node.remaining[_MOST_REMAINING:]]
+        rest = [left_out.object for left_out in node.remaining[_MOST_REMAINING:]]
         yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {join_some(rest)}")]
     by_why: dict[str, list[str]] = {}
-    for one in node.left_out:
-        if not one.remains:
-            by_why.setdefault(one.why, []).append(f"{one.object}{_values(node, one)}")
+    for left_out in node.left_out:
+        if not left_out.remains:
+            by_why.setdefault(left_out.why, []).append(f"{left_out.object}{_values(node, left_out)}")
     silent = by_why.pop(NotWritten.READ_ONLY, [])
     for why, places in by_why.items():
         yield [Cell("  ! ", "yellow"), Cell(f"not written: {join_some(places)} {why}")]

@@ -17,8 +17,8 @@ def sent_lines(result: FramesSent, _width: int) -> Iterator[Line]:
         return
     asked = [frame for frame in result.frames if frame.effects]
     yield f"dry run: nothing was sent; nodes act on {len(asked)} of {plural(len(result.frames), 'frame')}"
-    for send in asked:
-        yield f"  {frame_text(send.explained.frame)}: {send.effects}"
+    for frame in asked:
+        yield f"  {frame_text(frame.explained.frame)}: {frame.effects}"
 
 
 def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:

@@ -22,13 +22,13 @@ _LEVELS = "▁▂▃▄▅▆▇█"
 def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
     """One object a line, or all of them in a line with its time."""
     if result.at_s is not None:
-        values = [value_read for value_read in result.values if isinstance(value_read, ValueRead)]
+        values = [value for value in result.values if isinstance(value, ValueRead)]
         yield [
             Cell(f"{result.at_s:9.3f} s", "dim"),
-            *(Cell(f"  {_place(value_read)} {_value(value_read)}") for value_read in values),
+            *(Cell(f"  {_place(value)} {_value(value)}") for value in values),
         ]
         return
-    several_nodes = len({one.node for one in result.values}) > 1
+    several_nodes = len({value.node for value in result.values}) > 1
     for value in result.values:
         for line in record_lines(value, width) if isinstance(value, RecordRead) else [value_line(value)]:
             assert isinstance(line, list)  # noqa: S101 - it is one of cells

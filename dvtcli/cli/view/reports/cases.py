@@ -131,8 +131,8 @@ def _whole(result: WholeCompared) -> Iterator[Case]:
         yield Case(where, "another device", (result.unlike,), "warning", result.first)
     for difference in result.differences:
         yield Case(where, _named(difference), (_sides(difference),), file=result.first)
-    for object_difference in (*result.about, *result.apart) if result.shows_all else ():
-        yield Case(where, _named(object_difference), (_sides(object_difference),), "notice", result.first)
+    for difference in (*result.about, *result.apart) if result.shows_all else ():
+        yield Case(where, _named(difference), (_sides(difference),), "notice", result.first)
 
 
 def _named(one: ObjectDifference) -> str:

@@ -15,10 +15,10 @@ def github_lines(result: Reported, _width: int) -> Iterator[Line]:
     """A command for each finding, errors first, and the sum of each file: GitHub shows ten of a kind and step."""
     reports = result.reports
     for severity in SEVERITIES:
-        for one in reports:
-            for finding in one.findings:
+        for report in reports:
+            for finding in report.findings:
                 if finding.severity == severity:
-                    yield f"::{_COMMANDS[severity]} {_place(one, finding)}::{as_data(finding.text)}"
+                    yield f"::{_COMMANDS[severity]} {_place(report, finding)}::{as_data(finding.text)}"
     for report in reports:
         counted = report.count()
         yield as_path(f"{report.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}")

@@ -43,7 +43,7 @@ def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
         bits = most_frame_bits(data_bytes(config), extended=config.communication.cob_id.extended)
         share = _FOR_EVENTS / len(spots)
         needed_ms = Fraction(1000 * bits) / (share * network.bit_rate)
-        time_ms = next((one for one in _PROPOSED if one >= needed_ms), _PROPOSED[-1])
+        time_ms = next((proposed_ms for proposed_ms in _PROPOSED if proposed_ms >= needed_ms), _PROPOSED[-1])
         taken = Fraction(100_000 * bits, time_ms * network.bit_rate)
         yield (
             at(node, pdo),

@@ -60,7 +60,7 @@ def sync_heard_twice(network: CheckedNetwork) -> NetFound:
 
 
 def _sync_spot(network: CheckedNetwork) -> NetSpot:
-    node = next((node_state for node_state in network.nodes if node_state.produces_sync), None)
+    node = next((node for node in network.nodes if node.produces_sync), None)
     return NetSpot() if node is None else held(node, SYNC_COB_ID)
 
 
@@ -68,7 +68,7 @@ def _second_counter(heard: HeardId) -> str:
     """Why it is plain from their content that two send them."""
     if len(heard.lengths) > 1:
         return "some have a counter, some have none"
-    counters = [one for one in heard.first_bytes if one is not None]
+    counters = [first_byte for first_byte in heard.first_bytes if first_byte is not None]
     jumps = sum(after not in (before + 1, 1) for before, after in pairwise(counters))
     return f"its counter jumps, {jumps} times of {len(counters) - 1}" if jumps > len(counters) // 4 else ""
 
@@ -153,8 +153,13 @@ def from_nobody(network: CheckedNetwork) -> NetFound:
 
 def _known(network: CheckedNetwork) -> set[Identifier]:
     """CAN-IDs that a node, or a service that every network may have, sends."""
-    own = {one for node in network.nodes for one in (node.sync, node.time, node.emcy) if one is not None}
-    services = {(can_id, False) for one in _SERVICES for can_id in one}
+    own = {
+        identifier
+        for node in network.nodes
+        for identifier in (node.sync, node.time, node.emcy)
+        if identifier is not None
+    }
+    services = {(can_id, False) for can_ids in _SERVICES for can_id in can_ids}
     return own | services | network.sent
 
 

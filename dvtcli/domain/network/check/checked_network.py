@@ -127,7 +127,7 @@ class CheckedNetwork:
     @cached_property
     def synchronous(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:
         """Every enabled PDO that SYNC makes be sent, or taken over."""
-        return tuple(one for one in self.enabled if one[2].communication.transmission_type in SYNCHRONOUS)
+        return tuple(row for row in self.enabled if row[2].communication.transmission_type in SYNCHRONOUS)
 
     @cached_property
     def sent(self) -> frozenset[Identifier]:

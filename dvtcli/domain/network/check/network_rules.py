@@ -28,9 +28,7 @@ CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
 ]  # fmt: skip
 #: The rules by which the network of a file is held against the nodes on a bus.
 AGAINST_FILE: tuple[LintRule, ...] = tuple(
-    rule_check.rule
-    for rule_check in checks_of(check_nodes, check_boot, check_against_file)
-    if rule_check.rule.name != "nobody-starts"
+    check.rule for check in checks_of(check_nodes, check_boot, check_against_file) if check.rule.name != "nobody-starts"
 )
 #: Rules of networks that a rule of a change says with more: of one PDO they are said once.
 SAME_RULES: dict[str, tuple[str, ...]] = {
@@ -54,7 +52,7 @@ SAME_RULES: dict[str, tuple[str, ...]] = {
 SUPERSEDED: dict[str, tuple[str, ...]] = dict.fromkeys(("frame-too-short", "frame-too-long"), ("consumer-length",))
 #: Rules of what one device takes: if it holds a PDO that breaks them, its maker allows more than the standard does.
 OF_ONE_DEVICE = frozenset(
-    {"can-id-reserved", "too-long", "reserved-type", *(rule_check.rule.name for rule_check in check_each_pdo.CHECKS)}
+    {"can-id-reserved", "too-long", "reserved-type", *(check.rule.name for check in check_each_pdo.CHECKS)}
 )
 #: Rules that need no more of a node than its COB-IDs.
 OF_COB_IDS = frozenset(
@@ -64,7 +62,7 @@ OF_COB_IDS = frozenset(
     }
 )  # fmt: skip
 #: Every rule there is.
-NETWORK_RULES: tuple[LintRule, ...] = tuple(rule_check.rule for rule_check in CHECKS)
+NETWORK_RULES: tuple[LintRule, ...] = tuple(check.rule for check in CHECKS)
 
 
 def network_findings(network: CheckedNetwork, wanted: Collection[str]) -> Iterator[tuple[LintRule, NetSpot, str]]:

@@ -13,8 +13,8 @@ from dvtcli.files.eds.lint import lint_keys
 from dvtcli.files.eds.read_rules import DUPLICATE_KEY
 
 _OF_KEYS = {
-    one.name
-    for one in (
+    rule.name
+    for rule in (
         DUPLICATE_KEY, lint_keys.misspelt_key.rule, lint_keys.unknown_key.rule, lint_keys.key_without_effect.rule,
     )
 }  # fmt: skip

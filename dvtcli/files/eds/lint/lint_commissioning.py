@@ -16,8 +16,8 @@ _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 def parameter_value_in_eds(text: LintedText) -> Found:
     """It describes one device and not all of its kind; tools that read an EDS pass it by."""
     if text.is_eds:
-        for object_text in text.objects:
-            value = given(object_text.values, "parametervalue")
+        for entry in text.objects:
+            value = given(entry.values, "parametervalue")
             if value is not None:
                 yield value.line, f"{quoted(value)} is a DCF's: in an EDS it counts for some tools only"
 

@@ -71,23 +71,23 @@ def misspelt_section(text: LintedText) -> Found:
 @check("no-sub-number", NOTE, "an object with sub-indices has no SubNumber", "CiA 306, 4.6.3: SubNumber")
 def no_sub_number(text: LintedText) -> Found:
     """Readers that count by it find none."""
-    for object_text in text.objects:
+    for entry in text.objects:
         if (
-            object_text.sub_index is None
-            and object_text.index in text.of_many
-            and not object_text.values.keys() & {"subnumber", "compactsubobj"}
+            entry.sub_index is None
+            and entry.index in text.of_many
+            and not entry.values.keys() & {"subnumber", "compactsubobj"}
         ):
-            yield object_text.section.line, "no SubNumber, but sub-indices"
+            yield entry.section.line, "no SubNumber, but sub-indices"
 
 
 @check("key-without-effect", NOTE, "an object with sub-indices has keys that only those have", "CiA 306, 4.6.3")
 def key_without_effect(text: LintedText) -> Found:
     """What it says counts for none of them."""
-    for object_text in text.objects:
-        if is_head(text, object_text):
+    for entry in text.objects:
+        if is_head(text, entry):
             for key in _OF_ENTRIES:
-                if key in object_text.values:
-                    value = object_text.values[key]
+                if key in entry.values:
+                    value = entry.values[key]
                     yield value.line, f"{value.key} says nothing here: the sub-indices have their own"
 
 
@@ -95,7 +95,7 @@ def unknown_keys(text: LintedText) -> Iterator[tuple[IniValue, str]]:
     """Every value of a key that is not known, with the known one that is nearly the same, or nothing."""
     seen: dict[tuple[str, str], str] = {}
     sections = [(name, text.values(name).items()) for name in _KEYS]
-    for name, values in [*sections, *(("", object_text.values.items()) for object_text in text.objects)]:
+    for name, values in [*sections, *(("", entry.values.items()) for entry in text.objects)]:
         known = _LOWER[name]
         for key, value in values:
             if key not in known:

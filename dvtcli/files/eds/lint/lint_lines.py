@@ -52,9 +52,9 @@ def long_line(text: LintedText) -> Found:
 @check("header-case", NOTE, "a sub-index is called SUB in capitals: some libraries drop it", "CiA 306, 4.6.3")
 def header_case(text: LintedText) -> Found:
     """The standard writes `[1018sub0]`."""
-    for object_text in text.objects:
-        section = object_text.section
-        if object_text.sub_index is not None and section.name[4:7] not in ("sub", "Sub"):
+    for entry in text.objects:
+        section = entry.section
+        if entry.sub_index is not None and section.name[4:7] not in ("sub", "Sub"):
             yield section.line, f"[{section.name}] is written [{section.name[:4]}sub{section.name[7:]}]"
 
 

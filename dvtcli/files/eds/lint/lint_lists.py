@@ -44,12 +44,12 @@ def list_numbering(text: LintedText) -> Found:
 @check("compact-record", NOTE, "CompactSubObj of what is no ARRAY", _COMPACT)
 def compact_record(text: LintedText) -> Found:
     """All its sub-indices would be alike, and a RECORD's are not."""
-    for object_text in text.objects:
-        if "compactsubobj" in object_text.values and object_text.sub_index is None:
-            held = text.file.dictionary[object_text.index]
+    for entry in text.objects:
+        if "compactsubobj" in entry.values and entry.sub_index is None:
+            held = text.file.dictionary[entry.index]
             if len(held.entries) > 1 and held.object_type != ObjectType.ARRAY:
                 yield (
-                    object_text.values["compactsubobj"].line,
+                    entry.values["compactsubobj"].line,
                     f"CompactSubObj, but ObjectType is 0x{held.object_type:X}",
                 )
 
@@ -57,13 +57,13 @@ def compact_record(text: LintedText) -> Found:
 @check("compact-and-sub", NOTE, "an object in short form has sections of sub-indices, too", _COMPACT)
 def compact_and_sub(text: LintedText) -> Found:
     """They count; some readers take the short form only."""
-    for object_text in text.objects:
-        value = object_text.values.get("compactsubobj")
+    for entry in text.objects:
+        value = entry.values.get("compactsubobj")
         if (
             value is not None
             and value.value not in ("", "0")
-            and object_text.sub_index is None
-            and object_text.index in text.of_many
+            and entry.sub_index is None
+            and entry.index in text.of_many
         ):
             yield value.line, f"{quoted(value)}, and sections of its sub-indices"
 
@@ -71,7 +71,7 @@ def compact_and_sub(text: LintedText) -> Found:
 @check("table-without-compact", NOTE, "a table of names or values of an object that is not in short form", _COMPACT)
 def table_without_compact(text: LintedText) -> Found:
     """Other readers do not look at it."""
-    compact = {object_text.index for object_text in text.objects if "compactsubobj" in object_text.values}
+    compact = {entry.index for entry in text.objects if "compactsubobj" in entry.values}
     for index in text.file.layout.objects:
         if index not in compact:
             sections = text.file.layout.object_sections(index)
@@ -84,8 +84,8 @@ def table_without_compact(text: LintedText) -> Found:
        "CiA 301, 7.4.1")  # fmt: skip
 def missing_deftype(text: LintedText) -> Found:
     """What such an object holds is not known."""
-    for object_text in text.objects:
-        value = object_text.values.get("datatype")
+    for entry in text.objects:
+        value = entry.values.get("datatype")
         code = None if value is None else _number(value)
         own = code is not None and code not in DATA_TYPES and 0x20 <= code < 0x1000
         if value is not None and own and code not in text.file.dictionary:

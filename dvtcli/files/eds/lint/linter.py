@@ -47,8 +47,8 @@ DEVICE_CHECKS: list[RuleCheck[DescribedDevice, Spot]] = [
 #: Every rule there is.
 RULES: tuple[LintRule, ...] = (
     *READ_RULES,
-    *(rule_check.rule for rule_check in TEXT_CHECKS),
-    *(rule_check.rule for rule_check in DEVICE_CHECKS),
+    *(check.rule for check in TEXT_CHECKS),
+    *(check.rule for check in DEVICE_CHECKS),
 )
 
 
