@@ -80,7 +80,9 @@ def object_of(node: Node, object_: Object) -> tuple[int, int]:
 def _numbers(object_: object, most: int) -> bool:
     """Whether *object_* is an index, or a tuple of an index, a sub-index and up to *most* numbers in all."""
     numbers = object_ if isinstance(object_, tuple) else (object_, 0)
-    return 2 <= len(numbers) <= most and all(isinstance(one, int) and not isinstance(one, bool) for one in numbers)
+    return 2 <= len(numbers) <= most and all(
+        isinstance(value, int) and not isinstance(value, bool) for value in numbers
+    )
 
 
 def entry_of(node: Node, entry: Entry) -> MappedObject | Skipped:

@@ -69,7 +69,7 @@ def word(name: str, value: object, takes: str) -> str:
 
 def words(name: str, value: object) -> tuple[str, ...]:
     """A list or tuple of words; one word alone would be taken for its letters."""
-    if not isinstance(value, list | tuple) or not all(isinstance(one, str) for one in value):
+    if not isinstance(value, list | tuple) or not all(isinstance(item, str) for item in value):
         raise wrong(name, value, "a list or tuple of words")
     return tuple(value)
 

@@ -76,7 +76,7 @@ class ConfiguredNode(ReadNode):
         asked, wanted = request(options, enabled=True), pdo_of(pdo)
 
         def work(node: DeviceNode) -> Changed:
-            mapped = tuple(entry_of(node, one) for one in objects)
+            mapped = tuple(entry_of(node, wanted_object) for wanted_object in objects)
             return configure(self._calls.session, node, {wanted: replace(asked, objects=mapped)})
 
         if not objects:

@@ -79,7 +79,7 @@ class FrameCalls(NetworkCalls):
         if not isinstance(within_s, tuple) or len(within_s) != 2:
             raise wrong("within_s", within_s, "two numbers of seconds: (0, 10)")
         ends = (-math.inf, math.inf)
-        begin_s, end_s = (one if one in ends else number("within_s", one, "numbers of seconds") for one in within_s)
+        begin_s, end_s = (end if end in ends else number("within_s", end, "numbers of seconds") for end in within_s)
         whole("loops", loops, "a count", 1_000_000, low=1)
         if channel is not None:
             word("channel", channel, "the name of a channel in the recording, or 'all'")

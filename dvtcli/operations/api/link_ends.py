@@ -14,7 +14,7 @@ _AN_END = "a PDO with its node: '1:tpdo1'"
 
 def endpoints(*words: str) -> list[Endpoint]:
     """The PDOs with their nodes; UsageError where a word is none."""
-    return [_endpoint(one) for one in words]
+    return [_endpoint(end_word) for end_word in words]
 
 
 def _endpoint(text: str) -> Endpoint:

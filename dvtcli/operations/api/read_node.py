@@ -178,7 +178,7 @@ class ReadNode:
         flags(twice=twice)
         chosen = str(path("file", file))
         done = self._read(lambda node: backup_device(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
-        return tuple(one["object"] for one in dict(done.rows)["left_out"])
+        return tuple(entry["object"] for entry in dict(done.rows)["left_out"])
 
     def compare(self, file: str | Path) -> WholeCompared:
         """Compare the node's settings with a DCF, EDS, XDD, XDC or a backup; true where all is equal."""
@@ -210,7 +210,7 @@ class ReadNode:
             raise UsageError(f"{chosen} is of all nodes", hint="bus.export() writes it")
         done = self._read(lambda node: export_file(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
         left_out = dict(done.rows)["left_out"]
-        return tuple(one["object"] if isinstance(one, dict) else one for one in left_out)
+        return tuple(entry["object"] if isinstance(entry, dict) else entry for entry in left_out)
 
     def _read(self, work: Callable[[DeviceNode], T], *, yes: bool = False) -> T:
         return self._calls.run(lambda: work(self._calls.session.node(self._node_id)), yes=yes)

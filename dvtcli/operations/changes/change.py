@@ -60,7 +60,11 @@ def _without_producer(session: Session, node: Node, applied: Applied) -> Iterato
 def _other_lengths(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
     """Warnings about PDOs of other nodes, as this session knows them, that have another length than a changed one."""
     changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
-    others = [one for one in session.network.nodes.values() if one.node_id != node.node_id] if changes else []
+    others = (
+        [other_node for other_node in session.network.nodes.values() if other_node.node_id != node.node_id]
+        if changes
+        else []
+    )
     if others:
         from dvtcli.domain.network.consumers import changed_length
     for other in others:

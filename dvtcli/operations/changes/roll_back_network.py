@@ -219,7 +219,11 @@ class NetworkTransaction:
             if node_id not in failures:
                 self._try(node_id, failures, fault, lambda node: self._settle(node, rewritten))
         now = self._looked = self._boot_ups_of(taken, failures, fault)
-        return [one for one in taken if one not in failures and (now[one] != seen[one] or one in rewritten)]
+        return [
+            taken_id
+            for taken_id in taken
+            if taken_id not in failures and (now[taken_id] != seen[taken_id] or taken_id in rewritten)
+        ]
 
     def _boot_ups_of(
         self, taken: Sequence[int], failures: dict[int, LeftChanged], fault: BaseException

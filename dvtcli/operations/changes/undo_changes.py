@@ -82,7 +82,7 @@ def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], C
                 state="unknown",
             )
     except DvtcliError as error:
-        ids = [str(one.node) for one in done if one.node not in again]
+        ids = [str(undone.node) for undone in done if undone.node not in again]
         if ids:
             error.details.append(("done", f"node {', '.join(ids)}: put back before this"))
         raise

@@ -56,13 +56,15 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
     than what was left; LeftChanged where one could not be brought back to what it held before this.
     """
     started = time.monotonic()
-    nodes = {one.node.node_id: one.node for one in undoings}
+    nodes = {node_undoing.node.node_id: node_undoing.node for node_undoing in undoings}
     with session.cancellation.guard():
         found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         force = session.options.force
         backs = {
-            one.node.node_id: way_back(one.node, TakeBack(one.plans, everything=True, force=force, own=one.own))
-            for one in undoings
+            node_undoing.node.node_id: way_back(
+                node_undoing.node, TakeBack(node_undoing.plans, everything=True, force=force, own=node_undoing.own)
+            )
+            for node_undoing in undoings
         }
         for node_id, back in backs.items():
             if len(back.plan):

@@ -131,5 +131,10 @@ def _transports() -> Iterator[Check]:
     """Ways to a bus that other packages bring, for `-i`."""
     from dvtcli.bus.transports import brought
 
-    for one in brought():
-        yield Check("transport", "warn" if one.problem else "ok", f"{one.name}  {one.about}", one.problem)
+    for transport in brought():
+        yield Check(
+            "transport",
+            "warn" if transport.problem else "ok",
+            f"{transport.name}  {transport.about}",
+            transport.problem,
+        )

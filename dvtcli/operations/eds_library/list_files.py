@@ -35,7 +35,7 @@ def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
     UsageError for a word that names none, or several by their name, and where a file cannot be removed.
     """
     chosen = _chosen(words)
-    labels = tuple(f"{identity_word(one.identity)} {one.label}" for one in chosen)
+    labels = tuple(f"{identity_word(listed_file.identity)} {listed_file.label}" for listed_file in chosen)
     session.consent(f"remove from the library: {', '.join(labels)}?")
     if not session.dry_run:
         for file in chosen:

@@ -89,7 +89,7 @@ def _read(file: str) -> EdsFile | XddFile:
 
 def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
     """What the file said about itself *before*, and does not say *after*."""
-    gone = [one for one in before.items() if after.get(one[0]) != one[1] and one not in _OF_EVERY_FILE]
+    gone = [item for item in before.items() if after.get(item[0]) != item[1] and item not in _OF_EVERY_FILE]
     return [f"FileInfo: {', '.join(f'{key} ({value})' for key, value in gone)}"] if gone else []
 
 

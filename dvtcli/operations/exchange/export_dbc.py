@@ -103,7 +103,7 @@ def _write(
     counts = (
         f"{plural(len(state.nodes), 'node')}, {plural(len(found.messages), 'message')}, {plural(signals, 'signal')}"
     )
-    return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {one}" for one in left_out)))
+    return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {omitted}" for omitted in left_out)))
 
 
 def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcOptions = PLAIN) -> NetworkMessages:

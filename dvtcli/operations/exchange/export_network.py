@@ -44,7 +44,7 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     said: list[Hint | str] = [Hint(Action.CHECK, {"file": file}, f"{counted}. Check it: {{}}")]
     if note := found.left_out_note:
         said.append(f"note: {note}")
-    if others := [str(one) for one in session.known_ids() if one != node.node_id]:
+    if others := [str(known_id) for known_id in session.known_ids() if known_id != node.node_id]:
         said.append(
             Hint(Action.GIVE, {"node_id": others[0]}, f"This is node {node.node_id} only: {{}} exports another")
             + Hint(Action.IMPORT, {"file": "FILE.yaml"}, ", {} all nodes.")

@@ -68,8 +68,8 @@ def _listed(
         return ListedNode(node_id, node.title)
     name = f"node{node_id}.dcf"
     done = dict(export_dcf(session, str(path.with_name(name)), node_id, twice=twice).rows)
-    left_out = [f"{one['object']} left out: {one['why']}" for one in done["left_out"]]
-    notes += (f"node {node_id}: {one}" for one in left_out)
+    left_out = [f"{entry['object']} left out: {entry['why']}" for entry in done["left_out"]]
+    notes += (f"node {node_id}: {line}" for line in left_out)
     if left_out:
         said.append(f"node {node_id}: {join_some(left_out)}")
     return ListedNode(node_id, node.title, name)

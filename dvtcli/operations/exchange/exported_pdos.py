@@ -81,7 +81,7 @@ def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader
     remarks: dict[str, str] = {}
     wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
     found = exported_objects(values, holder.dictionary, said)
-    objects = sorted(found, key=lambda one: (one.index, one.sub_index))
+    objects = sorted(found, key=lambda entry: (entry.index, entry.sub_index))
     watches = tuple(exported_watches(values))
     others = dict(exported_values(values, holder.dictionary, watches, holder.node_id, said))
     remarks |= {one.object.text: sense for one, sense in others.items()}

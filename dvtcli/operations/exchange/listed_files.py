@@ -64,7 +64,7 @@ def _file(nodelist: Path, node: ListedNode) -> Path:
     if os.path.isfile(path):  # noqa: PTH113 - Path.is_file raises OSError for a name that is too long
         return path
     near = path.parent.iterdir() if os.path.isdir(path.parent) else ()  # noqa: PTH112
-    same = [one for one in near if one.name.lower() == path.name.lower()]
+    same = [neighbour for neighbour in near if neighbour.name.lower() == path.name.lower()]
     if len(same) != 1:
         raise InputFileError(
             f"{nodelist.name}:{node.line}: the DCF of node {node.node_id} is not there: {node.dcf}",

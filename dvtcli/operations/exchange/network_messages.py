@@ -63,9 +63,13 @@ def network_messages(
     names = _node_names(state)
     nodes = {names[node.node_id]: f"node {node.node_id} {node.title or node.name}".rstrip() for node in state.nodes}
     found = NetworkMessages(names, nodes)
-    held = [one for one in _held(state, everything=wishes.everything) if one[2].enabled or _could_be_on(one, found)]
+    held = [
+        held_pdo
+        for held_pdo in _held(state, everything=wishes.everything)
+        if held_pdo[2].enabled or _could_be_on(held_pdo, found)
+    ]
     for identifier, group in groupby(sorted(held, key=_place), _identifier):
-        whole = [one for one in group if _fits(one, found)]
+        whole = [held_pdo for held_pdo in group if _fits(held_pdo, found)]
         if whole:
             drawn = _Drawn(state, meanings, found.names, wishes.split_bits)
             found.messages.append(_message(identifier, whole, drawn, found))
@@ -75,7 +79,7 @@ def network_messages(
             found.messages.append(message)
         else:
             found.left_out.append(f"{message.name}: a PDO has its CAN-ID 0x{message.can_id:03X}")
-    found.messages.sort(key=lambda one: one.number)
+    found.messages.sort(key=lambda drawn_message: drawn_message.number)
     _name_messages(found)
     return found
 
@@ -131,7 +135,7 @@ def _fits(held: _Held, found: NetworkMessages) -> bool:
 def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: NetworkMessages) -> DbcMessage:
     """The message of *group*, the PDOs with one CAN-ID: what the first one says, and what the others hear of it."""
     (first, pdo, _), *others = group
-    heard = [one for one in group if not one[1].is_tpdo]
+    heard = [receiving_pdo for receiving_pdo in group if not receiving_pdo[1].is_tpdo]
     for node, other, _ in others:
         if other.is_tpdo:
             also = f"{pdo.label} of node {first.node_id} has its CAN-ID 0x{identifier[0]:03X}, too"
@@ -153,17 +157,23 @@ def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcS
     """
     names, signals = Names(), list[DbcSignal]()
     for node, _, config in says:
-        for one in _objects(config):
-            if not any(_overlap(one, other) for other in signals):
-                signals += pdo_signals(one, node, drawn.meanings[node.node_id], names, split_bits=drawn.split_bits)
+        for mapped_object in _objects(config):
+            if not any(_overlap(mapped_object, other) for other in signals):
+                signals += pdo_signals(
+                    mapped_object, node, drawn.meanings[node.node_id], names, split_bits=drawn.split_bits
+                )
     receivers = {place: tuple(_receivers(one, heard, drawn.names)) for place, one in enumerate(signals)}
     named = [replace(one, receivers=receivers[place]) for place, one in enumerate(signals)]
-    return tuple(sorted(named, key=lambda one: one.start))
+    return tuple(sorted(named, key=lambda signal: signal.start))
 
 
 def _objects(config: PdoConfig) -> list[Field]:
     """What is mapped, without dummies: these are gaps."""
-    return [one for one in layout(config.mapping) if not one.entry.is_dummy and one.bits]
+    return [
+        mapped_object
+        for mapped_object in layout(config.mapping)
+        if not mapped_object.entry.is_dummy and mapped_object.bits
+    ]
 
 
 def _overlap(one: Field, other: DbcSignal) -> bool:
@@ -171,7 +181,9 @@ def _overlap(one: Field, other: DbcSignal) -> bool:
 
 
 def _receivers(signal: DbcSignal, heard: list[_Held], nodes: Mapping[int, str]) -> dict[str, None]:
-    hearing = (node for node, _, config in heard if any(_overlap(one, signal) for one in _objects(config)))
+    hearing = (
+        node for node, _, config in heard if any(_overlap(mapped_object, signal) for mapped_object in _objects(config))
+    )
     return dict.fromkeys(nodes[node.node_id] for node in hearing)
 
 

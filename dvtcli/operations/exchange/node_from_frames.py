@@ -150,7 +150,7 @@ def _objects(left: _Left) -> list[ObjectWish]:
         if len(left.data[place]) != size or not is_next:
             break
         found.append(ObjectWish(name, *place, left.data.pop(place)))
-    return sorted(found, key=lambda one: (one.index, one.sub_index))
+    return sorted(found, key=lambda entry: (entry.index, entry.sub_index))
 
 
 def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[ValueWish]:

@@ -148,7 +148,7 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
         read = [(file, _read(file.path)) for file in listed]
         return [_FileNode(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
     try:
-        paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES)
+        paths = sorted(file_path for file_path in folder.iterdir() if file_path.suffix.lower() in DEVICE_SUFFIXES)
     except OSError as failed:
         hint = "a folder of EDS, DCF, XDD or XDC files"
         raise UsageError(f"{folder}: {failed.strerror or failed}", hint=hint) from failed
@@ -167,4 +167,4 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
         ids[path] = free
         notes.append(f"{path.name} names no node-ID of its own: it is node {free}")
     found = [_FileNode(path, ids[path], one, profile_of(one)) for path, one in dictionaries.items()]
-    return sorted(found, key=lambda one: one.node_id)
+    return sorted(found, key=lambda node: node.node_id)

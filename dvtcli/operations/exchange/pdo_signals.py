@@ -94,7 +94,7 @@ def _physical(
     """Limits are scaled as values are; a negative factor turns them round."""
     if raw is None:
         return None, None
-    ends = sorted(meaning.to_physical(one) for one in raw)
+    ends = sorted(meaning.to_physical(end) for end in raw)
     return ends[0], ends[1]
 
 

@@ -43,7 +43,10 @@ def recorded_network(session: Session, path: Path, *, throughout: bool = False) 
     followed = _Followed()
     _follow(path, followed)
     wanted = session.base.nodes
-    nodes, missing = [], [f"node {one}: no mapping was heard" for one in wanted if one not in followed.heard.node_ids]
+    nodes, missing = (
+        [],
+        [f"node {wanted_id}: no mapping was heard" for wanted_id in wanted if wanted_id not in followed.heard.node_ids],
+    )
     for node_id in followed.heard.node_ids:
         if not wanted or node_id in wanted:
             pdos = _whole_pdos(node_id, followed, missing)
@@ -108,10 +111,12 @@ class _Followed:
 
     def _start(self, node_id: int) -> None:
         """A node has started: look at which of its PDOs it did not store."""
-        for one in [one for one in self.drawn if one[0] == node_id and self._whole(*one) is None]:
-            self.lost.add(one)
-            self.written.discard(one)
-            self.seen.discard(self.drawn[one][0])
+        for node_pdo in [
+            node_pdo for node_pdo in self.drawn if node_pdo[0] == node_id and self._whole(*node_pdo) is None
+        ]:
+            self.lost.add(node_pdo)
+            self.written.discard(node_pdo)
+            self.seen.discard(self.drawn[node_pdo][0])
 
     def _whole(self, node_id: int, pdo: Pdo) -> PdoConfig | None:
         """*pdo* where it is on and all that its frames need was heard."""

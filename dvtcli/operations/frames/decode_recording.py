@@ -101,7 +101,11 @@ def _write(rows: SignalRows, frames: Iterable[Frame], target: TextIO | Path, tex
     from dvtcli.files.values.value_file import write_file
 
     try:
-        with closing(write_file(target, rows, lambda one: frame_seen(one, rows.decoder).chosen(text).document())) as to:
+        with closing(
+            write_file(
+                target, rows, lambda recorded_frame: frame_seen(recorded_frame, rows.decoder).chosen(text).document()
+            )
+        ) as to:
             for frame in frames:
                 to.write(frame)
     except OSError as failed:

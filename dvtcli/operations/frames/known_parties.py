@@ -40,7 +40,7 @@ class KnownParties:
             return
         network = session.network
         known = {*nodes, *network.simulated_ids, *network.nodes, *network.bus.heard_nodes(), session.selected_id()}
-        self._read(one for one in known if one is not None)
+        self._read(known_id for known_id in known if known_id is not None)
 
     def look_around(self) -> None:
         """Listen for nodes that are not known yet, and read those; not where all of them live in this process."""

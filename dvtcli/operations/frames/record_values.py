@@ -52,7 +52,9 @@ def record_values(
     rows = _rows(known(), text)
     misfits = Misfits(rows.layout, session.tell.warning)
     with _refused_writes(path):
-        written = write_file(path, rows, lambda one: frame_seen(one, rows.decoder).chosen(text).document())
+        written = write_file(
+            path, rows, lambda recorded_frame: frame_seen(recorded_frame, rows.decoder).chosen(text).document()
+        )
         with closing(written) as file, listening as listener:
 
             def write(frame: Frame) -> None:

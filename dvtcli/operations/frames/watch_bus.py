@@ -100,6 +100,6 @@ def stream(
                 continue
             fresh = [frame for frame in misfits.passing(taken) if store.take(frame) or not changes]
             seen = (frame_seen(frame, watched.decoder) for frame in fresh)
-            show(one.chosen(text) for one in seen if not text or one.matches(text))
+            show(seen_frame.chosen(text) for seen_frame in seen if not text or seen_frame.matches(text))
     finally:
         listener.tell_overflow()

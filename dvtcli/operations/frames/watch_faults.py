@@ -31,7 +31,7 @@ def watch_faults(
     before = [emergency for node_id in range(1, 128) for emergency in bus.heard_emergencies(node_id)]
     session.tell.note("listening for EMCY messages; Ctrl-C ends it")
     with SteadyListener(session) as listener:
-        show(map(counter.heard, sorted(before, key=lambda one: one.last.timestamp_s)))
+        show(map(counter.heard, sorted(before, key=lambda fault: fault.last.timestamp_s)))
         for wait_s in _waits(bus.now_s, duration_s):
             heard = (read_emergency(frame) for frame in listener.take(wait_s))
             show(counter.take(emergency) for emergency in heard if emergency is not None)

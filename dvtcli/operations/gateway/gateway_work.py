@@ -95,7 +95,7 @@ class GatewayWork:
 
     def later(self) -> Iterator[tuple[LineClient, Request, Answer]]:
         """Each request whose answer had to be waited for, once there is one, also where its client has left."""
-        for reset in [one for one in self._resets if one.begun.sent.is_over()]:
+        for reset in [ended_reset for ended_reset in self._resets if ended_reset.begun.sent.is_over()]:
             self._resets.remove(reset)
             ended = partial(self._end_reset, reset)
             with self._in_the_name_of(reset.client):

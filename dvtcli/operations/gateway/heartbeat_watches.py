@@ -55,7 +55,7 @@ class HeartbeatWatches:
 
     def news(self) -> Iterator[tuple[LineClient, int, GatewayError]]:
         """Who is to be told what of which node, since the last call; who left watches nothing any more."""
-        self._watches = [one for one in self._watches if not one.client.gone]
+        self._watches = [open_watch for open_watch in self._watches if not open_watch.client.gone]
         if not self._watches:
             return
         bus = self._session.open_network().bus

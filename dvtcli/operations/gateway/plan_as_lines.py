@@ -23,7 +23,7 @@ def plan_as_lines(session: Session, plan: NetworkPlan, stores: Mapping[int, Sequ
     Asks what `apply` would ask of another device than the file is about; SafetyRefusal where a power stage is on.
     """
     planned = [node for node in plan.nodes if len(node.plan) or node.stores]
-    refuse_powered(session, [one.node_id for one in planned if one.needs_power_off])
+    refuse_powered(session, [planned_node.node_id for planned_node in planned if planned_node.needs_power_off])
     for node_plan in planned:
         if node_plan.doubt:
             session.consent(f"{node_plan.doubt}; write the lines for it?")

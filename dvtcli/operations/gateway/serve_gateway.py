@@ -67,12 +67,12 @@ def gateway(
     *any_user*. *told* hears what happens, None: the session's own user. SafetyRefusal where others than this machine
     could reach it, BusUnavailable where an address or the bus is not to be had.
     """
-    for one in where:
-        if isinstance(one, str):
-            _check_place_of(one)
-        elif not is_loopback(one[0]):
+    for endpoint in where:
+        if isinstance(endpoint, str):
+            _check_place_of(endpoint)
+        elif not is_loopback(endpoint[0]):
             raise SafetyRefusal(
-                f"{one[0]} is no loopback address: a gateway has no login, and whoever reaches it reaches the bus",
+                f"{endpoint[0]} is no loopback address: a gateway has no login, and whoever reaches it reaches the bus",
                 hint=Hint(Action.GIVE, {"listen": "127.0.0.1:60000"}, "{}, and ssh -L for who sits elsewhere"),
             )
     bus = session.open_network().bus
@@ -107,8 +107,8 @@ def serve_gateway(
     """Serve a gateway until Ctrl-C; *begun* is told where, once clients can come. Raises as `gateway`."""
     with gateway(session, *where, allow_changes=allow_changes, any_user=any_user, dialect=dialect, told=told) as served:
         mode = "changes allowed" if allow_changes else "read-only"
-        paths = [one for one in where if isinstance(one, str)]
-        hosts = [one[0] for one in where if not isinstance(one, str)]
+        paths = [endpoint for endpoint in where if isinstance(endpoint, str)]
+        hosts = [endpoint[0] for endpoint in where if not isinstance(endpoint, str)]
         ports = served.hub.ports
         places = [f"{f'[{host}]' if ':' in host else host}:{port}" for host, port in zip(hosts, ports, strict=True)]
         places += [f"unix:{path}" for path in paths]
@@ -178,9 +178,12 @@ class Gateway:
         try:
             self.hub = Hub(where, tell.note, admit=LineClient, most=MOST_CLIENTS, may_come=may_come)
         except OSError as failed:
-            place = " and ".join(f"unix:{one}" if isinstance(one, str) else f"{one[0]}:{one[1]}" for one in where)
+            place = " and ".join(
+                f"unix:{endpoint}" if isinstance(endpoint, str) else f"{endpoint[0]}:{endpoint[1]}"
+                for endpoint in where
+            )
             text, why = f"cannot listen on {place}", failed.strerror or str(failed)
-            if failed.errno != errno.EADDRINUSE and any(isinstance(one, str) for one in where):
+            if failed.errno != errno.EADDRINUSE and any(isinstance(endpoint, str) for endpoint in where):
                 raise UsageError(text, why=why, hint="take a socket in a folder that you may write to") from failed
             hint = Hint(Action.GIVE, {"listen": "127.0.0.1:0"}, "is another gateway running? {} takes a free port")
             raise BusUnavailable(text, why=why, hint=hint) from failed
@@ -263,7 +266,7 @@ class Gateway:
             if not self._newcomer_next:
                 self._at_once = min(self._at_once + 1 / _MOST_AT_ONCE, _MOST_AT_ONCE)
         self._passed = set(newcomers)
-        return newcomers[-1] if self._newcomer_next else min(known, key=lambda one: one.turn_s)
+        return newcomers[-1] if self._newcomer_next else min(known, key=lambda waiting_client: waiting_client.turn_s)
 
     def _may_go_on(self, client: LineClient) -> bool:
         """Whether *client* said a line that, as far as is known, can be answered at once."""

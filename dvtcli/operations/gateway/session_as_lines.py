@@ -37,7 +37,7 @@ def save_lines(session: Session, file: str) -> Facts:
     nodes = tuple(
         _planned(session.node(node_id), session.record.of(node_id), stores[node_id]) for node_id, _ in sections
     )
-    plan = NetworkPlan("what this session changed", tuple(sorted(nodes, key=lambda one: one.node_id)))
+    plan = NetworkPlan("what this session changed", tuple(sorted(nodes, key=lambda node_plan: node_plan.node_id)))
     ask_before_overwriting(session, path)
     make_file(session, path, plan_as_lines(session, plan, stores))
     shown = join_some(f"node {node.node_id}" for node in plan.nodes)

@@ -33,8 +33,8 @@ def forget_habits(name: str) -> HabitListing:
         remembered = f"remembered: {', '.join(known)}" if known else "nothing is remembered of any device"
         raise UsageError(f"nothing is remembered of {name}", hint=remembered)
     gone = known if name == "all" else (name.upper(),)
-    for one in gone:
-        path = habits_folder() / f"{one}.json"
+    for habit_name in gone:
+        path = habits_folder() / f"{habit_name}.json"
         try:
             path.unlink(missing_ok=True)
         except OSError as failed:

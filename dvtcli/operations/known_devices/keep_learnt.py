@@ -78,7 +78,9 @@ def values_found(session: Session, node: Node) -> Values:
     """
     if node.dictionary is None:
         return {}
-    looked = read_every_object(session, node, only=lambda one, _known: one.entry.data_type not in (None, DOMAIN))
+    looked = read_every_object(
+        session, node, only=lambda looked_entry, _known: looked_entry.entry.data_type not in (None, DOMAIN)
+    )
     held = values_of(looked.objects)
     return {
         place: data
@@ -104,9 +106,16 @@ def save_learnt(
     from dvtcli.files.sim_state import Kept
 
     origin = _origin(session, node, name)
-    kept = [one for one in learnt.profile if not is_advice(said(node.profile, one.key), one.value)]
+    kept = [
+        conclusion
+        for conclusion in learnt.profile
+        if not is_advice(said(node.profile, conclusion.key), conclusion.value)
+    ]
     like = family_named(origin.like_family).pre_operational_writes
-    family = [merged(one, like) if one.key == "pre_operational_writes" else one for one in learnt.family]
+    family = [
+        merged(conclusion, like) if conclusion.key == "pre_operational_writes" else conclusion
+        for conclusion in learnt.family
+    ]
     learnt = replace(learnt, profile=tuple(kept), family=tuple(family))
     path = session.network.files.eds_path(node.node_id)
     eds = path or _described(node, name, origin, pdos, known)

@@ -113,7 +113,8 @@ def learn(
     _note_saved(node, asked.saved)
     learnt = _concluded(node, asked, prepared.storage, lacking)
     return LearntDevice(
-        node.node_id, node.title, tuple(str(one.subject.pdo) for one in asked.known), _answers(asked, prepared.storage),
+        node.node_id, node.title, tuple(str(known_pdo.subject.pdo) for known_pdo in asked.known),
+        _answers(asked, prepared.storage),
         learnt, asked.writes, asked.saved.writes, time.monotonic() - started,
         () if save is None else save_learnt(session, node, save, learnt, prepared.pdos, asked.known, values),
         None if known is None else (compare or "", differences(known, learnt)),
@@ -233,7 +234,7 @@ def _answers(asked: Asked, storage: Storage) -> list[ProbeAnswer]:
 
 
 def _concluded(node: Node, asked: Asked, storage: Storage, lacking: Sequence[Absence]) -> Conclusions:
-    known = {one.subject.pdo.direction: one for one in asked.known}
+    known = {known_pdo.subject.pdo.direction: known_pdo for known_pdo in asked.known}
     most = 0
     if node.dictionary is not None:
         there = node.dictionary.without([absence.place for absence in lacking])

@@ -34,10 +34,10 @@ def profile_to_compare(name: str) -> object:
 def differences(profile: object, learnt: Conclusions) -> list[Difference]:
     """What the profile says otherwise; what it leaves to the EDS or the standard is no difference."""
     found = []
-    for one in learnt.profile:
-        held = said(profile, one.key)
-        if held is not None and held != one.value and not is_advice(held, one.value):
-            found.append(Difference(one.key, held, one))
+    for conclusion in learnt.profile:
+        held = said(profile, conclusion.key)
+        if held is not None and held != conclusion.value and not is_advice(held, conclusion.value):
+            found.append(Difference(conclusion.key, held, conclusion))
     return found
 
 
@@ -61,5 +61,5 @@ def _written(value: object) -> Value:
     if isinstance(value, frozenset):
         return sorted(value)
     if isinstance(value, tuple):
-        return [_written(one) for one in value]
+        return [_written(item) for item in value]
     return value if isinstance(value, bool | int) else str(value)

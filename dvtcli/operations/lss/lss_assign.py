@@ -58,7 +58,7 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
                 _give_all(session, master, steps)
                 given = store_all(bus, master, kept, given, steps) if stores else given
                 given = prove_all(session, master, given) if prove else given
-    return LssChanged("assign", tuple(sorted(given, key=lambda one: one.node_id)), missing=missing)
+    return LssChanged("assign", tuple(sorted(given, key=lambda slave: slave.node_id)), missing=missing)
 
 
 def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:

@@ -189,7 +189,9 @@ def take_back(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
 def answering_now(bus: CanopenBus, given: LssGiven) -> str:
     """Who answers SDO with the old and with the new node-ID of *given*, in words."""
     said = []
-    for node_id in dict.fromkeys(one for one in (given.before, given.node_id) if one != UNCONFIGURED):
+    for node_id in dict.fromkeys(
+        candidate_id for candidate_id in (given.before, given.node_id) if candidate_id != UNCONFIGURED
+    ):
         if is_on(bus, given.address, node_id):
             said.append(f"it answers as node {node_id}")
         else:
@@ -206,4 +208,4 @@ def forget(session: Session, given: LssGiven) -> None:
             node.let_go()
         network.files.forget(node_id)
         # what was done to it is remembered of the device, whatever node-ID that has
-        network.order[:] = [one for one in network.order if one != node_id]
+        network.order[:] = [known_id for known_id in network.order if known_id != node_id]

@@ -231,7 +231,8 @@ class RateChange:
                 why="; ".join(left),
                 state="left_changed",
                 hint=store_again(
-                    [one.node_id for one in stored], f"all run at {self.before} bit/s now; before the power goes:"
+                    [stored_slave.node_id for stored_slave in stored],
+                    f"all run at {self.before} bit/s now; before the power goes:",
                 ),
             ),
             failed,

@@ -37,23 +37,25 @@ def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGi
     One without a node-ID says nothing when it boots: it is seen, and not proved. Where one is back at the old bit rate
     all go back to that, and store it; LeftChanged where that fails. DeviceRefused where one was not heard to boot up.
     """
-    named = [one for one in stored if one.node_id != UNCONFIGURED]
-    seen = {one.node_id: change.bus.boot_ups(one.node_id) for one in named}
+    named = [stored_slave for stored_slave in stored if stored_slave.node_id != UNCONFIGURED]
+    seen = {named_slave.node_id: change.bus.boot_ups(named_slave.node_id) for named_slave in named}
     session.tell.progress("LSS: all are reset", 0, 0)
     change.master.let_wait()
     change.master.reset_node(_ALL)
     until_s = change.bus.now_s() + BOOT_UP_S
     booted = {
-        one.node_id
-        for one in named
-        if change.bus.wait_boot_up(one.node_id, seen[one.node_id], max(0.0, until_s - change.bus.now_s()))
+        named_slave.node_id
+        for named_slave in named
+        if change.bus.wait_boot_up(
+            named_slave.node_id, seen[named_slave.node_id], max(0.0, until_s - change.bus.now_s())
+        )
     }
     for slave in named:
         forget(session, slave)
     missing = change.missing(stored)
     if missing:
         raise _not_kept(change, missing)
-    unheard = [one for one in named if one.node_id not in booted]
+    unheard = [named_slave for named_slave in named if named_slave.node_id not in booted]
     if unheard:
         raise DeviceRefused(
             f"{names(unheard)}: no boot-up was heard after the reset: nothing is proved",
@@ -61,7 +63,7 @@ def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGi
             why=f"all answer at {change.after} bit/s, and said that they stored it",
             hint=Hint(Action.FIND_NODES, why="switch them off and on, then {}"),
         )
-    return [replace(one, proved=one.node_id in booted) for one in stored]
+    return [replace(stored_slave, proved=stored_slave.node_id in booted) for stored_slave in stored]
 
 
 def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:

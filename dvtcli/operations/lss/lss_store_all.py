@@ -141,8 +141,8 @@ def _unstored(
             left.append(f"{_who(slave)} may have node-ID {slave.node_id} stored: {stuck.text}")
     if error is failed and not left:
         failed.state = "rolled_back"
-        again = f"; {join_some([one.name for one in stored])} stored that again" if stored else ""
-        again += f"; {join_some([one.name for one in kept])} stored what it had" if kept else ""
+        again = f"; {join_some([stored_slave.name for stored_slave in stored])} stored that again" if stored else ""
+        again += f"; {join_some([kept_slave.name for kept_slave in kept])} stored what it had" if kept else ""
         failed.state_text = f"all have the node-IDs they had before{again}; nobody keeps a new one"
         failed.hint = Hint(
             Action.GIVE, {"store": True}, "the same words without {} give the new node-IDs, until the power goes"
@@ -153,7 +153,7 @@ def _unstored(
     changed.details += error.details
     who = Hint(Action.LSS_SCAN, why="before the power goes: {}")
     who += Hint(Action.FIND_NODES, why=" and {} show who has which node-ID, then")
-    changed.hint = store_again([one.before for one in stored], who)
+    changed.hint = store_again([stored_slave.before for stored_slave in stored], who)
     return changed
 
 

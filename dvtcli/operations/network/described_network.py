@@ -73,7 +73,7 @@ def described_network(
     named = {node.node_id: node for node in wish.nodes}
     met = [_met(node, named[node.node_id], words[node.node_id]) for node in state.nodes]
     untold = [node for node in wish.nodes if node.node_id not in words]
-    nodes = sorted([*met, *map(told_state, untold)], key=lambda one: one.node_id)
+    nodes = sorted([*met, *map(told_state, untold)], key=lambda node_state: node_state.node_id)
     ids = tuple(node.node_id for node in untold)
     return with_link_marks(replace(state, nodes=tuple(nodes), untold=ids), read.links)
 
@@ -250,7 +250,9 @@ def _told_pdo(node_id: int, wish: PdoWish) -> PdoConfig | None:
     entries = None if wish.mapping is None else [_told_entry(word) for word in wish.mapping]
     if entries is None or None in entries:
         return PdoConfig(communication, (), unread=((wish.pdo.mapping_index, 0),))
-    return PdoConfig(communication, tuple(entry for one in entries if one is not None for entry in one))
+    return PdoConfig(
+        communication, tuple(entry for told_entries in entries if told_entries is not None for entry in told_entries)
+    )
 
 
 def _told_entry(word: FileWord) -> tuple[PdoMappingEntry, ...] | None:

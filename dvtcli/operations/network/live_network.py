@@ -102,7 +102,7 @@ def present(session: Session, heard: Iterable[Identifier]) -> list[int]:
     network = session.network
     found = {*network.simulated_ids, *session.known_ids(), *network.scanned, *network.bus.heard_nodes()}
     for can_id, extended in heard:
-        if not extended and any(can_id in one for one in _OF_ONE_NODE):
+        if not extended and any(can_id in can_ids for can_ids in _OF_ONE_NODE):
             found.add(can_id & 0x7F)
     return sorted(found.union(_others(session)))
 

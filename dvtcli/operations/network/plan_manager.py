@@ -50,7 +50,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     `untold` in the plan. UsageError where *manager* keeps no concise DCFs, no node is left, or `-n` names others; else
     as `concise_dcf`, and RuleError with all that the rules refuse.
     """
-    if any(one != manager for one in named_nodes(session)):
+    if any(named_id != manager for named_id in named_nodes(session)):
         raise UsageError(
             f"--to-manager gives node {manager} what all nodes of {file} download, -n names some of them",
             hint=Hint(

@@ -142,7 +142,9 @@ def _meet_all(session: Session) -> None:
 def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[Hint | str, ...]:
     """What is to be known of those nodes that an interrupted change left half configured."""
     network = session.open_network()  # under --dry-run, too: what is left half configured is the node itself
-    said = (network.interrupted(node_id) for node_id in sorted(one for one in node_ids if one is not None))
+    said = (
+        network.interrupted(node_id) for node_id in sorted(known_id for known_id in node_ids if known_id is not None)
+    )
     return tuple(dict.fromkeys(text for text in said if text))  # one of several nodes is said once
 
 

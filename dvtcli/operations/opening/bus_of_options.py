@@ -66,10 +66,13 @@ def bus_of(
         return (open_bus or open_real_bus)(options), ()
     from dvtcli.simulator.network import in_process_bus
 
-    devices, rate = [simulated_device(one) for one in simulated], options.bitrate or in_process_bus.BIT_RATE
+    devices, rate = (
+        [simulated_device(simulated_node) for simulated_node in simulated],
+        options.bitrate or in_process_bus.BIT_RATE,
+    )
     start = simulate or in_process_bus.simulate
     return start(devices, faults=faults, signals=signals, timeout_s=options.timeout, bit_rate=rate), tuple(
-        one for one in simulated if one.node_id != UNCONFIGURED
+        simulated_node for simulated_node in simulated if simulated_node.node_id != UNCONFIGURED
     )
 
 

@@ -134,7 +134,7 @@ class Opened(SessionOptions):
             self.on_open()
             with self._chooser_said():
                 bus, simulated = self._first_bus()
-            if any(one.holds_values for one in simulated):
+            if any(simulated_node.holds_values for simulated_node in simulated):
                 self._tell_not_simulated(simulated)
             if self.options.verbose:
                 self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")

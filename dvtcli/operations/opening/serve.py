@@ -157,11 +157,11 @@ def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]
 def _latencies(wanted: tuple[tuple[int | None, float], ...], devices: list[StrictDevice]) -> list[float]:
     """How long each of *devices* takes to answer (s); UsageError for a node that is not there, or said twice."""
     said, here = dict(wanted), {device.node_id for device in devices}
-    for one in said:
-        name = "--latency" if one is None else f"--latency {one}:"
-        if sum(other == one for other, _ in wanted) > 1:
+    for said_id in said:
+        name = "--latency" if said_id is None else f"--latency {said_id}:"
+        if sum(other == said_id for other, _ in wanted) > 1:
             raise UsageError(f"{name} is given twice")
-        if one is not None and one not in here:
+        if said_id is not None and said_id not in here:
             raise UsageError(f"{name} no such node here", hint="NODE:MS is the node-ID of a node behind sim")
     return [said.get(device.node_id, said.get(None, 0.0)) for device in devices]
 

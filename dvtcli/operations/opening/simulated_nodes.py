@@ -147,13 +147,13 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
     from dvtcli.simulator.device.simulated_faults import own_of, read_faults
 
     try:
-        faults = read_faults(words, [one.node_id for one in simulated])
-        for one in simulated:
-            for fault in own_of(one.node_id, simulated[0].node_id, faults):
+        faults = read_faults(words, [simulated_node.node_id for simulated_node in simulated])
+        for simulated_node in simulated:
+            for fault in own_of(simulated_node.node_id, simulated[0].node_id, faults):
                 if fault.place is not None:
-                    altered(simulated_device(one), fault)
+                    altered(simulated_device(simulated_node), fault)
                 elif fault.kind.of_flash:
-                    break_device(simulated_device(one), fault)
+                    break_device(simulated_device(simulated_node), fault)
     except ValueError as wrong:
         raise UsageError(f"--fault {wrong}") from wrong
     return faults
@@ -174,7 +174,9 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
     from dvtcli.simulator.network.signals import read_signals
 
     try:
-        return read_signals(words, [(one.node_id, read_dictionary(one.eds)) for one in simulated])
+        return read_signals(
+            words, [(simulated_node.node_id, read_dictionary(simulated_node.eds)) for simulated_node in simulated]
+        )
     except RowsError as wrong:
         raise InputFileError(
             f"--signal: {wrong.place}: {wrong}", place=wrong.place, hint="rows are TIME,VALUE,…"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def not_simulated(simulated: Iterable[Simulated]) -> Iterator[str]:
     """What to tell whoever simulates nodes by such files: a value that cannot be known, and those that nobody reads."""
-    for path in dict.fromkeys(one.eds for one in simulated if one.holds_values):
+    for path in dict.fromkeys(simulated_node.eds for simulated_node in simulated if simulated_node.holds_values):
         yield from _of_file(path)
 
 

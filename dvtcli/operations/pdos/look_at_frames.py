@@ -61,7 +61,7 @@ def _return(node: Node, found: NmtState | None) -> str:
 def _frames(session: Session, node: Node, pdos: list[Pdo]) -> Look:
     enabled = {pdo: config for pdo in pdos if (config := node.pdo(pdo)).enabled}
     sync = sync_frame(node.sdo)
-    asked = (one for one in enabled.items() if not node.cancellation.requested)
+    asked = (enabled_pdo for enabled_pdo in enabled.items() if not node.cancellation.requested)
     return tuple(_frame(session, sync, pdo, config) for pdo, config in asked)
 
 

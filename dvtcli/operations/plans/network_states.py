@@ -95,7 +95,7 @@ def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
 
     for fault in session.bus.side_by_side([partial(read, node) for node in nodes]):
         raise fault
-    return NetworkState(tuple(sorted(found, key=lambda one: one.node_id)))
+    return NetworkState(tuple(sorted(found, key=lambda state: state.node_id)))
 
 
 def states_beside(session: Session, read: Collection[int]) -> list[NodeState]:
@@ -154,7 +154,7 @@ def _number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int | None
 def network_state(nodes: Iterable[Node], *, for_rules: bool = False) -> NetworkState:
     """What *nodes* hold now; raises as their reads do."""
     states = (node_state(node, for_rules=for_rules) for node in nodes)
-    return NetworkState(tuple(sorted(states, key=lambda one: one.node_id)))
+    return NetworkState(tuple(sorted(states, key=lambda state: state.node_id)))
 
 
 def network_after(state: NetworkState, plan: NetworkPlan, wish: NetworkWish | None = None) -> NetworkState:

@@ -174,7 +174,7 @@ def _planned_wish(
         _with_nothing_asked(
             replace(node_plan, lacks=lacked.of(node_plan.node_id), boot_ups=met.boot_ups[node_plan.node_id]), wish, log
         )
-        for node_plan in sorted(planned, key=lambda one: one.node_id)
+        for node_plan in sorted(planned, key=lambda planned_node: planned_node.node_id)
     )
     plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(lacked.found), torn=lacked.torn)
     if of_network and all(isinstance(failure, RuleError | InputFileError) for failure in met.failures):
@@ -183,7 +183,9 @@ def _planned_wish(
         met.failures += refusals(plan.nodes)
     if (met.failures or failures is not None) and lacked.found:
         lacking = lacking_error(lacked.found)
-        lacking.findings = tuple(replace(one.finding, complaint=one.complaint) for one in lacked.found)
+        lacking.findings = tuple(
+            replace(missing_object.finding, complaint=missing_object.complaint) for missing_object in lacked.found
+        )
         met.failures.append(lacking)
     if failures is None:
         met.end()
@@ -254,7 +256,9 @@ def plans_of(
     nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants], stamps: Mapping[int, Stamp]
 ) -> tuple[list[NodePlan], list[RuleError]]:
     """What brings each of *nodes* to its *wants*, not judged yet, and why PDOs are left out of it."""
-    senders = Senders(nodes, {one.node_id: {pdo.pdo: _said(pdo) for pdo in one.pdos} for one in wish.nodes})
+    senders = Senders(
+        nodes, {wanted_node.node_id: {pdo.pdo: _said(pdo) for pdo in wanted_node.pdos} for wanted_node in wish.nodes}
+    )
     planned: list[NodePlan] = []
     refused: list[RuleError] = []
     for node in list(nodes.values())[:1]:

@@ -111,7 +111,7 @@ def _accepted(session: Session, path: Path) -> tuple[tuple[tuple[str, Any], ...]
     refuse_other_device(node, journal)
     states = accepted_states(node, journal)
     together = with_others(session, path)
-    others = [one.plan.node_id for one in together if one.path != path]
+    others = [other_journal.plan.node_id for other_journal in together if other_journal.path != path]
     kept = None
     if not session.dry_run:
         _hand_on_stores(node, journal, together)

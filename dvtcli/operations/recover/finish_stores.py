@@ -45,7 +45,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     UsageError where not all nodes had been verified; SafetyRefusal, and nothing is stored, where one holds something
     else by now; LeftChanged where a node did not store: the journals stay then.
     """
-    one = next((one for one in journals if may_finish([one])), None)
+    one = next((begun_journal for begun_journal in journals if may_finish([begun_journal])), None)
     if one is not None and not may_finish(journals):
         raise UsageError(
             "several changes were interrupted: --finish goes on with one network at a time",
@@ -64,12 +64,14 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
         refuse_other_device(nodes[journal.plan.node_id], journal)
     claims = _claims(session, journals, part, nodes)
     tests = {
-        one.plan.node_id: one.part.tests for one in journals if holds_test(nodes[one.plan.node_id], one.part.tests)
+        begun_journal.plan.node_id: begun_journal.part.tests
+        for begun_journal in journals
+        if holds_test(nodes[begun_journal.plan.node_id], begun_journal.part.tests)
     }
     with_tests = {
-        one.plan.node_id: _tested(claims.changes[one.plan.node_id], one)
-        for one in journals
-        if one.plan.node_id in tests
+        begun_journal.plan.node_id: _tested(claims.changes[begun_journal.plan.node_id], begun_journal)
+        for begun_journal in journals
+        if begun_journal.plan.node_id in tests
     }
     stamps = _ended_stamps(claims, part)
     expected = {**claims.changes, **with_tests}
@@ -128,7 +130,7 @@ def _claims(
     identities = {storing.node_id: storing.identity for storing in _verified(part) if storing.identity is not None}
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {node for node in nodes if node not in {store.node_id for store in part.stores}}
-    boot_ups = {one: nodes[one].bus.boot_ups(one) for one in silent}
+    boot_ups = {silent_id: nodes[silent_id].bus.boot_ups(silent_id) for silent_id in silent}
     return ClaimsAtStore(session, nodes, changes, identities, boot_ups)
 
 
@@ -198,7 +200,7 @@ def _ended_stamps(claims: ClaimsAtStore, part: GroupMember) -> dict[int, tuple[C
     found: dict[int, tuple[Change, ...]] = {}
     for node_id in waiting(part):
         wanted = {change.step.sub_index: change.step.after for change in claims.changes[node_id] if is_stamp(change)}
-        stamp = Stamp(*(int.from_bytes(wanted.get(one, b""), "little") for one in (DATE, TIME)))
+        stamp = Stamp(*(int.from_bytes(wanted.get(stamp_place, b""), "little") for stamp_place in (DATE, TIME)))
         held = held_stamp(claims.nodes[node_id]) if stamp.is_own else None
         if held is not None and held != stamp and 0 in (held.days, held.ms):
             found[node_id] = stamp_changes(held, stamp, f"stamp: {stamp}")

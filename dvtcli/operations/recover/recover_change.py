@@ -69,7 +69,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
         session.tell.note(said)
     done, failed = _put_back(session, journals, refused)
     if failed is not None:
-        ids = [str(one.node) for one in done if not _restarted_since(session.node(one.node))]
+        ids = [str(recovered.node) for recovered in done if not _restarted_since(session.node(recovered.node))]
         if ids:
             failed.details.append(("done", f"node {', '.join(ids)}: put back"))
         raise failed
@@ -152,14 +152,18 @@ def _question(session: Session, journals: Sequence[Journal]) -> str:
         others = [label for label in dict.fromkeys(journal.part.asked or changed) if label not in written]
         back += [f"{join_some(written)} of node {node_id}"] if written else []
         same += [f"{join_some(others)} of node {node_id}"] if others else []
-    what = "the interrupted learning" if all(one.part.asked for one in journals) else "the interrupted change"
+    what = (
+        "the interrupted learning"
+        if all(other_journal.part.asked for other_journal in journals)
+        else "the interrupted change"
+    )
     said = [f"{join_some(back)} will be put back as before {what}"] if back else []
     said += [f"as before {what}, and only compared: {join_some(same)}"] if same else []
     return f"{'; '.join([*said, *unread])}; recover?"
 
 
 def _whole_text(journal: Journal, journals: list[Journal]) -> str:
-    ids = [one.plan.node_id for one in journals if one.part.whole == journal.part.whole]
+    ids = [other_journal.plan.node_id for other_journal in journals if other_journal.part.whole == journal.part.whole]
     return f"{journal.part.name} was interrupted: every line of it is taken back, on node {', '.join(map(str, ids))}"
 
 
@@ -208,7 +212,7 @@ def _put_back(
 
 def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
     """The error where a node restarted after it was put back, while another one was."""
-    nodes = [session.node(one.node) for one in done]
+    nodes = [session.node(recovered.node) for recovered in done]
     again = [node.node_id for node in nodes if _restarted_since(node)]
     if not again:
         return None

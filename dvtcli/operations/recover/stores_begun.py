@@ -50,7 +50,7 @@ def stores_of(part: GroupMember) -> dict[str, list[int]]:
         store.is_begun for store in part.stores
     ):  # an earlier version, which noted nothing else: they go in turn
         asked = waiting(part)[:1]
-    return {"stored": done, "unknown": asked, "not stored": [one for one in waiting(part) if one not in asked]}
+    return {"stored": done, "unknown": asked, "not stored": [area for area in waiting(part) if area not in asked]}
 
 
 def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
@@ -58,7 +58,11 @@ def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
 
     *journals* are all that wait, in which the others of its whole are.
     """
-    ours = [one for one in journals if one.part.whole == journal.part.whole] if journal.part.whole else [journal]
+    ours = (
+        [own_journal for own_journal in journals if own_journal.part.whole == journal.part.whole]
+        if journal.part.whole
+        else [journal]
+    )
     part = furthest(ours)
     if not part.stores:
         return None if journal.part.final else False  # a line of a script stores, and may name any node

@@ -67,8 +67,12 @@ def _waiting_ids(session: Session) -> list[int]:
     names = [*journals.folder.glob(f"{file_name(bus)}-*.json"), *locks.glob(f"{file_name(bus)}-*.lock")]
     numbers = (re.fullmatch(rf"{re.escape(file_name(bus))}-(\d{{1,3}})\.\w+", path.name) for path in names)
     ids = sorted({int(number[1]) for number in numbers if number is not None})
-    noted = {one: NodeLock(locks, bus, one).noted() for one in ids}
-    return [one for one in ids if any(journals.counts(path) for path in (journals.path(one), noted[one]) if path)]
+    noted = {node_id: NodeLock(locks, bus, node_id).noted() for node_id in ids}
+    return [
+        node_id
+        for node_id in ids
+        if any(journals.counts(path) for path in (journals.path(node_id), noted[node_id]) if path)
+    ]
 
 
 def _held_file(session: Session, path: Path) -> list[Path]:
@@ -92,8 +96,11 @@ def with_others(session: Session, path: Path) -> list[Journal]:
     if journal.part.whole is None:
         return [journal]
     beside = Journals(path.parent, journal.bus).all_of(journal.part.whole)
-    others = [one for one in beside if one.plan.node_id != journal.plan.node_id]
-    return sorted([journal, *(other for other in others if _is_held(session, other))], key=lambda one: one.plan.node_id)
+    others = [other_journal for other_journal in beside if other_journal.plan.node_id != journal.plan.node_id]
+    return sorted(
+        [journal, *(other for other in others if _is_held(session, other))],
+        key=lambda waiting_journal: waiting_journal.plan.node_id,
+    )
 
 
 def _is_held(session: Session, journal: Journal) -> bool:

@@ -166,11 +166,14 @@ class ChangedNodes(Answer):
             "schema": "dvtcli.change/1",
             "node": None,
             "pdo": None,
-            "pdos": [f"{one['node']}:{pdo}" for one in documents for pdo in one["pdos"]],
-            "steps": [{"node": one["node"], **step} for one in documents for step in one["steps"]],
-            "writes": sum(one["writes"] for one in documents),
-            **{key: all(one[key] for one in documents) for key in ("verified", "readable", "stored", "dry_run")},
-            "findings": [row for one in documents for row in one["findings"]],
+            "pdos": [f"{document['node']}:{pdo}" for document in documents for pdo in document["pdos"]],
+            "steps": [{"node": document["node"], **step} for document in documents for step in document["steps"]],
+            "writes": sum(document["writes"] for document in documents),
+            **{
+                key: all(document[key] for document in documents)
+                for key in ("verified", "readable", "stored", "dry_run")
+            },
+            "findings": [row for document in documents for row in document["findings"]],
             **_left(self.not_put_back, dry_run=self.nodes[0].dry_run),
             "nodes": documents,
         }

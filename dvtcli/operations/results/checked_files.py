@@ -151,7 +151,7 @@ class FileReports(Answer):
     def count(self) -> dict[str, int]:
         """How many findings of each severity, in all of them."""
         counted = [file.count() for file in self.files]
-        return {severity: sum(one[severity] for one in counted) for severity in SEVERITIES}
+        return {severity: sum(file_counts[severity] for file_counts in counted) for severity in SEVERITIES}
 
     def document(self) -> Document:
         """`dvtcli.eds-files/1`."""

@@ -138,11 +138,13 @@ class ComparedNodes(Answer):
         return {
             "schema": "dvtcli.verify/1",
             "node": None,
-            **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters", "unsaid")},
-            "equal": not self.lacking and all(one["equal"] for one in documents),
+            **{
+                key: sum(document[key] for document in documents) for key in ("pdos", "objects", "parameters", "unsaid")
+            },
+            "equal": not self.lacking and all(document["equal"] for document in documents),
             "lacking": lacking_documents(self.lacking),
             **{
-                key: [row for one in documents for row in one[key]]
+                key: [row for document in documents for row in document[key]]
                 for key in ("not_comparable", "differences", "frames")
             },
             "nodes": documents,

@@ -56,7 +56,7 @@ class HabitRow(Short):
         """One device of `dvtcli.device-habits/1`."""
         return {
             "name": self.name,
-            "off_first": [one.document() for one in self.wanted],
+            "off_first": [habit.document() for habit in self.wanted],
             "pre_operational": [state.document() for state in self.pre_operational],
             "problem": self.problem,
         }

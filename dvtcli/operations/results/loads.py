@@ -124,8 +124,18 @@ class NetworkLoad(Answer):
             needs.setdefault((need.stream.frame.can_id, need.stream.frame.extended), []).append(need)
         heard = self.measured.count.by_id if self.measured is not None else {}
         only_heard = [identifier for identifier in heard if identifier not in needs]
-        order = sorted([*needs, *only_heard], key=lambda one: (one[0] >> 18 if one[1] else one[0], one[1], one[0]))
-        return tuple(FrameLoad(one, tuple(needs.get(one, ())), heard.get(one)) for one in order)
+        order = sorted(
+            [*needs, *only_heard],
+            key=lambda frame_address: (
+                frame_address[0] >> 18 if frame_address[1] else frame_address[0],
+                frame_address[1],
+                frame_address[0],
+            ),
+        )
+        return tuple(
+            FrameLoad(frame_address, tuple(needs.get(frame_address, ())), heard.get(frame_address))
+            for frame_address in order
+        )
 
     def document(self) -> Document:
         """`dvtcli.load/1`."""

@@ -219,12 +219,12 @@ class NetworkApplied(Answer):
     def exit_code(self) -> int:
         """1 where a proof that was asked for failed, or what it should have shown is not so; 3 of an unlike clone."""
         unlike = 3 if self.is_clone and self.plan.remains else 0
-        return max((one.exit_code for one in self.stored), default=0) or unlike
+        return max((stored_node.exit_code for stored_node in self.stored), default=0) or unlike
 
     @property
     def failure(self) -> Any:
         """What is to be said where the exit code is 1."""
-        return next((one.failure for one in self.stored if one.exit_code), None)
+        return next((stored_node.failure for stored_node in self.stored if stored_node.exit_code), None)
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
@@ -252,7 +252,7 @@ class NetworkApplied(Answer):
             "dry_run": self.dry_run,
             "seconds": round(self.seconds, 3),
             "nodes": [_node_document(node) for node in self.plan.nodes],
-            "stored": [_store_document(one) for one in self.stored],
+            "stored": [_store_document(stored_node) for stored_node in self.stored],
         }
 
 

@@ -111,7 +111,7 @@ class Session(Opened):
     def known_ids(self) -> list[int]:
         """Node-IDs that are known without asking any bus: those met, those simulated, and the selected one."""
         met = set(self._network.nodes) | set(self._network.simulated_ids) if self._network is not None else set()
-        return sorted(met | {one for one in (self.selected, *self.base.nodes) if one is not None})
+        return sorted(met | {known_id for known_id in (self.selected, *self.base.nodes) if known_id is not None})
 
     def read_together(self, look: Callable[[], T]) -> T:
         """Read several nodes by *look*, and again until no node restarted from the first to the last upload.

@@ -133,7 +133,7 @@ def _changed(journal: Journal) -> str:
     """What the change that *journal* is of altered: on several nodes which ones, so that it is the same of each."""
     whole = journal.part.whole
     together = [] if whole is None else Journals(journal.path.parent, journal.bus).all_of(whole)
-    ids = sorted({journal.plan.node_id, *(one.plan.node_id for one in together)})
+    ids = sorted({journal.plan.node_id, *(other_journal.plan.node_id for other_journal in together)})
     if len(ids) > 1:
         return f"nodes {', '.join(map(str, ids))}"
     return f"{join_some(journal.labels)} of node {ids[0]}"

@@ -149,7 +149,7 @@ def _node_ids(value: Any) -> int | tuple[int, ...] | str:
     """A node-ID, or several of them: `1,3,5`; or `all`."""
     if value == ALL_NODES:
         return ALL_NODES
-    words = [str(one) for one in value] if isinstance(value, list | tuple) else str(value).split(",")
+    words = [str(item) for item in value] if isinstance(value, list | tuple) else str(value).split(",")
     try:
         found = sorted({node_id(word.strip()) for word in words})
     except UsageError as wrong:

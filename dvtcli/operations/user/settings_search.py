@@ -64,11 +64,11 @@ def _folders() -> list[str]:
     homes = _homes()
     above = {parent for home in homes for parent in _parents(home)}
     folders: list[str] = []
-    for one in (folder, *_parents(folder)):
-        if one in above and one != folder:
+    for searched_folder in (folder, *_parents(folder)):
+        if searched_folder in above and searched_folder != folder:
             break
-        folders.append(one)
-        if one in homes or any(os.path.lexists(os.path.join(one, root)) for root in _ROOTS):  # noqa: PTH118
+        folders.append(searched_folder)
+        if searched_folder in homes or any(os.path.lexists(os.path.join(searched_folder, root)) for root in _ROOTS):  # noqa: PTH118
             break
     return folders
 

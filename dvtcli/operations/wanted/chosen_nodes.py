@@ -30,7 +30,7 @@ def of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...
     """What *wish* says of the nodes *ids* where some were named (`-n 1,3`); UsageError for one that it has not."""
     if not ids:
         return wish
-    if unknown := [one for one in ids if one not in {node.node_id for node in wish.nodes}]:
+    if unknown := [chosen_id for chosen_id in ids if chosen_id not in {node.node_id for node in wish.nodes}]:
         raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
     chosen, alone = _without_torn_links(wish, _without_stamps(wish, wish.of(ids)))
     if left_out := len(wish.links) - len(chosen.links):

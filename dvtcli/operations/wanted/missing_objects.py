@@ -61,7 +61,7 @@ def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -
     for link in wish.links:
         for end in link.ends:
             asked[end.node_id].setdefault(end.pdo, link.mark)
-    places = {one.node_id: dict(_places(nodes[one.node_id], one)) for one in wish.nodes}
+    places = {wanted_node.node_id: dict(_places(nodes[wanted_node.node_id], wanted_node)) for wanted_node in wish.nodes}
     for node in list(nodes.values())[:1]:
         ahead = [partial(_look_ahead, nodes[node_id], pdos, places[node_id]) for node_id, pdos in asked.items()]
         for fault in node.bus.side_by_side(ahead):
@@ -168,7 +168,7 @@ class LackedOfWish:
             place = _place_of(node, one)
             return place is None or (node.node_id, place) not in self._places
 
-        lacked = {one.pdo for one in self.found if one.node_id == wish.node_id}
+        lacked = {missing_object.pdo for missing_object in self.found if missing_object.node_id == wish.node_id}
         return replace(
             wish, pdos=tuple(pdo for pdo in wish.pdos if pdo.pdo not in lacked), stamp=None,
             objects=tuple(filter(is_there, wish.objects)), values=tuple(filter(is_there, wish.values)),

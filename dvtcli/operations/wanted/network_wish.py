@@ -59,7 +59,9 @@ def _why_no_dcf(folder: Path, name: str) -> str:
     from dvtcli.simulator.network.family_file import family_names
 
     path = folder / name.removeprefix(BESIDE)
-    beside = [one.name for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES] if folder.is_dir() else []
+    beside = (
+        [file.name for file in folder.iterdir() if file.suffix.lower() in DEVICE_SUFFIXES] if folder.is_dir() else []
+    )
     if path.is_dir():
         return f"{path} is a folder, and dcf names a file: an EDS, DCF, XDD or XDC"
     families = family_names()

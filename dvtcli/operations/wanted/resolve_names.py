@@ -82,7 +82,11 @@ def _wanted(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
     taken = {watch.place for watch in watches}
     pins = wanted_pins(node, wish.pins, log)
     found: dict[Place, WantedValue] = {}
-    for want in (*(one for one in said if not (_is_free_entry(one) and one.place in taken)), *watches, *pins):
+    for want in (
+        *(said_value for said_value in said if not (_is_free_entry(said_value) and said_value.place in taken)),
+        *watches,
+        *pins,
+    ):
         before = found.setdefault(want.place, want)
         if wrong := _why_not(node, want.place):
             log.complain(want.mark, wrong)
@@ -219,7 +223,11 @@ def _watches(node: Node, wish: NodeWish, said: Collection[WantedValue], log: Fil
     wanted: dict[int, WantedValue] = {}
     count = read_optional(node.memory, _CONSUMER_HEARTBEAT, 0, 1) or 0
     held = {sub: read_optional(node.memory, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
-    mine = {one.place[1]: int.from_bytes(one.data, "little") for one in said if one.place[0] == _CONSUMER_HEARTBEAT}
+    mine = {
+        said_value.place[1]: int.from_bytes(said_value.data, "little")
+        for said_value in said
+        if said_value.place[0] == _CONSUMER_HEARTBEAT
+    }
     slots = {sub: value for sub, value in held.items() if value is not None and sub not in mine}
     slots |= {sub: value for sub, value in mine.items() if sub and not value and held.get(sub) is not None}
     filled = len(mine.keys() - slots.keys())

@@ -120,8 +120,8 @@ def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tupl
         raise UsageError("a DCF is about one node: use one line for each node")
     held = told_of(file, session.tell)
     meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held),)
-    return [(one, pdo) for one in meant for _, pdo in pdos], {
-        one: _device_wish(session, session.node(one), held) for one in meant
+    return [(meant_id, pdo) for meant_id in meant for _, pdo in pdos], {
+        meant_id: _device_wish(session, session.node(meant_id), held) for meant_id in meant
     }
 
 

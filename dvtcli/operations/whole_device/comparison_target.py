@@ -63,7 +63,10 @@ def side_of_node(session: Session, node: Node, first: HeldDevice) -> SecondSide:
     said = {place for place, kept in first.objects.items() if kept.data is not None}
     named = said - first.assumed
     entries = [entry_of(dictionary, place) for place in sorted({*said, *_beside(said, dictionary)})]
-    entries = [named_itself(one) if (one.index, one.sub_index) in named else one for one in entries]
+    entries = [
+        named_itself(read_entry) if (read_entry.index, read_entry.sub_index) in named else read_entry
+        for read_entry in entries
+    ]
 
     def again(one: ReadObject) -> bool:
         wanted = first.on_node(one.place, one.entry, node.node_id)

@@ -62,12 +62,12 @@ def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[I
 
 def idle(held: HeldDevice, known: Configuration, included: Collection[Included]) -> Iterator[str]:
     """What to say of each of *included* by which nothing more is written: since it is anyway, or never."""
-    for one in included:
-        places = one.of(held)
+    for inclusion in included:
+        places = inclusion.of(held)
         if not places:
-            yield f"--include {one.word} names nothing of {held.name}"
-        elif not one.is_many and (text := _why_idle(known, places)):
-            yield f"--include {one.word}: {text}"
+            yield f"--include {inclusion.word} names nothing of {held.name}"
+        elif not inclusion.is_many and (text := _why_idle(known, places)):
+            yield f"--include {inclusion.word}: {text}"
 
 
 def _why_idle(known: Configuration, places: Collection[ObjectAddress]) -> str:

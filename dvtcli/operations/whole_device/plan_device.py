@@ -143,7 +143,7 @@ def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tup
         ids = options.nodes or selected_alone(session, held)
     else:
         ids = options.nodes or selected_nodes(session) or (node_of_file(session, held),)
-    others = [str(one) for one in ids if held.node_id not in (None, one)]
+    others = [str(other_id) for other_id in ids if held.node_id not in (None, other_id)]
     if others:
         text = f"{held.name} is of node {held.node_id}: on node {', '.join(others)} what follows the node-ID does so"
         session.tell.note(text)
@@ -222,7 +222,7 @@ def _powered(session: Session, planned: NodePlan) -> NodePlan:
 
 def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) -> NodePlan:
     left_out = tuple(one for _, one in sorted(found.left_out.items()))
-    sizes = {one.object: len(one.held) for one in left_out if one.held is not None}
+    sizes = {left_object.object: len(left_object.held) for left_object in left_out if left_object.held is not None}
     known = planned.understood | understood(node, sizes)
     return replace(
         planned, left_out=left_out, also_equal=len(found.also_equal), also_held=found.also_equal,

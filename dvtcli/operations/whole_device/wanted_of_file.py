@@ -71,8 +71,8 @@ def wanted_of_file(
         node.describe(held.dictionary)
     dictionary = described(node)
     known = replace(
-        configuration(node, dictionary, [one.range for one in included if one.range is not None]),
-        included_objects=frozenset(one.object for one in included if one.object is not None),
+        configuration(node, dictionary, [inclusion.range for inclusion in included if inclusion.range is not None]),
+        included_objects=frozenset(inclusion.object for inclusion in included if inclusion.object is not None),
     )
     named = frozenset(_of_maker(dictionary, held)) if names_makers else frozenset()
     found = WantedOfFile()
@@ -99,7 +99,7 @@ def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFil
     said = {pdo for place in held.objects.keys() - held.assumed if (pdo := Pdo.at(place[0])) is not None}
     wanted: dict[Pdo, PdoConfig] = {}
     present = set(node.present())
-    for pdo in sorted(said, key=lambda one: (not one.is_tpdo, one.number)):
+    for pdo in sorted(said, key=lambda wanted_pdo: (not wanted_pdo.is_tpdo, wanted_pdo.number)):
         if pdo not in present:
             found.left_out[pdo.label] = LeftOut(pdo.label, "the node does not have it", remains=True)
             continue
