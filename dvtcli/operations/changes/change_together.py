@@ -52,7 +52,7 @@ def carry_out_together(
     *findings* are what the rules had said of each.
     """
     also = also or AlsoClaimed()
-    boot_ups = {node_id: one.boot_ups for node_id, one in found.items()}
+    boot_ups = {node_id: read_part.boot_ups for node_id, read_part in found.items()}
     course = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
     for node_id, plan in plans.items():
         if len(plan):

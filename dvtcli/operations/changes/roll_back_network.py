@@ -149,7 +149,9 @@ class NetworkTransaction:
 
     def _say_all_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())
-        restarted = [one for one, boot_ups in self._looked.items() if self._before[one].restarted(boot_ups)]
+        restarted = [
+            looked_id for looked_id, boot_ups in self._looked.items() if self._before[looked_id].restarted(boot_ups)
+        ]
         unknown = [node for node in self.nodes if node not in self._looked]
         look_at = fault.node if fault.state == "unknown" else None
         fault.state, fault.state_text = "rolled_back", all_back(back, unwritten, restarted, unknown, look_at)

@@ -58,4 +58,4 @@ def convert_file(
 def _format_of(target: str) -> ConversionFormat:
     """The format of *target*; that of device files, which says what there is, where nobody knows the suffix."""
     known, name = conversion_formats(), target.lower()
-    return next((one for suffix, one in known.items() if name.endswith(suffix)), known[".eds"])
+    return next((conversion for suffix, conversion in known.items() if name.endswith(suffix)), known[".eds"])

@@ -46,14 +46,14 @@ def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, i
     if not sought:
         raise UsageError(f"{' '.join(words)}: no EDS, DCF, XDD or XDC file in {plural(others, 'file')}")
     rows = []
-    for number, one in enumerate(sought):
+    for number, sought_file in enumerate(sought):
         session.tell.progress("reading device files", number, len(sought))
         try:
-            rows.append(_add(one, given, dry_run=session.dry_run))
+            rows.append(_add(sought_file, given, dry_run=session.dry_run))
         except InputFileError as wrong:
-            if words == (one.shown.removeprefix("family "),):
+            if words == (sought_file.shown.removeprefix("family "),):
                 raise
-            rows.append(_refused(one, wrong))
+            rows.append(_refused(sought_file, wrong))
     return LibraryAdded(tuple(rows), str(folder()), others, session.dry_run, _are_all_taken(rows))
 
 

@@ -109,9 +109,13 @@ def _listing(session: Session, removed: tuple[str, ...] = (), preferred: str = "
     files = stored_files()
     taken = taken_of(files)
     rows = []
-    for number, one in enumerate(files):
+    for number, library_file in enumerate(files):
         session.tell.progress("reading the library", number, len(files))
-        rows.append(replace(_row(number + 1, one), taken=one in taken, preferred=taken.get(one, False)))
+        rows.append(
+            replace(
+                _row(number + 1, library_file), taken=library_file in taken, preferred=taken.get(library_file, False)
+            )
+        )
     return LibraryListing(tuple(rows), str(folder()), removed, preferred, _strangers(len(files)), session.dry_run)
 
 

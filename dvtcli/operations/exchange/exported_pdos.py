@@ -84,7 +84,7 @@ def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader
     objects = sorted(found, key=lambda entry: (entry.index, entry.sub_index))
     watches = tuple(exported_watches(values))
     others = dict(exported_values(values, holder.dictionary, watches, holder.node_id, said))
-    remarks |= {one.object.text: sense for one, sense in others.items()}
+    remarks |= {other_pin.object.text: sense for other_pin, sense in others.items()}
     wish = NodeWish(
         title_word(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
         values=tuple(others), watches=watches, pins=tuple(exported_pins(values, holder.profile.vpdo)),

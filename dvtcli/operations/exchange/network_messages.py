@@ -142,7 +142,7 @@ def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: N
             found.left_out.append(f"{other.label} of node {node.node_id}: {also}")
     says = [group[0]] if pdo.is_tpdo else heard
     signals = _signals(says, heard, drawn)
-    length = max(byte_length(sum(entry.bits for entry in one.mapping)) for _, _, one in says)
+    length = max(byte_length(sum(entry.bits for entry in config.mapping)) for _, _, config in says)
     cycle_ms = _cycle_ms(group[0], drawn.state)
     return DbcMessage(
         *identifier, f"{found.names[first.node_id]}_{pdo.label}", length,
@@ -162,8 +162,10 @@ def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcS
                 signals += pdo_signals(
                     mapped_object, node, drawn.meanings[node.node_id], names, split_bits=drawn.split_bits
                 )
-    receivers = {place: tuple(_receivers(one, heard, drawn.names)) for place, one in enumerate(signals)}
-    named = [replace(one, receivers=receivers[place]) for place, one in enumerate(signals)]
+    receivers = {
+        place: tuple(_receivers(drawn_signal, heard, drawn.names)) for place, drawn_signal in enumerate(signals)
+    }
+    named = [replace(drawn_signal, receivers=receivers[place]) for place, drawn_signal in enumerate(signals)]
     return tuple(sorted(named, key=lambda signal: signal.start))
 
 
@@ -190,9 +192,9 @@ def _receivers(signal: DbcSignal, heard: list[_Held], nodes: Mapping[int, str]) 
 def _comment(group: list[_Held]) -> str:
     """Who sends and hears it, and by whose mapping where nobody said that of the node itself."""
     return ", ".join(
-        f"{pdo.label} of node {node.node_id}{'' if one.enabled else ' (off)'}"
+        f"{pdo.label} of node {node.node_id}{'' if config.enabled else ' (off)'}"
         f"{f' (by {node.guessed[pdo]})' if pdo in node.guessed else ''}"
-        for node, pdo, one in group
+        for node, pdo, config in group
     )
 
 

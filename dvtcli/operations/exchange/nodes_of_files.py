@@ -146,7 +146,10 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
     if (nodelist := nodelist_in(folder)) is not None:
         listed = listed_files(nodelist, notes)
         read = [(file, _read(file.path)) for file in listed]
-        return [_FileNode(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
+        return [
+            _FileNode(listed_node.path, listed_node.node_id, held, profile_of(held), listed_node.name)
+            for listed_node, held in read
+        ]
     try:
         paths = sorted(file_path for file_path in folder.iterdir() if file_path.suffix.lower() in DEVICE_SUFFIXES)
     except OSError as failed:
@@ -166,5 +169,8 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
             raise UsageError(f"{folder} has {len(paths)} files, a network has 127 nodes")
         ids[path] = free
         notes.append(f"{path.name} names no node-ID of its own: it is node {free}")
-    found = [_FileNode(path, ids[path], one, profile_of(one)) for path, one in dictionaries.items()]
+    found = [
+        _FileNode(path, ids[path], file_dictionary, profile_of(file_dictionary))
+        for path, file_dictionary in dictionaries.items()
+    ]
     return sorted(found, key=lambda node: node.node_id)

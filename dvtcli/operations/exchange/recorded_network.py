@@ -163,7 +163,7 @@ def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[P
     values = followed.heard.values(node_id)
     known = {pdo for index, _ in values.values if (pdo := Pdo.at(index)) is not None}
     whole: dict[Pdo, PdoConfig] = {}
-    for pdo in sorted(known | {one for node, one in followed.drawn if node == node_id}):
+    for pdo in sorted(known | {drawn_pdo for node, drawn_pdo in followed.drawn if node == node_id}):
         config = _heard_pdo(values, pdo)
         after = " after the node's last boot-up" if (node_id, pdo) in followed.drawn else ""
         if config is None:

@@ -42,13 +42,13 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
     """
     nodes = {node.exported.wish.node_id: node for node in found}
     links = found_links(
-        {node_id: one.held for node_id, one in nodes.items()},
+        {node_id: exported_node.held for node_id, exported_node in nodes.items()},
         lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
     )
     for consumer, producer in links.unlike:
         heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
         notes.append(f"{heard} hears {sent}, and their layouts differ: no link")
-    wishes = tuple(one.exported.wish for _, one in sorted(nodes.items()))
+    wishes = tuple(exported_node.exported.wish for _, exported_node in sorted(nodes.items()))
     remarks = {word: text for node in found for word, text in node.exported.remarks.items()}
     make_file(session, path, write_network(NetworkWish(wishes, links.links), title, remarks))
     pdos = sum(len(wish.pdos) for wish in wishes)
@@ -59,7 +59,7 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
     said: list[Hint | str] = [checked, *(f"note: {note}" for note in notes)]
     rows = (
         ("file", file),
-        ("nodes", [_row(one) for _, one in sorted(nodes.items())]),
+        ("nodes", [_row(exported_node) for _, exported_node in sorted(nodes.items())]),
         ("links", len(links.links)),
         ("errors", errors),
         ("notes", notes),

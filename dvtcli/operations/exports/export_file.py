@@ -63,7 +63,9 @@ def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcO
     *twice* and *wishes*, and what is raised for them, as of `export_file`. NoAnswer where no node answers.
     """
     if not is_of_all_nodes(file):
-        others = " or ".join(sorted(suffix for suffix, one in export_formats().items() if one.is_of_all))
+        others = " or ".join(
+            sorted(suffix for suffix, export_format in export_formats().items() if export_format.is_of_all)
+        )
         raise UsageError(f"{file}: what format is that?", hint=f"a name that ends in {others}")
     return export_file(session, file, twice=twice, wishes=wishes)
 
@@ -71,7 +73,7 @@ def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcO
 def _format_of(file: str) -> ExportFormat:
     """The format of *file*; UsageError, which names all formats, if no format has its suffix."""
     known, name = export_formats(), file.lower()
-    found = next((one for suffix, one in known.items() if name.endswith(suffix)), None)
+    found = next((export_format for suffix, export_format in known.items() if name.endswith(suffix)), None)
     if found is None:
         hint = Hint(
             Action.SAVE_SCRIPT, {"all": True}, f"a name that ends in {', '.join(sorted(known))}; {{}} writes a script"

@@ -65,7 +65,10 @@ def described_nodes(session: Session, file: str | None = None) -> Callable[[int]
     if session.base.eds is not None:
         from dvtcli.operations.opening.device_files import offline_dictionaries
 
-        offline = [KnownNode(one, meanings_of(profile, one)) for one, profile in offline_dictionaries(session.base)]
+        offline = [
+            KnownNode(dictionary, meanings_of(profile, dictionary))
+            for dictionary, profile in offline_dictionaries(session.base)
+        ]
     nobody = KnownNode(None, meanings_of(None, None))
 
     def described(node_id: int) -> KnownNode:

@@ -52,7 +52,7 @@ def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
     for node in state.nodes:
         for pdo, whose in node.guessed.items():
             layouts = _layouts(node, {pdo: node.pdos[pdo]}, rules.get(node.node_id, {}), whose)
-            decoder.add({address: _as_guess(file, one) for address, one in layouts.items()})
+            decoder.add({address: _as_guess(file, layout) for address, layout in layouts.items()})
     return decoder.layouts
 
 

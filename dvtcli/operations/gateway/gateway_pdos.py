@@ -79,7 +79,7 @@ class GatewayPdos:
         use = None if cob_id.extended else restricted_use(cob_id.can_id)
         if use is not None or not cob_id.fits_frame:
             return Failed(Abort.VALUE_RANGE, f"CAN-ID {cob_id} is no PDO's{f': {use}' if use else ''}")
-        if any(number != pdo.number and _frame_of(one) == _frame_of(pdo) for number, one in own.items()):
+        if any(number != pdo.number and _frame_of(other_pdo) == _frame_of(pdo) for number, other_pdo in own.items()):
             return Failed(GatewayError.PDO_USED)
         lengths = [TYPES[entry.data_type].bits for entry in pdo.entries]
         if None in lengths or sum(length or 0 for length in lengths) > 8 * _LONGEST:

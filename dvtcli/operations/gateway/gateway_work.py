@@ -244,7 +244,7 @@ class GatewayWork:
             return Failed(GatewayError.WRONG_NMT_STATE)
         if done and done.states:
             return Done()
-        unseen = ", ".join(str(one) for one, state in done.states if state is None)
+        unseen = ", ".join(str(unseen_id) for unseen_id, state in done.states if state is None)
         nobody = f"node {unseen} tells no NMT state" if unseen else "nobody was ever heard"
         return Failed(GatewayError.TIME_OUT, f"sent, and not seen to be obeyed: {nobody}")
 

@@ -102,8 +102,8 @@ def report(
     from dvtcli.files.device_lint import lint_device_file
 
     findings = tuple(
-        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text, *columns)
-        for one, columns in lint_device_file(eds, Path(file).name, {rule.name for rule in rules}, profile)
+        FileFinding(finding.line, str(finding.severity), finding.rule, finding.object, finding.text, *columns)
+        for finding, columns in lint_device_file(eds, Path(file).name, {rule.name for rule in rules}, profile)
     )
     asked = tuple(map(_asked, rules))
     return FileReport(file, eds.sections, eds.understood, len(eds.dictionary), asked, findings, strict)

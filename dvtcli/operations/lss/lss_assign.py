@@ -167,11 +167,11 @@ def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven]
 def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) -> None:
     """Do all *steps*; where one node does not come up all get back what they had."""
     done: list[LssGiven] = []
-    for number, one in enumerate(steps):
-        session.tell.progress(f"LSS: node-ID {one.node_id} to {one.name}", number, len(steps))
+    for number, step in enumerate(steps):
+        session.tell.progress(f"LSS: node-ID {step.node_id} to {step.name}", number, len(steps))
         try:
-            selected(master, one.address)
-            give(session, master, one)
+            selected(master, step.address)
+            give(session, master, step)
         except DvtcliError as failed:
-            raise all_back(session.bus, master, done, failed, at=one) from failed
-        done.append(one)
+            raise all_back(session.bus, master, done, failed, at=step) from failed
+        done.append(step)

@@ -54,11 +54,11 @@ class RateChange:
 
     def _configure(self) -> None:
         """Tell each node the new bit rate, which nobody runs at before it is activated."""
-        for number, one in enumerate(self.nodes):
+        for number, slave in enumerate(self.nodes):
             try:
-                self.tell(one, self.after)
+                self.tell(slave, self.after)
             except DvtcliError as failed:
-                failed.details.append(_said_by(one))
+                failed.details.append(_said_by(slave))
                 refused = isinstance(failed, DeviceRefused)
                 self._forget(self.nodes[: number + (not refused)], failed, "unchanged")
                 raise
@@ -166,13 +166,13 @@ class RateChange:
 
     def store(self) -> list[LssGiven]:
         """Let every node store it; raises once all have the old one, stored and in use, or LeftChanged."""
-        for number, one in enumerate(self.nodes, 1):
+        for number, slave in enumerate(self.nodes, 1):
             try:
                 if self.before == self.after:
-                    self.tell(one, self.after)  # it may have been told another one that was never activated
-                self._store(one)
+                    self.tell(slave, self.after)  # it may have been told another one that was never activated
+                self._store(slave)
             except DvtcliError as failed:
-                failed.details.append(_said_by(one))
+                failed.details.append(_said_by(slave))
                 if self.before == self.after:
                     raise self._partly_stored(self.nodes[: number - 1], self.nodes[number - 1 :], failed) from failed
                 raise self.unstored(self.nodes[:number], failed) from failed

@@ -52,9 +52,9 @@ def store_all(
 def prove_all(session: Session, master: LssMaster, stored: Sequence[LssGiven]) -> list[LssGiven]:
     """Reset each of *stored*, and see that it comes back with its node-ID; raises, and says who was not looked at."""
     proved: list[LssGiven] = []
-    for number, one in enumerate(stored, 1):
+    for number, slave in enumerate(stored, 1):
         try:
-            proved.append(prove_by_reset(session, master, one))
+            proved.append(prove_by_reset(session, master, slave))
         except DvtcliError as failed:
             if proved:
                 failed.details.append(("proved", join_some([_who(other) for other in proved])))

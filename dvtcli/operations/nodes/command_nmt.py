@@ -101,7 +101,7 @@ def _commanded(
         session.record.add(target or session.selected_id() or 0, [said])
     if reset and session.in_script:
         _note_what_came_up(session, states)
-    seen = tuple((one, None if state is None else state.label) for one, state in sorted(states.items()))
+    seen = tuple((seen_id, None if state is None else state.label) for seen_id, state in sorted(states.items()))
     notes: list[Hint | str] = [
         f"node {node_id} sent no boot-up message, and answers: nobody knows whether it restarted" for node_id in unheard
     ]

@@ -63,14 +63,14 @@ def _as_type(
 ) -> tuple[ValueRead | EntryUnread, ...]:
     """*entries* decoded as *data_type*; SdoProtocolError names all that it does not fit."""
     found, wrong = list(entries), []
-    for number, one in enumerate(entries):
-        if isinstance(one, EntryUnread):
+    for number, entry in enumerate(entries):
+        if isinstance(entry, EntryUnread):
             continue
-        index, sub_index = (int(part, 16) for part in one.object.split(":"))
+        index, sub_index = (int(part, 16) for part in entry.object.split(":"))
         try:
-            found[number] = replace(value_result(node, index, sub_index, one.raw, data_type), name=one.name)
+            found[number] = replace(value_result(node, index, sub_index, entry.raw, data_type), name=entry.name)
         except SdoProtocolError:
-            wrong.append(f"{one.object} ({len(one.raw)} bytes)")
+            wrong.append(f"{entry.object} ({len(entry.raw)} bytes)")
     if wrong:
         raise SdoProtocolError(
             f"{data_type.short} does not fit {join_some(wrong)}",

@@ -67,7 +67,7 @@ def _in_words(node: Node, index: int, sub_index: int, refused: DeviceRefused) ->
     held, wanted = (value_words(node, index, sub_index, data) for data in refused.read_back)
     if held != wanted:
         refused.why = f"0x{index:04X}:{sub_index:02X} is {held}, expected {wanted}"
-    group = next((name for name, one in node.profile.vpdo.items() if within(index, one.drives)), None)
+    group = next((name for name, drive_group in node.profile.vpdo.items() if within(index, drive_group.drives)), None)
     if group is not None:
         refused.hint = Hint(
             Action.SHOW_VPDO, {"group": group}, "the device itself writes it while a virtual PDO ties it: {} shows that"

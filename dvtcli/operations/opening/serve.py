@@ -111,7 +111,9 @@ def serving(
         warn(text)
     devices = [simulated_device(node) for node in nodes]
     keep = _keeper(wanted.state, nodes, devices, warn)
-    nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
+    nodes = tuple(
+        replace(served_node, node_id=device.node_id) for served_node, device in zip(nodes, devices, strict=True)
+    )
     _warn_of_doubles(devices, wanted, warn)
     faults = _faults(options, nodes)
     signals, rate = simulated_signals(options.signal, nodes), options.bitrate
@@ -137,9 +139,9 @@ def serving(
 
 def _warn_of_doubles(devices: list[StrictDevice], wanted: ServeRequest, warn: Callable[[str], None]) -> None:
     """Say which of *devices* came up with the same node-ID."""
-    for one, many in Counter(device.node_id for device in devices).items():
-        if many > 1 and one != UNCONFIGURED:
-            warn(f"{many} nodes have node-ID {one}, as --state {wanted.state} keeps it: they will answer as one")
+    for shared_id, many in Counter(device.node_id for device in devices).items():
+        if many > 1 and shared_id != UNCONFIGURED:
+            warn(f"{many} nodes have node-ID {shared_id}, as --state {wanted.state} keeps it: they will answer as one")
 
 
 def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]:

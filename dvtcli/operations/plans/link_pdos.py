@@ -101,10 +101,15 @@ def _no_watches(session: Session, node: Node, ends: Sequence[Endpoint], producer
     if not watched_ms(heartbeat_slots(node.memory), producer):
         return ()
     cob_ids = session.node(producer).known_cob_ids()
-    sent = {(one.can_id, one.extended) for pdo, one in cob_ids.items() if pdo.is_tpdo and one.valid}
+    sent = {(cob_id.can_id, cob_id.extended) for pdo, cob_id in cob_ids.items() if pdo.is_tpdo and cob_id.valid}
     gone = {end.pdo for end in ends}
-    for pdo, one in node.known_cob_ids().items():
-        if not pdo.is_tpdo and pdo not in gone and one.valid and (one.can_id, one.extended) in sent:
+    for pdo, known_cob_id in node.known_cob_ids().items():
+        if (
+            not pdo.is_tpdo
+            and pdo not in gone
+            and known_cob_id.valid
+            and (known_cob_id.can_id, known_cob_id.extended) in sent
+        ):
             return ()
     return (HeartbeatWatch(producer, 0),)
 

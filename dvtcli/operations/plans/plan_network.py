@@ -310,7 +310,7 @@ def _node_plan(
         (wants.pdos[pdo], proposal(node, pdo, now[pdo], want, wanted, elsewhere, senders.channels))
         for pdo, want in wanted.items()
     )
-    instead = [finding for want, one in proposed for finding in instead_findings(want, one)]
+    instead = [finding for want, pdo_proposal in proposed for finding in instead_findings(want, pdo_proposal)]
     plan = Plan(node.node_id, (*stamped.changes, *changes))
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,

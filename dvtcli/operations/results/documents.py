@@ -72,7 +72,11 @@ def brief(value: object) -> str:
     if is_short or not is_dataclass(value):
         return str(value)
     told = ((field, getattr(value, field.name)) for field in fields(value))
-    said = [f"{field.name}={_in_short(one)}" for field, one in told if one != field.default and one not in ((), [], {})]
+    said = [
+        f"{field.name}={_in_short(field_value)}"
+        for field, field_value in told
+        if field_value != field.default and field_value not in ((), [], {})
+    ]
     return f"{type(value).__name__}({', '.join(said)})"
 
 

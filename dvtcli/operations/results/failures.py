@@ -110,8 +110,8 @@ def compared_text(proof: Proof) -> str:
 def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str]]) -> DvtcliError:
     """Nodes that are seen *elsewhere*, with their NMT states, than *wanted* of node *node* (0: all)."""
     by_state: dict[str, list[str]] = {}
-    for one, state in elsewhere:
-        by_state.setdefault(state, []).append(str(one))
+    for node_id, state in elsewhere:
+        by_state.setdefault(state, []).append(str(node_id))
     seen = [
         f"node{'' if len(nodes) == 1 else 's'} {', '.join(nodes)} {'is' if len(nodes) == 1 else 'are'} {state}"
         for state, nodes in by_state.items()

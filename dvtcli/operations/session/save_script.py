@@ -113,7 +113,7 @@ def ended_lines(session: Session) -> list[Section]:
     """
     steps = _steps(session)
     node_ids = dict.fromkeys(node_id for node_id, _ in steps if node_id)
-    found = {node_id: _end(session, node_id, [line for one, line in session.record.lines if one == node_id])
+    found = {node_id: _end(session, node_id, [line for line_node, line in session.record.lines if line_node == node_id])
              for node_id in node_ids}  # fmt: skip
     sections = [(node_id, lines) for node_id, lines in found.items() if lines]
     if not sections:
@@ -122,7 +122,7 @@ def ended_lines(session: Session) -> list[Section]:
             hint=Hint(Action.SAVE_SCRIPT, {"history": True}, "writes each step"),
         )
     for node_id, lines in found.items():
-        for store in left_out_stores([line for one, line in session.record.lines if one == node_id], lines):
+        for store in left_out_stores([line for line_node, line in session.record.lines if line_node == node_id], lines):
             session.tell.note(
                 Hint(
                     Action.SAVE_SCRIPT,

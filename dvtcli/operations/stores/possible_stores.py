@@ -40,7 +40,7 @@ def refuse_impossible_stores(nodes: Mapping[int, Node], stores: Mapping[int, str
     found = {node_id: _finding(nodes[node_id], word) for node_id, word in stores.items() if word}
     findings = [finding for finding in found.values() if finding is not None]
     if findings:
-        ids = [node_id for node_id, one in found.items() if one is not None]
+        ids = [node_id for node_id, store_finding in found.items() if store_finding is not None]
         only = ids[0] if len(ids) == 1 else None
         text = f"nothing was written: {findings[0].text}"
         raise RuleError(text, findings, node=only, can_force=False)

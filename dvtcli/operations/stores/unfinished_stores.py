@@ -53,7 +53,7 @@ def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
     *journals* are those that wait for the way back, or for the stores that are missing.
     """
     first, fault = next(iter(course.failed.items()))
-    refused = [node_id for node_id, one in course.failed.items() if not _is_unsure(one)]
+    refused = [node_id for node_id, failure in course.failed.items() if not _is_unsure(failure)]
     unsure = [node_id for node_id in course.failed if node_id not in refused]
     said = [f"whether node {join_some(map(str, unsure))} stored it is not known"] if unsure else []
     said += [f"node {join_some(map(str, refused))} did not store it"] if refused else []
@@ -80,10 +80,10 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
 
     *outcomes* has the answer or the fault of each that was asked.
     """
-    faults = {node_id: one for node_id, one in outcomes.items() if isinstance(one, BaseException)}
-    answers = {node_id: one for node_id, one in outcomes.items() if not isinstance(one, BaseException)}
-    stored = tuple(node_id for node_id, one in answers.items() if one.stored)
-    kept = [*stored, *(node_id for node_id, one in answers.items() if one.skipped)]
+    faults = {node_id: outcome for node_id, outcome in outcomes.items() if isinstance(outcome, BaseException)}
+    answers = {node_id: outcome for node_id, outcome in outcomes.items() if not isinstance(outcome, BaseException)}
+    stored = tuple(node_id for node_id, answer in answers.items() if answer.stored)
+    kept = [*stored, *(node_id for node_id, answer in answers.items() if answer.skipped)]
     unsure = tuple(node_id for node_id, fault in faults.items() if _is_unsure(fault))
     missing = tuple(node_id for node_id in node_ids if node_id not in (*kept, *unsure))
     if not stored or not (unsure or missing):
@@ -170,7 +170,7 @@ def _lost_text(course: Stores, first: BaseException) -> str:
 def _say_who(course: Stores, left: LeftChanged) -> None:
     """Who has stored, who has not, and of whom nobody knows: for a screen, and for a program."""
     done = tuple(state.node_id for state in course.states.values() if state.is_done)
-    unsure = tuple(node_id for node_id, one in course.failed.items() if _is_unsure(one))
+    unsure = tuple(node_id for node_id, failure in course.failed.items() if _is_unsure(failure))
     missing = tuple(state.node_id for state in course.states.values() if state.waits and state.node_id not in unsure)
     lost = {fault.node for fault in course.lost if isinstance(fault, DeviceRefused)}
     not_held = tuple(node_id for node_id in done if node_id in lost)

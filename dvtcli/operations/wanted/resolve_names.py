@@ -233,7 +233,9 @@ def _watches(node: Node, wish: NodeWish, said: Collection[WantedValue], log: Fil
     filled = len(mine.keys() - slots.keys())
     for watch in wish.watches:
         own = _entry_of(watch.producer, {**slots, **{sub: value for sub, value in mine.items() if value}})
-        sub = own if own is not None else next((one for one, value in slots.items() if not _used(value)), None)
+        sub = (
+            own if own is not None else next((free_sub for free_sub, value in slots.items() if not _used(value)), None)
+        )
         if own is None and not watch.time_ms:
             continue  # it watches nothing of that node already
         if sub is None:

@@ -91,8 +91,12 @@ def _as_lines(
     identity: Identity,
 ) -> Facts:
     eds = "" if node.dictionary is None else node.dictionary.source
-    kept = {place: _kept(one) for place, one in found.items()}
-    out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
+    kept = {place: _kept(found_object) for place, found_object in found.items()}
+    out = {
+        f"{place[0]:04X}:{place[1]:02X}": kept_object.why
+        for place, kept_object in sorted(kept.items())
+        if kept_object.data is None
+    }
     _must_have_read(node, len(kept) - len(out), out)
     text = whole_device_text(KeptDevice(node.node_id, identity, utc(time.time()), kept, eds))
     make_file(session, path, text, read_whole_device)

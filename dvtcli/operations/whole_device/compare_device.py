@@ -177,7 +177,10 @@ def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:
 
 def _unsaid(first: HeldDevice, second: SecondSide, node: int | None) -> int:
     """How many settings only one side says something of."""
-    said, known = ({place for place, one in side.objects.items() if one.data is not None} for side in (first, second))
+    said, known = (
+        {place for place, kept_object in side.objects.items() if kept_object.data is not None}
+        for side in (first, second)
+    )
     if node is not None and second.dictionary is not None:
         known = {(entry.index, entry.sub_index) for entry in second.dictionary.entries() if entry.access.readable}
     one_sided = known - said if node is not None else known ^ said

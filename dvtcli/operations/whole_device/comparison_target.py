@@ -74,11 +74,12 @@ def side_of_node(session: Session, node: Node, first: HeldDevice) -> SecondSide:
 
     read = read_entries(session, node, entries, known, again)
     objects = {
-        place: KeptObject(one.data, why_unread(one))
-        for place, one in read.items()
-        if one.unread in (None, Unread.SILENT) or kind_of(known, one.entry) is DifferenceKind.SETTING
+        place: KeptObject(looked_object.data, why_unread(looked_object))
+        for place, looked_object in read.items()
+        if looked_object.unread in (None, Unread.SILENT)
+        or kind_of(known, looked_object.entry) is DifferenceKind.SETTING
     }
-    changing = frozenset(place for place, one in read.items() if one.changes)
+    changing = frozenset(place for place, looked_entry in read.items() if looked_entry.changes)
     name = f"node {node.node_id}"
     return _knowing(SecondSide(name, node.node_id, objects, known, dictionary, node.identity(), changing), first)
 
@@ -101,7 +102,11 @@ def _knowing(second: SecondSide, first: HeldDevice) -> SecondSide:
 
 def _taken(objects: Mapping[ObjectAddress, KeptObject]) -> Iterator[ObjectAddress]:
     """What the enabled RPDOs among *objects* take."""
-    words = {place: int.from_bytes(one.data, "little") for place, one in objects.items() if one.data is not None}
+    words = {
+        place: int.from_bytes(kept_object.data, "little")
+        for place, kept_object in objects.items()
+        if kept_object.data is not None
+    }
     for (index, sub_index), word in words.items():
         pdo = Pdo.at(index)
         if pdo is None or pdo.is_tpdo or index != pdo.mapping_index:

@@ -105,8 +105,8 @@ def _as_xdc(text: DcfText, whole: WholeDevice, device: Commissioned) -> DcfText:
 def left_out(whole: WholeDevice, text: DcfText) -> dict[str, str]:
     """The objects that the DCF says nothing of though they were meant, each with why."""
     found = dict(text.left_out)
-    for place, one in whole.objects.items():
-        if why := why_unread(one):
+    for place, kept_object in whole.objects.items():
+        if why := why_unread(kept_object):
             found[place] = why
     return {f"{index:04X}:{sub:02X}": why for (index, sub), why in sorted(found.items())}
 

@@ -207,7 +207,7 @@ def _planned(
             session.tell.warning(text)
     if not any(found.values()):
         raise _nothing_compared(held)
-    planned, refused = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
+    planned, refused = plans_of(nodes, wish, {node_id: found_node.wants for node_id, found_node in found.items()}, {})
     if refused:
         raise together(refused)
     said = [_said(plan, nodes[plan.node_id], held, found[plan.node_id]) for plan in planned]
@@ -221,7 +221,7 @@ def _powered(session: Session, planned: NodePlan) -> NodePlan:
 
 
 def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) -> NodePlan:
-    left_out = tuple(one for _, one in sorted(found.left_out.items()))
+    left_out = tuple(omission for _, omission in sorted(found.left_out.items()))
     sizes = {left_object.object: len(left_object.held) for left_object in left_out if left_object.held is not None}
     known = planned.understood | understood(node, sizes)
     return replace(
