@@ -18,8 +18,9 @@ MAY_EXIT = (
 )  # fmt: skip
 #: where a Ctrl-C that had to wait, or came by another way than a signal, goes on
 MAY_INTERRUPT = (
-    "cli/dvt/tcl_run.py", "cli/scripts/script_run.py", "cli/prompt/terminal.py", "cli/conversation.py", "cli/each_node.py",
-    "cli/live_lines.py", "operations/stores/store_restore.py", "operations/gateway/serve_gateway.py",
+    "cli/dvt/tcl_run.py", "cli/scripts/script_run.py", "cli/prompt/terminal.py",
+    "cli/conversation.py", "cli/each_node.py", "cli/live_lines.py",
+    "operations/stores/store_restore.py", "operations/gateway/serve_gateway.py",
     "operations/api/ctrl_c.py", "operations/api/calls.py",
 )  # fmt: skip
 #: where whatever happens must be turned into something else, with what for
