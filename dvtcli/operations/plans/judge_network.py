@@ -185,7 +185,7 @@ def judged_network(
     )
     from dvtcli.operations.plans.network_states import network_after, states_beside, states_of, with_link_marks
 
-    read = [planned_node.node_id for planned_node in plan.nodes if planned_node.is_read]
+    read = [planned.node_id for planned in plan.nodes if planned.is_read]
     if not read or plan.lacking:
         return plan
     is_whole = all(node.mark.line for node in wish.nodes) and not plan.unread and not named_nodes(session)
@@ -193,23 +193,15 @@ def judged_network(
     state = network_after(states_of(session, [session.node(read_id) for read_id in read]), plan, wish)
     state = with_link_marks(state, wish.links)
     found: dict[int, dict[Finding, None]] = {}
-    said = {
-        (planned_node.node_id, finding.pdo, finding.rule)
-        for planned_node in plan.nodes
-        for finding in planned_node.findings
-    }
-    texts = {(planned_node.node_id, finding.text) for planned_node in plan.nodes for finding in planned_node.findings}
+    said = {(planned.node_id, finding.pdo, finding.rule) for planned in plan.nodes for finding in planned.findings}
+    texts = {(planned.node_id, finding.text) for planned in plan.nodes for finding in planned.findings}
     superseded: set[tuple[int, Pdo | None, str]] = set()
-    changed = {(planned_node.node_id, what) for planned_node in plan.nodes for what in _changed(planned_node)}
+    changed = {(planned.node_id, what) for planned in plan.nodes for what in _changed(planned)}
     network = CheckedNetwork(state, bit_rate or state.bit_rate)
     findings = network_findings(network, {rule.name for rule in NETWORK_RULES})
     if beside := states_beside(session, read):
         network = replace(network, state=replace(state, nodes=(*beside, *state.nodes)))
-        more = (
-            network_finding
-            for network_finding in network_findings(network, OF_COB_IDS)
-            if network_finding[1].node_id in read
-        )
+        more = (more_found for more_found in network_findings(network, OF_COB_IDS) if more_found[1].node_id in read)
         findings = chain(findings, more)
     for rule, spot, text in findings:
         node_id = spot.node_id or read[0]
