@@ -538,3 +538,24 @@ def test_an_accepted_node_hands_on_what_is_known_of_the_stores(home: Path, *, ah
     while_storing(chain, 7, lambda one: wrong.append(afterwards(one, home, look)), ahead=ahead)
     chain.apply(path)
     assert wrong == [""]
+
+
+@pytest.mark.parametrize("dry_run", [True, False])
+def test_finish_says_nothing_of_a_node_that_was_accepted(home: Path, *, dry_run: bool) -> None:
+    """Node 5 refused to store and was accepted: of it nobody knows, and only node 9 is looked at."""
+    (home.parent / "files").mkdir()
+    families = {5: "generic", 9: "generic"}
+    chain = Chain(home.parent / "files", ["5:store-fails"], bus=Watched, families=families, operational=False)
+    with pytest.raises(LeftChanged):
+        chain.apply(file(home))
+    with chain.session(node=5) as session:
+        recover(session, accept=True)
+    with chain.session(node=None, dry_run=dry_run) as session:
+        done = recover(session, finish=True)
+    assert isinstance(done, Facts)
+    assert (dict(done.rows)["looked_at"], dict(done.rows)["not_looked_at"]) == ([9], [5])
+    said = typed(done.text[0])
+    assert "node 9 holds it, and node 9 had stored it" in said
+    assert said.endswith("; node 5, accepted as it was, was not looked at")
+    assert "every" not in said
+    assert "complete" not in said

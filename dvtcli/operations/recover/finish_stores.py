@@ -79,11 +79,19 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     for node_id in nodes:
         _refuse_unlike(replace(claims, changes=expected), node_id, part.name)
     ids = ", ".join(map(str, waiting(part)))
-    what = f"; store on node {ids}?" if ids else ", and has stored it; is it to stay so?"
-    session.consent(f"{part.name}: every node holds what was planned{what}")
+    what = f"; store on node {ids}?" if ids else f"{_had_stored(part)}; is it to stay so?"
+    who = f"node {join_some(map(str, sorted(nodes)))}" if _accepted_ids(part) else "every node"
+    session.consent(f"{part.name}: {who} holds what was planned{_not_looked_at(part)}{what}")
     _store(session, journals, part, claims, tests, stamps)
-    rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
-    return Facts("recover", rows, (_said(session, part, ids),))
+    rows = (
+        ("node", None),
+        ("recovered", False),
+        ("finished", not session.dry_run),
+        ("stored", waiting(part)),
+        ("looked_at", sorted(nodes)),
+        ("not_looked_at", _accepted_ids(part)),
+    )
+    return Facts("recover", rows, (_said(session, part, who, ids),))
 
 
 def _verified(part: GroupMember) -> tuple[Storing, ...]:
@@ -110,10 +118,30 @@ def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
         )
 
 
-def _said(session: Session, part: GroupMember, ids: str) -> str:
+def _said(session: Session, part: GroupMember, who: str, ids: str) -> str:
+    """What was done, of *who* was looked at alone; node *ids* stored, none where that is empty."""
     if session.dry_run:
-        return f"dry run: node {ids} would store" if ids else "dry run: every node has stored; the journals stay"
-    return f"{part.name} is complete: " + (f"node {ids} stored" if ids else "every node holds it, and had stored it")
+        said = f"node {ids} would store" if ids else f"{who} holds it{_had_stored(part)}; the journals stay"
+        return f"dry run: {said}{_not_looked_at(part)}"
+    done = f"node {ids} stored" if ids else f"{who} holds it{_had_stored(part)}"
+    is_whole = "ended" if _accepted_ids(part) else "complete"
+    return f"{part.name} is {is_whole}: {done}{_not_looked_at(part)}"
+
+
+def _had_stored(part: GroupMember) -> str:
+    """Which nodes had stored before; empty where none of them is still part of it."""
+    ids = [store.node_id for store in part.stores if store.is_done and not store.is_accepted]
+    return f", and node {join_some(map(str, ids))} had stored it" if ids else ""
+
+
+def _accepted_ids(part: GroupMember) -> list[int]:
+    """The nodes whose journals were closed with what they held: nobody looks at them any more."""
+    return [store.node_id for store in part.stores if store.is_accepted]
+
+
+def _not_looked_at(part: GroupMember) -> str:
+    ids = _accepted_ids(part)
+    return f"; node {join_some(map(str, ids))}, accepted as it was, was not looked at" if ids else ""
 
 
 def _claims(

@@ -121,7 +121,9 @@ def _how_to_finish(journal: Journal) -> Hint:
     back = Hint(Action.RECOVER_ALL, why=", {} takes every line of it back, on all nodes")
     if journal.part.stores and not any(store.waits for store in journal.part.stores):
         said = f"{verbatim(journal.part.name)} was interrupted once nodes had stored what it changed, {changed}"
-        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at every node once more") + back
+        accepted = {store.node_id for store in journal.part.stores if store.is_accepted}
+        who = f"every node but {join_some(map(str, sorted(accepted)))}" if accepted else "every node"
+        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at {who} once more") + back
     if journal.part.stores:
         said = f"{verbatim(journal.part.name)} was interrupted while nodes stored what it changed, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} stores on the rest of them") + back
