@@ -93,6 +93,19 @@ def unusable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
     return SafetyRefusal(f"{path} is not used: it cannot be written", place=path, hint=_CURE)
 
 
+def unreadable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
+    """Why nobody can tell what is kept in *folder*, with the cure; None if it can be listed, or is missing."""
+    path = wanted = os.path.abspath(folder)  # noqa: PTH100
+    while not os.path.isdir(path):  # noqa: PTH112
+        if os.path.lexists(path):
+            return _no_folder(path)
+        path = os.path.dirname(path)  # noqa: PTH120
+    if os.access(path, os.R_OK | os.X_OK if path == wanted else os.X_OK):
+        return None
+    hint = "let its owner give you the right to read it" + (f"; {OTHER_STATE}" if OTHER_STATE else "")
+    return SafetyRefusal(f"{path} is not used: it cannot be read", place=path, hint=hint)
+
+
 def _no_folder(path: str) -> SafetyRefusal:
     from shlex import quote
 

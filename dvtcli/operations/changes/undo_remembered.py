@@ -9,10 +9,11 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.trust import unreadable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.rule import WARNING, Rule
-from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.results import Changed
 
@@ -210,8 +211,11 @@ def _time(entry: ChangeHistoryEntry) -> str:
     return f"{entry.when[:19].replace('T', ' ')} UTC"
 
 
-def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError:
-    """That there is nothing to undo of the *selected* node, or of any of the bus."""
+def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError | SafetyRefusal:
+    """That there is nothing to undo of the *selected* node, or of any of the bus, or that nobody can tell."""
+    if (unread := unreadable(keeping.past().folder)) is not None:
+        unread.why = "whether a change is remembered is not known: that is where changes are kept"
+        return unread
     others = sorted({top.plan.node_id for top in keeping.past().tops(None)})
     if selected is None and others:
         return UsageError(

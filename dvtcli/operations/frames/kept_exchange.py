@@ -13,7 +13,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from dvtcli.device.trust import open_private, private_folder
+from dvtcli.device.trust import open_private, private_folder, unreadable
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import SafetyRefusal
@@ -46,8 +46,13 @@ def keep_exchange(lines: Sequence[str]) -> bool:
 
 
 def kept_exchange() -> list[tuple[Frame, bool, bool]]:
-    """Each frame kept, whether it was ours, and whether its value was left out; none where nothing is, or damaged."""
-    with suppress(OSError, SafetyRefusal, ValueError):
+    """Each frame kept, whether it was ours, and whether its value was left out; none where nothing is, or damaged.
+
+    SafetyRefusal or OSError where what is kept cannot be read.
+    """
+    if (unread := unreadable(_file().parent)) is not None:
+        raise unread
+    with suppress(FileNotFoundError, ValueError):
         descriptor = open_private(_file(), os.O_RDONLY)
         with os.fdopen(descriptor, encoding="ascii") as file:
             return [_frame(line) for line in file.read(_LONGEST).splitlines()]

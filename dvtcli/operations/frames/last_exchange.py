@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import UsageError
+from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +65,14 @@ def _of_a_failed_run(session: Session) -> list[tuple[Frame, bool, bool]]:
     from dvtcli.domain.wall_clock import utc
     from dvtcli.operations.frames.kept_exchange import kept_exchange
 
-    kept = kept_exchange()
+    try:
+        kept = kept_exchange()
+    except (OSError, SafetyRefusal) as unread:
+        raise UsageError(
+            "nothing was exchanged yet, and what is kept of a run that failed cannot be read",
+            why=str(unread),
+            hint=unread.hint if isinstance(unread, SafetyRefusal) else None,
+        ) from unread
     if not kept:
         raise UsageError(
             "nothing was exchanged yet, and no exchange of a run that failed is kept",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.private_file import file_name
+from dvtcli.device.trust import unreadable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.user.keeping import state_folder
@@ -28,7 +29,8 @@ def waiting_paths(session: Session, file: str | None, refused: list[DvtcliError]
     """The journals that are meant, whether they can be read or not; empty where no change was interrupted.
 
     UsageError where *file* is none, SafetyRefusal where another dvtcli is at work on one of the nodes: *refused* has
-    that, where it is given, if several are meant.
+    that, where it is given, if several are meant. SafetyRefusal, too, where the folders of the journals or of the locks
+    cannot be read: nobody knows then whether a change was interrupted.
     """
     if file is not None:
         if not is_file(file):
@@ -36,6 +38,12 @@ def waiting_paths(session: Session, file: str | None, refused: list[DvtcliError]
                 f"{file}: no such file", place=file, hint=Hint(Action.RECOVER, why="alone takes the node's own journal")
             )
         return _held_file(session, Path(file))
+    unread = next(
+        filter(None, map(unreadable, (session.state_folder / "journals", state_folder(None) / "locks"))), None
+    )
+    if unread is not None:
+        unread.why = "whether a change was interrupted is not known: that is where journals and locks are kept"
+        raise unread
     selected = session.selected_id()
     if selected is not None:
         return _of_node(session, selected)
