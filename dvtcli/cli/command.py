@@ -85,7 +85,7 @@ class DvtCommand(click.Command):
         session: Conversation = ctx.obj
         run = super().invoke
         changes = self.effect is Effect.CHANGES
-        session.only_looks = self.effect is Effect.READS
+        session.only_looks, session.may_have_changed = self.effect is Effect.READS, False
         session.begin_line(is_noted=changes or self.effect in _LOOKING, tells_state=changes or bool(self.formats))
         with session.line(taken(ctx.params)):
             self._require_format(session.output.format)
@@ -152,6 +152,7 @@ def _names_node(values: Iterable[Any]) -> bool:
 
 def _deliver(session: Conversation, result: Any) -> Any:
     """Show what a command answered; an int is an exit code, None says nothing."""
+    session.may_have_changed |= not getattr(result, "changed_nothing", False)
     if result is None or isinstance(result, int):
         return result
     session.output.result(result)

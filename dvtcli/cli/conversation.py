@@ -121,6 +121,8 @@ class Conversation(Session):
         self.tells_state = False
         #: whether the line that runs writes nothing to nodes anyway
         self.only_looks = False
+        #: whether an answer of the line that runs leaves it open that a node was changed
+        self.may_have_changed = False
         #: what was written to nodes before the line that runs
         self._written_before: dict[int, int] = {}
         #: whether lines are typed at the prompt, where one follows the other

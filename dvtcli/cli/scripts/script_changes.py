@@ -61,12 +61,12 @@ class ScriptChanges:
             for plan in made:
                 self._plans.setdefault(id(plan), (plan, place))
             if len(node.history) < before:  # it undid what was done before the script
-                self._before[id(node)], final = len(node.history), True
+                self._before[id(node)], other, final = len(node.history), True, True
             if node.unkept > self._unkept.get(id(node), 0):
-                self._unkept[id(node)], final = node.unkept, True
+                self._unkept[id(node)], other, final = node.unkept, True, True
             if node.pending.stores > self._stores.get(id(node), 0):
-                self._stores[id(node)], final = node.pending.stores, True
-        if other or final:
+                self._stores[id(node)], other, final = node.pending.stores, True, True
+        if other:
             self._others.append(place)
         if final:
             self.final = self.final or place

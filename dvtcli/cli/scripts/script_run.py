@@ -41,7 +41,7 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
             code = ctx.command.invoke(ctx)
         done = code in (0, None, LEAVE)
         if noted:
-            changes.note(place, other=done and other, final=done and ends is not None)
+            changes.note(place, other=done and other and session.may_have_changed, final=done and ends is not None)
         if not done:
             _refuse_half(ctx, changes, code)
     except BaseException as failed:

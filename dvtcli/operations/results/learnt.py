@@ -60,6 +60,11 @@ class LearntDevice(Answered):
         return 3 if self.compared is not None and self.compared[1] else 0
 
     @property
+    def changed_nothing(self) -> bool:
+        """Whether the device did not store, either: all that was written is put back and read back equal."""
+        return not self.saves
+
+    @property
     def not_learnt(self) -> list[ProbeAnswer]:
         """The probes that have no answer."""
         return [answer for answer in self.answers if answer.code is None]

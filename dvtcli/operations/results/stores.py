@@ -36,6 +36,11 @@ class Stored(Answer):
     #: whether nobody but this dvtcli can have changed the node, so that *changed* is all of it
     all_known: bool = False
 
+    @property
+    def changed_nothing(self) -> bool:
+        """Whether nothing was sent at all."""
+        return bool(self.skipped)
+
     def __bool__(self) -> bool:
         """Whether it is as it should be, and proved if that was asked for: a dry run proves nothing."""
         return self.exit_code == 0 and not (self.prove_asked and self.proof is None)

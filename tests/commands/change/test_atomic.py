@@ -244,6 +244,18 @@ def test_a_line_that_turns_out_wrong_as_it_runs_says_in_which_state_the_device_i
     assert told in done.stderr.rpartition("state")[2]
 
 
+@pytest.mark.parametrize(
+    ("line", "is_named"),
+    [("recover", False), ("recover --accept", False), ("learn", False), ("store", True), ("nmt preop", True)],
+)
+def test_a_line_that_changed_nothing_is_not_named(line: str, *, is_named: bool) -> None:
+    with Bench(("canopennode",), {"yes": True}) as bench:
+        ran = bench.script(f"{line}\nmap tpdo1 9999\n")
+    assert ran.code not in (0, 2, 5)
+    assert ("what test.dvt:1 changed is not taken back" in ran.stderr) is is_named
+    assert "unchanged by this line" in ran.stderr
+
+
 def test_a_script_that_fails_behind_its_store_does_not_say_that_nothing_was_stored(tmp_path: Path) -> None:
     script = tmp_path / "x.dvt"
     script.write_text("set tpdo1 --timer 5\nstore\nread 5FFF\n")
