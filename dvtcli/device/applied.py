@@ -15,12 +15,14 @@ class Applied:
 
     *unreadable* are the objects of it that cannot be read back: they were acknowledged, and nothing more is known.
     *not_put_back* says of each PDO that was to be what it was before, and that the device did not take, what it is now.
+    *unrestored* are the objects that were to be put back and keep what was written: nobody knows what they held.
     """
 
     plan: Plan
     findings: tuple[Finding, ...] = ()
     not_put_back: tuple[Finding, ...] = ()
     unreadable: tuple[str, ...] = ()
+    unrestored: tuple[str, ...] = ()
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool, can_force: bool = True) -> None:

@@ -178,7 +178,7 @@ class Node(Applier):
 
                 look_again(self, applied.plan, found)
         self.unkept += not asked.own
-        return applied, len(back.undone)
+        return replace(applied, unrestored=back.unrestored), len(back.undone)
 
     def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
         """The PDOs of which *plan* writes nothing, as they were read last, each as a change to what it is."""

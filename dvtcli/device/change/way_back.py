@@ -53,6 +53,11 @@ class WayBack:
     undone: tuple[Plan, ...]
     unknown: tuple[Finding, ...]
 
+    @property
+    def unrestored(self) -> tuple[str, ...]:
+        """The objects that *unknown* is about, as `2050:00`."""
+        return unrestored_objects(self.unknown)
+
 
 def way_back(node: Changeable, asked: TakeBack) -> WayBack:
     """The way back on *node*, which is claimed; writes nothing.
@@ -207,3 +212,8 @@ def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
         for step in steps
         if step.before is None
     )
+
+
+def unrestored_objects(unknown: Iterable[Finding]) -> tuple[str, ...]:
+    """The objects, as `2050:00`, that *unknown* (of `unknown_before`) is about, each once."""
+    return tuple(dict.fromkeys(finding.place.removeprefix("0x") for finding in unknown))

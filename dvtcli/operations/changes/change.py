@@ -100,7 +100,8 @@ def changed(
         named=len(session.known_ids()) > 1,
         not_put_back=applied.not_put_back,
         unreadable=applied.unreadable,
-        as_before=undone and not applied.not_put_back and _is_as_stored(node, applied),
+        unrestored=applied.unrestored,
+        as_before=undone and not (applied.not_put_back or applied.unrestored) and _is_as_stored(node, applied),
         understood=understood(node, applied.plan.changes),
         remembered=node.keeper is None or node.keeper.past.remembers_last,
     )

@@ -85,7 +85,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
     done = []
     for undoing in undoings:
         node, back = undoing.node, backs[undoing.node.node_id]
-        applied = Applied(back.plan, (*back.unknown, *undoing.findings))
+        applied = Applied(back.plan, (*back.unknown, *undoing.findings), unrestored=back.unrestored)
         lines = undoing.forget(applied, len(back.undone))
         done.append(changed(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
     return tuple(done)

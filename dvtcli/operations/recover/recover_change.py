@@ -232,7 +232,7 @@ def _restarted_since(node: Node) -> bool:
 def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
     """Forget the journal of what was put back, and answer what was done; *stored* as `stored_before` says it."""
     from dvtcli.device.applied import Applied
-    from dvtcli.device.change.way_back import unknown_before
+    from dvtcli.device.change.way_back import unknown_before, unrestored_objects
 
     node, journal = session.node(recovery.node.node_id), recovery.journal
     plan, not_put_back = recovery.end(stored=stored is not False)
@@ -240,6 +240,7 @@ def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: f
         said = "stored" if stored else "may have stored"
         begun = f"{verbatim(journal.part.final)} had begun: node {node.node_id} {said} what was taken back"
         session.tell.warning(Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} keeps what it holds now"))
-    findings = (*recovery.restart_findings(), *unknown_before([journal.plan]))
-    applied = Applied(plan, findings, not_put_back)
+    unknown = unknown_before([journal.plan])
+    findings = (*recovery.restart_findings(), *unknown)
+    applied = Applied(plan, findings, not_put_back, unrestored=unrestored_objects(unknown))
     return changed(session, node, applied, seconds, undone=True)

@@ -44,6 +44,8 @@ class Changed(Answer):
     as_before: bool = False
     #: objects that were acknowledged and cannot be read back, as `2050:00`
     unreadable: tuple[str, ...] = ()
+    #: objects that were to be put back and keep what was written, since nobody knows what they held, as `2050:00`
+    unrestored: tuple[str, ...] = ()
     #: what the values of single objects mean, by object
     understood: Mapping[str, ScaledValue] = field(default_factory=dict)
     #: whether a later `undo` knows of it
@@ -98,8 +100,8 @@ class Changed(Answer):
             "pdos": pdos,
             "steps": steps,
             "writes": len(steps),
-            "verified": not (self.not_put_back or self.unreadable),
-            "readable": not self.unreadable,
+            "verified": not (self.not_put_back or self.unreadable or self.unrestored),
+            "readable": not (self.unreadable or self.unrestored),
             "stored": self.saved,
             "dry_run": self.dry_run,
             "findings": [finding_document(finding) for finding in (*self.findings, *self.not_put_back)],

@@ -151,6 +151,34 @@ def test_undo_says_that_it_stays(bench: Bench) -> None:
     assert "0x1F51:01 reads back a state: what it held is not known, it stays" in ran.stderr
 
 
+@pytest.mark.parametrize("line", ["write 2050 1", "write 1F51:1 1"])
+@pytest.mark.parametrize("undo", ["undo --force", "undo --all --force", "undo --force --dry-run"])
+def test_a_forced_undo_claims_nothing_of_it(bench: Bench, line: str, undo: str) -> None:
+    for said in ("", " --json"):
+        assert bench.run(line).code == 0
+        ran = bench.run(undo + said)
+        assert ran.code == 0, ran
+        if said:
+            assert (ran.document["verified"], ran.document["readable"], ran.document["writes"]) == (False, False, 0)
+        else:
+            assert "NOT put back: what was there before is not known; nothing was written" in ran.stdout
+            assert "as wanted" not in ran.stdout
+
+
+@pytest.mark.parametrize("is_same", [False, True])
+def test_nor_an_undo_of_all_that_puts_others_back(bench: Bench, is_same: bool) -> None:
+    for said in ("", " --json"):
+        for line in ("write 2070 5", "write 2050 1", *(["write 2070 100 --force"] if is_same else [])):
+            assert bench.run(line).code == 0
+        ran = bench.run(f"undo --all --force{said}")
+        assert ran.code == 0, ran
+        if said:
+            assert (ran.document["verified"], ran.document["readable"]) == (False, False)
+        else:
+            assert "2050:00 NOT put back: what was there before is not known" in ran.stdout
+            assert "As it was before" not in ran.stdout
+
+
 @pytest.mark.parametrize("lines", [["write 2070 5", "write 2050 1"], ["write 2050 1", "write 2070 5"]])
 def test_an_atomic_script_that_wrote_it_is_left_changed(bench: Bench, tmp_path: Path, lines: list[str]) -> None:
     script = tmp_path / "set.dvt"

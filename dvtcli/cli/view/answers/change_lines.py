@@ -31,6 +31,10 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     if not count and result.not_put_back:
         yield f"{labels} NOT put back as it was; nothing was written."
         return
+    if not count and result.unrestored:
+        others = f"; {labels} {_is(result)} as wanted already" if result.plan.changes else ""
+        yield f"{_unrestored(result)}{others}; nothing was written."
+        return
     if not count:
         yield f"{labels or 'everything'} {_is(result)} as wanted already; nothing was written."
         return
@@ -53,6 +57,7 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     """What became of *labels* with so many *writes*, who keeps it, and what reverts it."""
     verb = "put back" if result.undone else "set"
     equal = _read_back(result)
+    others = (f"{_unrestored(result)}. " if result.unrestored else "") + _others(result)
     if result.not_put_back:
         verb, equal = "NOT put back as it was", "which alone were read back equal"
     keeps = f"In RAM only: {typed(result.keep)}" if result.volatile else "The device keeps it by itself"
@@ -64,9 +69,15 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     if result.saved:
         keeps, next_step = "By this the device keeps what is set (assumed: nobody published it)", ""
     yield [
-        Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. {_others(result)}"),
+        Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. {others}"),
         Cell(f"{keeps}{next_step}.", "dim"),
     ]
+
+
+def _unrestored(result: Changed) -> str:
+    """Which objects keep what was written, though they were to be put back."""
+    of_node = f" of node {result.node}" if result.named else ""
+    return f"{join_some(result.unrestored)}{of_node} NOT put back: what was there before is not known"
 
 
 def _read_back(result: Changed) -> str:
