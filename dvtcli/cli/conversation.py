@@ -235,9 +235,22 @@ class Conversation(Session):
         if nodes := self._nodes():
             from dvtcli.device.restarts import losses
 
-            for text in losses(nodes):
-                self.output.warning(f"{text}; see `verify`")
+            for node in nodes:
+                for text in losses([node]):
+                    self.output.warning(self._look_after(node.node_id, text))
         self._apply()
+
+    def _look_after(self, node_id: int, loss: str) -> Hint:
+        """*loss* of node *node_id* with the command that shows it: only at the prompt it can know what was set."""
+        from dvtcli.domain.hint import Action, Hint, verbatim
+
+        why = f"{verbatim(loss)}; see {{}}"
+        if self.at_prompt:
+            return Hint(Action.VERIFY, why=why)
+        file = self.scripts[0] if self.in_script else ""
+        if file.lower().endswith(".dvt"):
+            return Hint(Action.VERIFY, {"file": file}, why)
+        return Hint(Action.SHOW_PDOS, {"node": node_id}, why)
 
     def _apply(self) -> None:
         """Let screen and bus do as the options say now."""

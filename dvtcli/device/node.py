@@ -6,7 +6,7 @@ what a file or an option is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -58,11 +58,14 @@ class Node(Applier):
             now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # what is so already is not looked at again
             wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
             changes_of = {pdo: (now[pdo], want) for pdo, want in wanted.items()}
-            findings: list[Finding] = list(heard_producer_findings(self, changes_of, heard))
+            findings: list[Finding] = []
+            for pdo, change in changes_of.items():
+                findings += _fitting(heard_producer_findings(self, {pdo: change}, heard), pdo, wants[pdo])
         for pdo, want in wanted.items():
             if now[pdo] != want or not want.has_cob_id:  # nobody knows whether that is so already
                 proposed = proposal(self, pdo, now[pdo], want, wanted)
-                findings += [*instead_findings(wants[pdo], proposed), *check_pdo(proposed)]
+                judged = (*instead_findings(wants[pdo], proposed), *check_pdo(proposed))
+                findings += _fitting(judged, pdo, wants[pdo])
         labels = join_some(pdo.label for pdo in wanted)
         # with nothing to write, force would only make of "nobody knows" that it is so
         can_force = all(now[pdo] != want or want.has_cob_id for pdo, want in wanted.items())
@@ -82,7 +85,7 @@ class Node(Applier):
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings, taken_can_id_findings
         from dvtcli.device.storing import prepare_store
         from dvtcli.domain.plan import PdoChange, Plan, Step
-        from dvtcli.domain.request import said_at
+        from dvtcli.domain.request import hinting_at_set, said_at
 
         refuse_passcode(self.access, index, sub_index)
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
@@ -92,12 +95,15 @@ class Node(Applier):
         what = f"0x{index:04X}:{sub_index:02X} not written"
         with heard_ids(self.bus) as heard:
             findings = raw_write_findings(self, index, sub_index, data)
+            if (pdo := Pdo.at(index)) is not None:
+                findings = tuple(hinting_at_set(findings, pdo, enables=False))
             findings = (*findings, *taken_can_id_findings(self, index, sub_index, data))
             refuse(findings, what, self.node_id, force=force)
             change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
             if isinstance(change, PdoChange):
                 changes = {change.pdo: (change.before, change.after)}
-                findings = (*findings, *heard_producer_findings(self, changes, heard))
+                heard_findings = heard_producer_findings(self, changes, heard)
+                findings = (*findings, *hinting_at_set(heard_findings, change.pdo, enables=False))
                 refuse(findings, what, self.node_id, force=force)
         applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, found=found)
         if isinstance(change, PdoChange):
@@ -225,3 +231,12 @@ class Node(Applier):
                 if not passing or self.bus.now_s() >= deadline_s:
                     raise
                 self.bus.sleep(RETRY_S)
+
+
+def _fitting(findings: Iterable[Finding], pdo: Pdo, want: PdoWant) -> Iterator[Finding]:
+    """*findings* about *pdo* with hints that whoever asked for *want* can follow."""
+    from dvtcli.domain.request import Cleared, Switched, hinting_at_set
+
+    if not isinstance(want, Switched | Cleared):
+        return iter(findings)
+    return hinting_at_set(findings, pdo, enables=isinstance(want, Switched) and want.enabled)

@@ -25,6 +25,7 @@ class Action(Enum):
     MAP = "map objects into the PDO"
     SET_PDO = "set the PDO's parameters"
     CLEAR = "clear the PDO"
+    ENABLE = "enable the PDO"
     DISABLE = "disable the PDO"
     SELECT_CAN_ID = "take a free CAN-ID"
     LEAVE_OFF = "leave the PDO off"

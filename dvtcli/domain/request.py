@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import islice
+from operator import add
 from typing import Literal
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
@@ -141,6 +143,35 @@ def instead_findings(want: PdoWant, proposal: Proposal) -> Iterator[Finding]:
     for refused in islice(refusals, 1):
         same = Hint(Action.SELECT_CAN_ID, {"can_id": usual}) + Hint(Action.FORCE, why=" {} takes it all the same")
         yield note("can-id-instead", proposal.communication_place(1), f"{refused.text}: {got} instead", same)
+
+
+#: what only a request of parameters can say of a COB-ID, as arguments of `SET_PDO`
+_SAID_BY_SET: dict[Action, Mapping[str, object]] = {
+    Action.SELECT_CAN_ID: {"cob_id": "auto"},
+    Action.FORBID_RTR: {"no_rtr": True},
+    Action.ALLOW_RTR: {"rtr": True},
+}
+
+
+def hinting_at_set(findings: Iterable[Finding], pdo: Pdo, *, enables: bool) -> Iterator[Finding]:
+    """*findings* about *pdo* for a line that takes no parameters of a PDO: their hints set these with `SET_PDO`.
+
+    With *enables* the line was to enable the PDO, which a hint then does behind that.
+    """
+    then = Hint(Action.ENABLE, {"pdo": pdo}, ", then {}")
+    for finding in findings:
+        hint = finding.hint
+        if isinstance(hint, Hint) and any(step.action in _SAID_BY_SET for step in hint):
+            steps = [_by_set(step, pdo) for step in hint] + ([then] if enables else [])
+            hint = reduce(add, (replace(step, then=None) for step in steps))
+        yield replace(finding, hint=hint)
+
+
+def _by_set(step: Hint, pdo: Pdo) -> Hint:
+    if step.action is None or step.action not in _SAID_BY_SET:
+        return step
+    can_id = {"cob_id": step.arguments["can_id"]} if "can_id" in step.arguments else {}
+    return replace(step, action=Action.SET_PDO, arguments={"pdo": pdo, **_SAID_BY_SET[step.action], **can_id})
 
 
 def _with_cob_id(config: PdoConfig, cob_id: CobId) -> PdoConfig:

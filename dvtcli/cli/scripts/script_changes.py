@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.device.restarts import held_plans, refuse_after_restarts
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted
@@ -271,6 +272,6 @@ class ScriptChanges:
     def _committed(self, cause: str) -> LeftChanged:
         return LeftChanged(
             f"{cause}; what the lines before {self.final} changed cannot be taken back after that line",
-            hint="look at the nodes with `verify` and `pdo`",
+            hint=Hint(Action.SHOW_PDOS, why="look at each node with {}"),
             state="left_changed",
         )

@@ -22,9 +22,10 @@ COMMANDS: dict[Action, str] = {
     Action.MONITOR: "monitor",
     Action.MAP: "map {pdo} {objects|OBJECT…} {off?--off}",
     Action.CLEAR: "clear {pdo}",
+    Action.ENABLE: "enable {pdo}",
     Action.DISABLE: "disable {pdo}",
-    Action.SET_PDO: "set {pdo} {cob_id?--cob-id} {cob_id} {extended?--extended} {inhibit?--inhibit} {inhibit} "
-    "{sync_start?--sync-start} {sync_start}",
+    Action.SET_PDO: "set {pdo} {cob_id?--cob-id} {cob_id} {extended?--extended} {rtr?--rtr} {no_rtr?--no-rtr} "
+    "{inhibit?--inhibit} {inhibit} {sync_start?--sync-start} {sync_start}",
     Action.READ: "read {object|OBJECT}",
     Action.WRITE: "write {object|OBJECT} {value|VALUE}",
     Action.EDIT_PDO: "pdo edit {pdo}",

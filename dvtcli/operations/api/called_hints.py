@@ -29,6 +29,7 @@ CALLS: dict[Action, str] = {
     Action.MAP: "node.map({pdo}, …{off? enabled=False})",
     Action.SET_PDO: "node.set({pdo}, …)",
     Action.CLEAR: "node.clear({pdo})",
+    Action.ENABLE: "node.enable({pdo})",
     Action.DISABLE: "node.disable({pdo})",
     Action.READ: "node.read({object|OBJECT})",
     Action.WRITE: "node.write({object|OBJECT}, {value|VALUE})",

@@ -52,6 +52,21 @@ def test_a_node_that_restarts_instead_of_storing_is_not_told_to_store_what_is_lo
     assert "it restarted instead: what was not stored is lost; set it again, then `dvtcli --sim generic" in ran.stderr
 
 
+@pytest.mark.parametrize("name", ["set.dvt", "set.txt"])
+def test_what_shows_what_a_restart_took_from_a_script_runs_as_it_is(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    file.write_text("set rpdo1 --timer 50\nset tpdo1 --timer 9\n", "utf-8")
+    with Bench(("generic",), {"fault": ("reset@2",), "yes": True, "timeout": 0.2}) as bench:
+        ran = bench.run(f"run {file}")
+        assert ran.code == 5
+        assert "restarted: what was not stored is lost (RPDO1); see `dvtcli " in ran.stderr
+        command = ran.stderr.partition("; see `")[2].partition("`")[0].partition(" generic ")[2]
+    with Bench(("generic",)) as anew:
+        verifies = name.endswith(".dvt")
+        assert command.split()[0] == ("verify" if verifies else "pdo")
+        assert anew.run(command).code == (3 if verifies else 0)
+
+
 @heavy
 def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(tmp_path: Path) -> None:
     with sim("silent@3") as bench:

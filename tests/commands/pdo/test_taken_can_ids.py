@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -112,3 +113,18 @@ def test_an_emcy_that_is_off_takes_nothing(tmp_path: Path) -> None:
     with Bench((f"{path}@5",)) as bench:
         assert bench.run("map tpdo2 6000:2 --cob-id 0x6A0").code == 0
         assert bench.run("write 1014 0x6A0").code in {0, 1}
+
+
+@pytest.mark.parametrize("line", ["enable tpdo2", "write 1801:1 0x185"])
+def test_the_free_can_id_that_a_refusal_hints_at_is_taken_by_what_is_typed_then(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "io.eds"
+    path.write_text(plain().text(), "latin-1")
+    with Bench((f"{path}@5",)) as bench:
+        assert bench.run("map tpdo1 6000:1 --cob-id 0x185").code == 0
+        assert bench.run("map tpdo2 6000:2 --off --cob-id 0x185").code == 0
+        ran = bench.run(line)
+        assert ran.code == 1, ran
+        _, *commands = re.findall("`([^`]+)`", ran.stderr.partition("hint")[2].partition("\n")[0])
+        words = [command.split("@5 ")[-1] for command in commands]
+        assert words == ["set tpdo2 --cob-id auto", *(["enable tpdo2"] if line.startswith("enable") else [])]
+        assert [bench.run(typed).code for typed in words] == [0] * len(words)
