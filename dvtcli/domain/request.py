@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import islice
-from operator import add
 from typing import Literal
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
@@ -163,7 +162,7 @@ def hinting_at_set(findings: Iterable[Finding], pdo: Pdo, *, enables: bool) -> I
         hint = finding.hint
         if isinstance(hint, Hint) and any(step.action in _SAID_BY_SET for step in hint):
             steps = [_by_set(step, pdo) for step in hint] + ([then] if enables else [])
-            hint = reduce(add, (replace(step, then=None) for step in steps))
+            hint = reduce(Hint.__add__, (replace(step, then=None) for step in steps))
         yield replace(finding, hint=hint)
 
 
