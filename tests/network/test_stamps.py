@@ -17,7 +17,7 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.stamp import Stamp
-from dvtcli.errors import DvtcliError, LeftChanged, SdoAborted
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
 from dvtcli.operations.changes.change import configure_pdo
 from dvtcli.operations.changes.undo_changes import undo
 from dvtcli.operations.network.network_files import applied, planned
@@ -434,8 +434,17 @@ def test_a_link_by_hand_ends_the_stamps_of_what_it_changes(chain: Chain, tmp_pat
 def test_what_is_not_stored_is_not_trusted(chain: Chain, tmp_path: Path) -> None:
     path = file(tmp_path)
     failing = Chain(chain.folder, ["5:store-fails"], families=NODES, operational=False)
-    with pytest.raises(LeftChanged):
+    with pytest.raises(LeftChanged) as left:
         failing.apply(path)
+    held_but = "every node holds what was planned but the stamp of node 5, which is 0 until it has stored"
+    assert left.value.text == f"{held_but}, and what node 5, which refused to store, keeps now is not known"
+    assert str(left.value.state_text).startswith(f"{held_but}, read back equal;")
+    with failing.session(node=None) as session, pytest.raises(LeftChanged) as again:
+        recover(session, finish=True)
+    assert (again.value.text, again.value.state_text) == (left.value.text, left.value.state_text)
+    first = "every node holds what was planned but the stamp of node 5, which is written first; store on node 5"
+    with failing.session(node=None, yes=False) as session, pytest.raises(SafetyRefusal, match=first):
+        recover(session, finish=True)
     assert held(failing, 5) == NOTHING, "nor by another computer, which remembers nothing"
     assert unread(failing, path) == (), "as long as it waits to be finished"
     with failing.session(node=None) as session:

@@ -29,7 +29,7 @@ def nothing_to_recover(session: Session) -> Facts:
     node_id = session.selected_id()
     where = "on this bus" if node_id is None else "of this node"
     said = f"nothing to recover: no change {where} was interrupted"
-    return Facts("recover", (("node", node_id), ("recovered", False)), (said,), wrote_nothing=True)
+    return Facts("recover", (("node", node_id), ("recovered", False)), (said,), changed_nothing=True)
 
 
 def refuse_other_bus(session: Session, journal: Journal) -> None:
@@ -53,7 +53,7 @@ def accepted(session: Session, file: str | None) -> Facts:
     paths = waiting_paths(session, file, refused)
     if len(paths) == 1 and not refused:
         rows, text = _accepted(session, paths[0])
-        return Facts("recover", rows, text, wrote_nothing=True)
+        return Facts("recover", rows, text, changed_nothing=True)
     if not paths and not refused:
         return nothing_to_recover(session)
     if paths:
@@ -78,7 +78,7 @@ def accepted(session: Session, file: str | None) -> Facts:
         ("held", []),
         ("nodes", nodes),
     )
-    return Facts("recover", rows, tuple(texts), wrote_nothing=True)
+    return Facts("recover", rows, tuple(texts), changed_nothing=True)
 
 
 def _question(paths: Sequence[Path]) -> str:
@@ -211,7 +211,7 @@ def discarded(session: Session, file: str | None) -> Facts:
         why=f"the journal is kept as {verbatim(kept)}; look at the node with {{}}, and set it as it should be",
     )
     text = said if kept is not None else "dry run: the journal stays"
-    return Facts("recover", rows, (text,), wrote_nothing=True)
+    return Facts("recover", rows, (text,), changed_nothing=True)
 
 
 def _one_at_a_time(paths: Sequence[Path]) -> UsageError:

@@ -79,9 +79,11 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     for node_id in nodes:
         _refuse_unlike(replace(claims, changes=expected), node_id, part.name)
     ids = ", ".join(map(str, waiting(part)))
-    what = f"; store on node {ids}?" if ids else f"{_had_stored(part)}; is it to stay so?"
+    what = f"{_not_looked_at(part)}; " + (f"store on node {ids}?" if ids else "is it to stay so?")
+    had_stored = "" if ids else _had_stored(part)
     who = f"node {join_some(map(str, sorted(nodes)))}" if _accepted_ids(part) else "every node"
-    session.consent(f"{part.name}: {who} holds what was planned{_not_looked_at(part)}{what}")
+    but = f" but the stamp of node {join_some(map(str, stamps))}, which is written first" if stamps else ""
+    session.consent(f"{part.name}: {who} holds what was planned{but}{had_stored}{what}")
     _store(session, journals, part, claims, tests, stamps)
     rows = (
         ("node", None),

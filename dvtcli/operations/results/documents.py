@@ -53,11 +53,6 @@ class Answer(Short):
     remarked: ClassVar[bool] = False
 
     @property
-    def changed_nothing(self) -> bool:
-        """Whether it is certain that every node is as before: nothing was written, or all of it was put back."""
-        return False
-
-    @property
     def remark(self) -> str:
         """What is said beside it besides its findings; empty for nothing."""
         return ""

@@ -23,13 +23,8 @@ class Facts(Answer):
     exit_code: int = 0
     #: warnings and notes that belong to them
     findings: tuple[Finding, ...] = ()
-    #: whether no node was written to, by a command that may do so
-    wrote_nothing: bool = False
-
-    @property
-    def changed_nothing(self) -> bool:
-        """Whether every node is as before."""
-        return self.wrote_nothing
+    #: whether it is certain that no node was written to, where the command may do so
+    changed_nothing: bool = False
 
     def document(self) -> Document:
         """The rows under the result's own schema."""

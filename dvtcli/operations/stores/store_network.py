@@ -68,15 +68,21 @@ def store_network(
         raise
 
 
-def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore, left: LeftChanged) -> None:
-    """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it."""
+def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore) -> tuple[list[int], list[str]]:
+    """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it.
+
+    The nodes whose stamp was ended, and what kept others from that.
+    """
+    ended, failures = list[int](), list[str]()
     for state in stores.states.values():
         if not state.waits:
             continue
         try:
-            end_stamp(session, claims.nodes[state.node_id], "what is not stored has no stamp")
+            if end_stamp(session, claims.nodes[state.node_id], "what is not stored has no stamp"):
+                ended.append(state.node_id)
         except DvtcliError as failed:
-            left.details.append(("also", f"0x1020 of node {state.node_id} may say that it is stored: {failed.text}"))
+            failures.append(f"0x1020 of node {state.node_id} may say that it is stored: {failed.text}")
+    return ended, failures
 
 
 def store_each(
@@ -114,12 +120,13 @@ def store_each(
     if stores.lost:
         left = lost_settings(name, stores, stores.lost)
         if stores.are_all_done():
-            _note_states(name, stores, journals, left)
+            left.details += [("also", text) for text in _note_states(name, stores, journals)]
         raise left from stores.lost[0]
     if stores.failed:
-        left = not_all_stored(stores, [journal.path for journal in journals if journal.is_begun])
-        _note_states(name, stores, journals, left)
-        _end_stamps(session, stores, claims, left)
+        not_noted = _note_states(name, stores, journals)
+        unstamped, stamped = _end_stamps(session, stores, claims)
+        left = not_all_stored(stores, [journal.path for journal in journals if journal.is_begun], unstamped)
+        left.details += [("also", text) for text in (*not_noted, *stamped)]
         raise left from next(iter(stores.failed.values()))
     others = others or one_by_one([claims.others.verify_restarted])  # what was read of them first may be lost by now
     if others:
@@ -156,15 +163,17 @@ def _store_one(
     _say_too_late(session, stores)
 
 
-def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal], left: LeftChanged) -> None:
-    """Let *journals* say how the stores ended; what keeps one from it is said beside what is *left*."""
+def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal]) -> list[str]:
+    """Let *journals* say how the stores ended; what keeps one from it."""
+    failures: list[str] = []
     states = tuple(stores.states.values())
     line = f"{name}: store on node {', '.join(str(state.node_id) for state in states)}"
     for journal in (journal for journal in journals if journal.is_begun):
         try:
             journal.final(line, states, stores.equal)
         except DvtcliError as failed:
-            left.details.append(("also", failed.text))
+            failures.append(failed.text)
+    return failures
 
 
 def _say_too_late(session: Session, stores: Stores) -> None:

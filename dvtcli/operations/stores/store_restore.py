@@ -236,13 +236,15 @@ def _end_stamp_before(session: Session, node: Node, sub_index: int | None) -> No
         end_stamp(session, node, "what is no longer stored loses its stamp")
 
 
-def end_stamp(session: Session, node: Node, why: str) -> None:
-    """Write 0 to 0x1020 of *node* where it holds a stamp of ours, and say *why*."""
+def end_stamp(session: Session, node: Node, why: str) -> bool:
+    """Write 0 to 0x1020 of *node* where it holds a stamp of ours, and say *why*; whether it held such a stamp."""
     held = held_stamp(node)
     if held is not None and held.is_own:
         session.tell.note(f"0x1020 of node {node.node_id} <- 0: {why}")
         ending = stamp_changes(held, NO_STAMP, why)
         node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
+        return True
+    return False
 
 
 def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tuple[str, ...]]:

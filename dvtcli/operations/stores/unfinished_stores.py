@@ -47,18 +47,23 @@ class Stores:
         return not any(state.waits for state in self.states.values())
 
 
-def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
+def not_all_stored(course: Stores, journals: Sequence[Path], unstamped: Sequence[int]) -> LeftChanged:
     """What is told where stores came to nothing, and every node holds what was planned all the same.
 
-    *journals* are those that wait for the way back, or for the stores that are missing.
+    *journals* are those that wait for the way back, or for the stores that are missing. The stamp of the nodes
+    *unstamped* was planned, too, and is 0 since they have not stored.
     """
     first, fault = next(iter(course.failed.items()))
     refused = [node_id for node_id, failure in course.failed.items() if not _is_unsure(failure)]
-    unsure = [node_id for node_id in course.failed if node_id not in refused]
+    spoilt = [node_id for node_id, failure in course.failed.items() if _is_spoilt(failure)]
+    unsure = [node_id for node_id in course.failed if node_id not in (*refused, *spoilt)]
     said = [f"whether node {join_some(map(str, unsure))} stored it is not known"] if unsure else []
+    said += (
+        [f"what node {join_some(map(str, spoilt))}, which refused to store, keeps now is not known"] if spoilt else []
+    )
     said += [f"node {join_some(map(str, refused))} did not store it"] if refused else []
     left = LeftChanged(
-        f"every node holds what was planned, and {', and '.join(said)}",
+        f"{_held(course, unstamped)}, and {', and '.join(said)}",
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
         why="; ".join(str(exception) or "interrupted" for exception in course.failed.values()),
@@ -71,8 +76,18 @@ def not_all_stored(course: Stores, journals: Sequence[Path]) -> LeftChanged:
     _say_who(course, left)
     if journals:
         left.details.append(("journals", join_some(map(str, journals))))
-    left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
+    left.state_text = f"{_held(course, unstamped)}, read back equal; not all of them have stored it"
     return left
+
+
+def _held(course: Stores, unstamped: Sequence[int]) -> str:
+    """Who holds what was planned: nobody looked at a node that was accepted; a stamp is 0 until its node stores."""
+    accepted = [node_id for node_id, state in course.states.items() if state.is_accepted]
+    who = f"every node but {join_some(map(str, accepted))}, accepted as it was," if accepted else "every node"
+    but = (
+        f" but the stamp of node {join_some(map(str, unstamped))}, which is 0 until it has stored" if unstamped else ""
+    )
+    return f"{who} holds what was planned{but}"
 
 
 def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | BaseException]) -> LeftChanged | None:
@@ -176,6 +191,11 @@ def _say_who(course: Stores, left: LeftChanged) -> None:
     not_held = tuple(node_id for node_id in done if node_id in lost)
     left.stores = WhoStored(tuple(node_id for node_id in done if node_id not in lost), missing, unsure, not_held)
     left.details += left.stores.rows()
+
+
+def _is_spoilt(fault: BaseException) -> bool:
+    """Whether the node answered that it does not store, and may have lost what it had stored before."""
+    return isinstance(fault, DeviceRefused) and fault.abort is not None and fault.state == "unknown"
 
 
 def _is_unsure(fault: BaseException) -> bool:

@@ -118,12 +118,12 @@ def _how_to_finish(journal: Journal) -> Hint:
             {"node": node_id},
             f"a change of {labels} of node {node_id} was interrupted: {{}} puts the old configuration back",
         )
-    back = Hint(Action.RECOVER_ALL, why=", {} takes every line of it back, on all nodes")
+    accepted = [store.node_id for store in journal.part.stores if store.is_accepted]
+    but = f" but {join_some(map(str, accepted))}, accepted as it was" if accepted else ""
+    back = Hint(Action.RECOVER_ALL, why=f", {{}} takes every line of it back, on all nodes{but}")
     if journal.part.stores and not any(store.waits for store in journal.part.stores):
         said = f"{verbatim(journal.part.name)} was interrupted once nodes had stored what it changed, {changed}"
-        accepted = {store.node_id for store in journal.part.stores if store.is_accepted}
-        who = f"every node but {join_some(map(str, sorted(accepted)))}" if accepted else "every node"
-        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at {who} once more") + back
+        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at every node{but} once more") + back
     if journal.part.stores:
         said = f"{verbatim(journal.part.name)} was interrupted while nodes stored what it changed, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} stores on the rest of them") + back
