@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.device.restarts import held_plans, refuse_after_restarts
-from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted
@@ -270,6 +269,8 @@ class ScriptChanges:
         )
 
     def _committed(self, cause: str) -> LeftChanged:
+        from dvtcli.domain.hint import Action, Hint
+
         return LeftChanged(
             f"{cause}; what the lines before {self.final} changed cannot be taken back after that line",
             hint=Hint(Action.SHOW_PDOS, why="look at each node with {}"),
