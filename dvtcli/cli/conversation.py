@@ -48,7 +48,7 @@ def _repeated(given: dict[str, Any]) -> Iterator[str]:
 
 
 class CliReporter:
-    """A `Teller` that shows on *output*, and asks where *may_ask*() and somebody sits at a terminal."""
+    """A `Reporter` that shows on *output*, and asks where *may_ask*() and somebody sits at a terminal."""
 
     def __init__(self, output: Output, may_ask: Callable[[], bool]) -> None:
         self._output = output
@@ -140,7 +140,7 @@ class Conversation(Session):
         self.settings.variables = {name: (value, f"DVTCLI_{name.upper()}") for name, value in variables.items()}
 
     def require_settings(self) -> None:
-        """As in `Said`, with the line that does what is to be done."""
+        """As in `SessionOptions`, with the line that does what is to be done."""
         for said in self.settings.required():
             self.output.warning(said)
 
