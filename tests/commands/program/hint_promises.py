@@ -48,6 +48,7 @@ PROMISES = {
     A.VERIFY: Promise(r"equal to|differ", given={"file": "h.dcf"}, before=("export h.dcf",)),
     A.MAP: Promise(r"{1}:00 ", "pdo {0}", {"pdo": "tpdo2", "objects": ("6041",), "off": True}),
     A.CLEAR: Promise('"enabled":false.*"mapping":\\[\\]', "pdo {0} --json", {"pdo": "tpdo1"}),
+    A.ENABLE: Promise('"enabled":true', "pdo {0} --json", {"pdo": "tpdo1"}, before=("disable tpdo1",)),
     A.DISABLE: Promise('"enabled":false', "pdo {0} --json", {"pdo": "tpdo1"}),
     A.SET_PDO: Promise("{1}", "pdo {0}", {"pdo": "tpdo1", "cob_id": "0x191"}),
     A.READ: Promise(r"0x{0}:00 .* = ", given={"object": "1017"}),
