@@ -152,8 +152,9 @@ def annotations(text: str) -> None:
     shown = out.getvalue().splitlines()
     assert steers("".join(shown)) == ""
     assert len(shown) == len(lines)
+    ours = ("::warning file=", "::error file=", *(() if text else ("::error line=",)))  # of a file without a name
     for line in shown:
-        is_command = line.startswith(("::warning file=", "::error file="))
+        is_command = line.startswith(ours)
         assert is_command or (not line.lstrip().startswith("::") and "##[" not in line)
 
 
