@@ -64,11 +64,8 @@ def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: byt
     taken |= service_ids_beside(node.memory, node.node_id, node.dictionary, without=index)
     if index != SYNC and "SYNC" not in taken.values():
         taken[SYNC_BY_DEFAULT] = "SYNC"
-    for other in enabled_pdos(node.neighbours()):
+    for other in enabled_pdos((*node.neighbours(), node)):
         taken[other.cob_id.can_id, other.cob_id.extended] = f"that of {other.pdo.label} of node {other.node_id}"
-    for pdo, cob_id in node.known_cob_ids().items():
-        if cob_id.valid:
-            taken[cob_id.can_id, cob_id.extended] = f"that of {pdo.label} of node {node.node_id}"
     yield from service_taken_findings(index, sub_index, raw, taken)
 
 

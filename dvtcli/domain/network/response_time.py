@@ -57,7 +57,7 @@ def response_times(frames: Sequence[TimedFrame], bit_rate: int, blocking_bits: i
     order = sorted(range(len(frames)), key=lambda number: frames[number].arbitration)
     longest_behind = _longest_behind([frames[number].bits for number in order], blocking_bits)
     wire = _Wire.of(frames, bit_rate)
-    asked = _Asked()
+    demand = _Demand()
     place = 0
     for _, group in groupby(order, key=lambda number: frames[number].arbitration):
         same = list(group)  # one priority: each waits for the others, and none of them blocks another
@@ -66,12 +66,12 @@ def response_times(frames: Sequence[TimedFrame], bit_rate: int, blocking_bits: i
         if None in loads:
             break
         for load in filter(None, loads):
-            asked.add(load)
-        if asked.share > 1:
+            demand.add(load)
+        if demand.share > 1:
             break
         blocking = longest_behind[place] * wire.bit
         for number, load in zip(same, filter(None, loads), strict=True):
-            units = asked.response(load, blocking, wire.bit)
+            units = demand.response(load, blocking, wire.bit)
             found[number] = None if units is None else Fraction(units, wire.unit)
     return found
 
@@ -102,14 +102,14 @@ class _Load:
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """Times as whole numbers: *unit* of them are a µs, *bit* is one bit; *periods* and jitters are exact so."""
+    """The units in which times are whole numbers: how many of them a µs has (*unit*), and a bit (*bit*)."""
 
     unit: int
     bit: int
 
     @classmethod
     def of(cls, frames: Iterable[TimedFrame], bit_rate: int) -> _Wire:
-        """The coarsest units in which the times of *frames* and bits of *bit_rate* are whole."""
+        """The coarsest units in which the times of *frames*, and bits at *bit_rate* (bit/s), are whole."""
         given = (time for frame in frames for time in (frame.period_us, frame.jitter_us) if time is not None)
         finer = lcm(*{(Fraction(time) * bit_rate).denominator for time in given})
         return cls(bit_rate * finer, _US_A_SECOND * finer)
@@ -121,8 +121,8 @@ class _Wire:
         return _Load(frame.bits * self.bit, int(frame.period_us * self.unit), int(frame.jitter_us * self.unit))
 
 
-class _Asked:
-    """What the frames that were added ask of the wire: their *share* of it, and their costs by period and jitter."""
+class _Demand:
+    """The demand of the frames that were added: their *share* of the wire, and their costs by period and jitter."""
 
     def __init__(self) -> None:
         self.share = Fraction(0)
