@@ -19,9 +19,11 @@ from dvtcli.files.bounded_child import die_of, limit
 
 #: what it may take: memory (bytes) and time (s)
 MOST_MEMORY, MOST_CPU_S = 480 << 20, 9
+#: a string, up to the end of the text if nothing closes it
+_STRING = r'"(?:\\"|[^"])*+(?:"|\Z)'
 #: Comments and names of values are not shown, and are half of many files; a string elsewhere may look like them.
 _UNUSED = re.compile(
-    r"^[ \t]*(?:CM_|VAL_|VAL_TABLE_)\s(?:[^\";]|\"(?:\\\"|[^\"])*+\")*+;|\"(?:\\\"|[^\"])*+\"|//[^\n]*", re.MULTILINE
+    rf'^[ \t]*(?:CM_|VAL_|VAL_TABLE_)\s(?:[^";]|{_STRING})*+(?:(?P<end>;)|\Z)|{_STRING}|//[^\n]*', re.MULTILINE
 )
 
 
@@ -39,9 +41,8 @@ def main() -> None:
 
 
 def _without(found: re.Match[str]) -> str:
-    """Nothing but the line ends of a statement that is not used, so that lines keep their numbers."""
-    text = found[0]
-    return text if text[0] in '"/' else "\n" * text.count("\n")
+    """Nothing but the line ends of a statement that is not used and ends, so that lines keep their numbers."""
+    return "\n" * found[0].count("\n") if found["end"] else found[0]
 
 
 def _read(text: str) -> dict[str, Any]:

@@ -275,3 +275,10 @@ def test_comments_and_names_of_values_move_no_line_and_hide_no_message(tmp_path:
     with pytest.raises(InputFileError) as wrong:
         decoder_of(tmp_path, text + "BO_ 4 ?\n")
     assert f"line {text.count(chr(10)) + 1}" in str(wrong.value.why)
+
+
+@pytest.mark.parametrize("text", ['CM_ "a;', 'VAL_ 1 s 1 "a', "CM_ a\nBO_ 3 c: 8 A\n"])
+def test_a_statement_that_does_not_end_is_an_error_of_the_file(tmp_path: Path, text: str) -> None:
+    """Nothing behind it is left out without a word."""
+    with pytest.raises(InputFileError):
+        decoder_of(tmp_path, f"{HEAD}BO_ 1 a: 8 A\n\n{text}")
