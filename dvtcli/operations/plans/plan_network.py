@@ -114,9 +114,10 @@ def plan_wish(
 def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds) -> None:
     """RuleError if a TPDO of *plan* is to get a CAN-ID that somebody unknown was *heard* to send, unless forced."""
     refused: list[RuleError] = []
-    for node in plan.nodes if heard.others and not session.options.force else ():
+    for node in plan.nodes if heard.bus is not None and not session.options.force else ():
         changes = [change for change in node.plan.changes if isinstance(change, PdoChange)]
-        pdos = {change.pdo: (change.before, change.after) for change in changes}
+        held = {pdo: (want, want) for pdo, want in node.wanted.items()}  # unless the plan changes it
+        pdos = held | {change.pdo: (change.before, change.after) for change in changes}
         if found := list(heard_producer_findings(session.node(node.node_id), pdos, heard)):
             refused.append(RuleError(f"node {node.node_id}: {found[0].text}", found, node=node.node_id))
     if refused:

@@ -14,15 +14,15 @@ from tests.small_eds import U16, U32, communication, plain, var
 from tests.virtual_time import VirtualTimeBus
 
 
-def stranger_sends(can_id: int, folder: Path) -> VirtualTimeBus:
-    """Nodes 5 and 9; node 9 sends *can_id* every millisecond, and runs."""
+def stranger_sends(can_id: int, folder: Path, every_ms: int = 1) -> VirtualTimeBus:
+    """Nodes 5 and 9; node 9 sends *can_id* every *every_ms* ms, and runs."""
     path, other = folder / "io.eds", folder / "other.eds"
     io = plain()
     io.info = {"ProductNumber": 0x72}
     io.record(0x1018, "Identity", {n: var(f"Part {n}", U32, 0x72 if n == 2 else 0, "ro") for n in range(1, 5)})
     path.write_text(io.text(), "latin-1")
     eds = plain()
-    eds.record(0x1800, "Communication 1", communication(can_id, sub5=var("Event timer", U16, 1)))
+    eds.record(0x1800, "Communication 1", communication(can_id, sub5=var("Event timer", U16, every_ms)))
     other.write_text(eds.text(), "latin-1")
     bus = beside([simulated_device(one) for one in simulated_nodes((f"{path}@5", f"{other}@9"))])
     bus.send_nmt(NmtCommand.START, 9)
@@ -103,3 +103,26 @@ def test_what_the_node_itself_sends_is_no_second_producer(tmp_path: Path) -> Non
         assert bench.run("map tpdo1 6000:2").code == 0
         assert bench.run("disable tpdo1").code == 0
         assert bench.run("map tpdo2 6000:2 --cob-id 0x1A5").code == 0
+
+
+@pytest.mark.parametrize("every_ms", [20, 90])
+def test_one_that_sends_less_often_than_the_node_takes_to_be_read_is_found_too(tmp_path: Path, every_ms: int) -> None:
+    bus = stranger_sends(0x1A5, tmp_path, every_ms)
+    with Bench((), {"node": 5, "yes": True}, bus) as bench:
+        for _ in range(5):
+            assert bench.run("set tpdo1 --cob-id 0x1A5").code == 1
+
+
+@pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.START])
+@pytest.mark.parametrize("line", ["set tpdo1 --cob-id 0x1A5", "plan {}", "apply {}"])
+def test_what_the_node_holds_and_cannot_have_sent_counts(tmp_path: Path, line: str, command: NmtCommand) -> None:
+    bus = stranger_sends(0x1A5, tmp_path)
+    file = tmp_path / "net.yml"
+    file.write_text("a: {node_id: 5, dcf: io.eds, tpdo: {1: {enabled: true, cob_id: 0x1A5}}}\n", "utf-8")
+    with Bench((), {"node": 5, "yes": True}, bus) as bench:
+        assert bench.run("set tpdo1 --cob-id 0x1A5 --force").code == 0
+        assert bench.run("write 1017 20").code == 0
+        bus.send_nmt(command, 5)
+        bus.idle(0.1)
+        ran = bench.run(line.format(file))
+        assert ran.code == (0 if command is NmtCommand.START else 1), ran
