@@ -99,7 +99,7 @@ def heard_producer_findings(
         if identifier in {(known_id.can_id, known_id.extended) for known_id in known}:
             continue
         if frames := heard.frames_of(identifier):
-            heard_words = f"{frames} frame{'s' if frames > 1 else ''} while the node was read"
+            heard_words = f"{frames} frame{'s' if frames > 1 else ''} heard"
             text = f"CAN-ID {cob_id} is on the bus already, sent by a node that is not known here ({heard_words})"
             hint = Hint(Action.CHECK_LIVE, why="asks every node") + Hint(
                 Action.SELECT_CAN_ID, why="switch that TPDO off, take another CAN-ID, or {}"
