@@ -8,8 +8,9 @@ import pytest
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.simulated_faults import Fault
-from tests.faults.matrix import Run, snapshot, stored_pdos
+from tests.faults.matrix import NODE, Run, snapshot, stored_pdos
 from tests.faults.sequences import SEQUENCES, Start
 from tests.process import documents, dvtcli
 
@@ -144,3 +145,23 @@ def test_how_a_node_was_found_counts_for_one_change_only(tmp_path: Path) -> None
     code, record = run.session(["map tpdo1 6041", "store", "nmt reset-node", "set tpdo1 --timer 7"])
     assert code == 0, [str(error) for error in record.errors]
     assert run.device.state is NmtState.PRE_OPERATIONAL
+
+
+@pytest.mark.parametrize("family", ["gen4", "tmcm"])
+@pytest.mark.parametrize("answer", range(1, 9))
+def test_what_needs_no_store_is_read_again_if_the_node_restarts_behind_its_read_back(
+    tmp_path: Path, family: str, answer: int
+) -> None:
+    fault = Fault.parse(f"reset-at-read@{answer}=0.05")
+    run = Run.of(family, Start(operational=True, modified=False), [fault], tmp_path)
+    events: list[str] = []
+
+    def note(frame: Frame, sent: bool) -> None:
+        if sent and frame.can_id == 0x600 + NODE and frame.data[:4] == b"\x40\x17\x10\0":
+            events.append("read")
+        elif not sent and frame.can_id == 0x700 + NODE and frame.data == b"\0":
+            events.append("boot-up")
+
+    run.bus.tap(note)
+    code, record = run.session(["write 1017 150"])
+    assert code or "boot-up" not in events or events[-1] == "read", record

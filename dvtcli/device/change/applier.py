@@ -28,6 +28,10 @@ class Applier(Changeable):
     history: list[Plan] = field(default_factory=list)
     #: node-IDs of this session's changes on all its nodes, oldest first
     order: list[int] = field(default_factory=list)
+    #: label -> change of this line that the node keeps without a store
+    kept_by_itself: dict[str, Change] = field(default_factory=dict)
+    #: boot-up messages seen when the first of them was read back
+    kept_boot_ups: int = 0
     #: how many commands of this session changed nothing on it, of which no `undo` was told yet
     in_vain: int = 0
     #: labels of what a restart was seen to take while a change was made, which is yet to be said
@@ -125,6 +129,28 @@ class Applier(Changeable):
         elif kept and not saves:
             self.in_vain += 1
         self._remember(plan.changes)
+        needed = self.profile.store.needed_for
+        by_itself = [change for change in plan.changes if change.steps and not needed(change.steps[0].index)]
+        if by_itself and not self.kept_by_itself:
+            self.kept_boot_ups = boot_ups
+        readable = (change for change in by_itself if change.label not in self.answered_otherwise)
+        self.kept_by_itself |= {change.label: change for change in readable}
+
+    def require_kept(self) -> None:
+        """Read what this line changed and no store is needed for again, if the node restarted since it was read back.
+
+        Restarted if the node does not hold it: nothing else tells what a restart took of it.
+        """
+        changes = tuple(self.kept_by_itself.values())
+        try:
+            if not changes or self.bus.boot_ups(self.node_id) == self.kept_boot_ups:
+                return
+        except BusUnavailable:
+            return  # as for `notice_reboot`
+        from dvtcli.device.change.carry_out import look_again
+        from dvtcli.domain.plan import Plan
+
+        look_again(self, Plan(self.node_id, changes), None, "restarted after it was changed")
 
     def keep(self, plan: Plan) -> None:
         """*plan* was carried out and can be undone, by this session and on a real bus by a later one."""
@@ -176,6 +202,7 @@ class Applier(Changeable):
         Returns the labels of what is lost.
         """
         self.mark_unknown()
+        self.kept_by_itself.clear()
         if self.restarts_at_read is not None:
             self.restarts_at_read = self.bus.restarts(self.node_id)
         self.expected.clear()

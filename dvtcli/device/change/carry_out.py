@@ -120,17 +120,20 @@ def enter(node: Changeable, found: InitialState) -> None:
         node.gate.found = found.state
 
 
-def look_again(node: Changeable, plan: Plan, found: InitialState) -> None:
-    """Nothing of *plan* is to be written, and *node* may have restarted since it was *found*: is that still so?
+def look_again(
+    node: Changeable, plan: Plan, found: InitialState | None, what: str = "restarted while it was looked at"
+) -> None:
+    """Read all that *plan* changes: Restarted, which says *what* happened to *node*, if it does not hold it.
 
-    Restarted where it holds something else by now. It is brought back to the NMT state in which it was found.
+    Nothing is to be written any more. The node is brought back to the NMT state in which it was *found*, if given.
     """
     differences = node.observed(lambda: [first_difference(node.sdo, change) for change in plan.changes])
-    return_to_state(node, found)
+    if found is not None:
+        return_to_state(node, found)
     difference = next(filter(None, differences), None)
     if difference is not None:
         raise Restarted(
-            f"node {node.node_id} restarted while it was looked at: {labels_of(plan)} is not as wanted any more",
+            f"node {node.node_id} {what}: {labels_of(plan)} is not as wanted any more",
             node=node.node_id,
             why=difference,
             hint=TRY_AGAIN,

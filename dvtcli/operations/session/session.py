@@ -165,11 +165,14 @@ class Session(Opened):
             for node in self.met_nodes():
                 try:
                     self._end_gate(node.gate, code)
+                    if not code:
+                        node.require_kept()
                 except DvtcliError as failed:  # the other nodes go back all the same
                     failures.append(failed)
                 finally:
                     if node.end_of_line(failed=bool(code)):
                         self.tell.warning(f"node {node.node_id} restarted since it was read before")
+                    node.kept_by_itself.clear()
                     node.memory.clear()
                     node.let_go()
         if failures:
