@@ -8,6 +8,7 @@ import struct
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -118,12 +119,17 @@ def _hint(path: Path) -> Hint:
 def _layout(said: Mapping[str, Any], file: str) -> Layout:
     """The layout of the message that *said* describes; its unit only, as its values are scaled when they are read."""
     signals = tuple(
-        Signal(signal["name"], signal["name"], "", Scaling(signal["unit"]),
+        Signal(signal["name"], signal["name"], "", _of_unit(signal["unit"]),
                place=SignalPlace(signal["start"], signal["bits"], signal["big_endian"]))
         for signal in said["signals"]
     )  # fmt: skip
     read = _reader(said["signals"], said["length"])
     return Layout(Service("message", said["name"]), signals, read, byte_length=said["length"], source=file)
+
+
+@cache
+def _of_unit(unit: str) -> Scaling:
+    return Scaling(unit)
 
 
 @dataclass(slots=True)
@@ -207,10 +213,16 @@ def _field(said: Mapping[str, Any], places: Mapping[str, int]) -> _Field:
 
 def _reader(signals: Sequence[Mapping[str, Any]], length: int) -> Callable[[bytes], list[Value | None]]:
     """A function that reads a frame's data as a value for each of *signals*, None for one that is not in there."""
-    fields = _fields(signals)
-    chosen = sorted((place for place, one in enumerate(fields) if one.depth), key=lambda place: fields[place].depth)
+
+    @cache
+    def fields_and_chosen() -> tuple[list[_Field], list[int]]:
+        """The fields, and the places of those that a multiplexor chooses: most messages of a large file come never."""
+        fields = _fields(signals)
+        chosen = (place for place, field in enumerate(fields) if field.depth)
+        return fields, sorted(chosen, key=lambda place: fields[place].depth)
 
     def read(data: bytes) -> list[Value | None]:
+        fields, chosen = fields_and_chosen()
         data = data[:length]
         little, big, bits = int.from_bytes(data, "little"), int.from_bytes(data, "big"), 8 * len(data)
         values = [field.scaled(field.raw(little, big, bits)) for field in fields]

@@ -1,14 +1,14 @@
 """The process in which cantools reads a DBC file: a file of some hundred bytes can make it take all memory, or hours.
 
 Reads the text on stdin, says on stdout what the messages are, or what is wrong, as JSON. Imports nothing of dvtcli but
-its neighbour.
+its neighbours.
 """
 
 from __future__ import annotations
 
+import gc
 import json
 import os
-import re
 import sys
 import types
 from collections.abc import Iterator
@@ -16,23 +16,19 @@ from importlib.util import find_spec
 from typing import Any
 
 from dvtcli.files.bounded_child import die_of, limit
+from dvtcli.files.dbc_plain import in_order, without_plain
 
 #: what it may take: memory (bytes) and time (s)
-MOST_MEMORY, MOST_CPU_S = 480 << 20, 9
-#: a string, up to the end of the text if nothing closes it
-_STRING = r'"(?:\\"|[^"])*+(?:"|\Z)'
-#: Comments and names of values are not shown, and are half of many files; a string elsewhere may look like them.
-_UNUSED = re.compile(
-    rf'^[ \t]*(?:CM_|VAL_|VAL_TABLE_)\s(?:[^";]|{_STRING})*+(?:(?P<end>;)|\Z)|{_STRING}|//[^\n]*', re.MULTILINE
-)
+MOST_MEMORY, MOST_CPU_S = 480 << 20, 7
 
 
 def main() -> None:
     """Answer with the messages of the DBC on stdin, then end the process."""
     try:
         limit(MOST_MEMORY, MOST_CPU_S)
+        gc.disable()  # it looks at millions of tokens again and again, of which none is free before the end
         text = sys.stdin.buffer.read().decode("cp1252", errors="replace")
-        answer = json.dumps(_read(_UNUSED.sub(_without, text)))
+        answer = json.dumps(_read(text))
         sys.stdout.buffer.write(answer.encode("ascii"))
         sys.stdout.buffer.flush()
     except BaseException as bug:  # noqa: BLE001 - nobody above: the parent reads of it
@@ -40,21 +36,19 @@ def main() -> None:
     os._exit(0)
 
 
-def _without(found: re.Match[str]) -> str:
-    """Nothing but the line ends of a statement that is not used and ends, so that lines keep their numbers."""
-    return "\n" * found[0].count("\n") if found["end"] else found[0]
-
-
 def _read(text: str) -> dict[str, Any]:
     """The messages that *text* describes, as `dbc.read_dbc` takes them, or what is *wrong* with it."""
+    plain, rest = without_plain(text)
+    if plain and not rest:
+        return {"messages": plain}
     database = _database()
     try:
-        database.add_dbc_string(text)
-        return {"messages": [_message(message) for message in database.messages]}
+        database.add_dbc_string(rest)
     except MemoryError:
         raise
     except Exception as wrong:  # noqa: BLE001 - cantools raises what it comes across
         return {"wrong": str(wrong).partition("\n")[0][:1000] or type(wrong).__name__}
+    return {"messages": in_order(text, [*plain, *(_message(message) for message in database.messages)])}
 
 
 def _database() -> Any:

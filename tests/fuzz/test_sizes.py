@@ -81,6 +81,16 @@ def _crowded(count: int) -> str:
     return f"BO_ 1 a: 4000 X\n{bits}\n"
 
 
+def _plain(count: int) -> str:
+    """The usual messages, *count*, of eight signals each: 512 bytes."""
+    line = ' SG_ Signal_{0}_{1} : {2}|8@1+ (0.1,-40) [-40|210.5] "degC" A,B\n'
+    return "".join(
+        f"BO_ {0x8000_0000 + message} Message_{message}: 8 A\n"
+        f"{''.join(line.format(message, byte, 8 * byte) for byte in range(8))}\n"
+        for message in range(count)
+    )
+
+
 def _family(name: str, text: Callable[[], str]) -> Case:
     files = {"q/simulated.toml": text, "q/x.eds": lambda: _EDS + "[1000]\nParameterName=n\nDataType=7\nAccessType=ro\n"}
     return Case(f"simulated.toml: {name}", ("--sim", "./q", "read", "1000"), files, (0, 4))
@@ -196,6 +206,8 @@ CASES = [
     _dbc("40,000 blank lines behind its version", lambda: 'VERSION ""\n' + "\n" * 40_000 + "BU_: x\n", 0, 4),
     _dbc("a frame of 30,000,000 bytes", lambda: "BO_ 1 a: 30000000 X\n SG_ s : 0|8@1+ (1,0) [0|0] \"\" X\n", 0, 4),
     _dbc("3,000 signals in 4,000 bytes", lambda: _crowded(3_000), 0, 4),
+    _dbc("5 MB of 80,000 signals", lambda: _plain(10_000), 0),
+    _dbc("5 MB of multiplexed signals", lambda: _plain(10_000).replace(" :", " m1 :"), 4),
     _dbc("a multiplexor of 4,000,000,000 values", lambda: f"{_crowded(2)}SG_MUL_VAL_ 1 s1 s0 0-4000000000;\n"),
     _dbc("8 MB of nodes", lambda: 'VERSION ""\nBU_: ' + "a " * (4 * _MB - 16)),
     _dbc("8 MB of comments", lambda: 'VERSION ""\n' + 'CM_ "";\n' * (_MB - 2), 0, 4),
