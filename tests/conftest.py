@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import branches, process, sample
+from tests import branches, costs, process, sample
 from tests.compiled import compile_share
 from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
 
@@ -36,6 +36,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--fresh-python", action="store_true", help="a new Python for each dvtcli, instead of a fork of one"
     )
     parser.addoption("--branches", metavar="FOLDER", help="count the ways through the code into a folder")
+    parser.addoption("--costs", metavar="FOLDER", help="measure what each test takes of the processors, into a folder")
     parser.addoption("--frozen", metavar="PROGRAM", help="a program that scripts/freeze.py made; none: skipped")
     parser.addoption("--no-skips", action="store_true", help="run tests whose packages are missing, too: they fail")
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
@@ -92,10 +93,10 @@ def pytest_collection_finish() -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
     """Mark what is a lot and what is quick, before `-m` looks; then leave out what the lot did not draw, and order."""
+    sample.mark_quick(items)
     sample.mark_many(items)
     if not config.getoption("--no-skips"):
         _skip_lacking(items)
-    sample.mark_quick(items)
     yield
     left_out = sample.left_out(items, config, config.getoption("cases"))
     if left_out:
@@ -157,21 +158,28 @@ def pytest_configure(config: pytest.Config) -> None:
     sys.dont_write_bytecode = False  # hundreds of processes start, and would compile all of it again each
     if config.option.branches is not None:
         _count_branches(config)
+    if config.option.costs is not None and not _only_hands_out(config):
+        config.pluginmanager.register(costs.Costs(config.rootpath / config.option.costs))
 
 
 def _count_branches(config: pytest.Config) -> None:
     """Count in this process; the one that only hands tests to others empties the folder first."""
     folder = config.rootpath / config.option.branches
-    if hasattr(config, "workerinput") or not getattr(config.option, "numprocesses", None):
+    if _only_hands_out(config):
+        shutil.rmtree(folder, ignore_errors=True)
+    else:
         branches.count()
         config.add_cleanup(lambda: branches.write(folder))
-    else:
-        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _only_hands_out(config: pytest.Config) -> bool:
+    """Whether this process runs no test, and only hands them to its workers."""
+    return bool(getattr(config.option, "numprocesses", None)) and not hasattr(config, "workerinput")
 
 
 def _for_workers(config: pytest.Config) -> dict[str, str]:
     """Options from a variable, which a worker has to read too: `--branches` counts where the tests are."""
-    has_workers = bool(getattr(config.option, "numprocesses", None)) and not hasattr(config, "workerinput")
+    has_workers = _only_hands_out(config)
     kept = ["PYTEST_ADDOPTS"] + ["PYTHONPATH"] * ("TESTS_ELSEWHERE" in os.environ)  # which is where its double is
     return {key: os.environ[key] for key in kept if has_workers and key in os.environ}
 

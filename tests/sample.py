@@ -15,14 +15,20 @@ from typing import TypeVar
 
 import pytest
 
+from tests.costs import heavy_tests
+
 One = TypeVar("One")
 
 #: so many cases of a test a whole run takes, where the test says nothing else
 CASES = 3
+#: of what takes much of the processors a whole run takes one of so many that it would take
+LESS = 3
+#: the lot of the tests of a file that take much and have one case
+ALONE = "tests with one case"
 #: marks of what takes long, or waits, or needs what few machines have
 NOT_QUICK = {"counted", "kernel", "long", "needs", "together", "xfail"}
-#: A test that takes a fifth of a second of processor time or more: a whole run takes some of all of them.
-heavy = pytest.mark.drawn(40, "heavy")
+#: A new test that takes a fifth of a second of processor time or more: a whole run takes some of all of them.
+heavy = pytest.mark.drawn(20, "heavy")
 
 
 def turn(config: pytest.Config) -> int:
@@ -37,19 +43,46 @@ def part(everything: Sequence[One], count: int, config: pytest.Config, what: obj
     return [everything[number] for number in sorted(chosen)]
 
 
-def mark_many(items: Sequence[pytest.Item]) -> None:
+def mark_many(items: Sequence[pytest.Item], much: frozenset[str] | None = None) -> None:
     """A test that has more than CASES of them and says nothing else is `drawn(CASES)`.
 
+    Of those that take *much* of the processors (without: those of `heavy.txt`) a third is drawn of what would be, at
+    least one: of each test with cases, of each lot with a name, and of the tests of a file that have one case each.
     Not where an option says how many there are, and not of Hypothesis, which is its own lot.
     """
+    much = heavy_tests() if much is None else much
     of_test: dict[str, list[pytest.Item]] = defaultdict(list)
+    lots: dict[tuple[int, str, bool], list[pytest.Item]] = defaultdict(list)
     for item in items:
-        if not marks(item) & {"counted", "drawn"}:
-            of_test[item.nodeid.partition("[")[0]].append(item)
-    for cases in of_test.values():
-        if len(cases) > CASES and not _is_law(cases[0]):
-            for item in cases:
-                item.add_marker(pytest.mark.drawn(CASES))
+        marker = item.get_closest_marker("drawn")
+        if marker is not None:
+            count, *names = marker.args
+            lots[count, names[0] if names else _test_of(item), bool(names)].append(item)
+        elif not _is_law(item):
+            of_test[_test_of(item)].append(item)
+    for test, cases in of_test.items():
+        is_counted = "counted" in marks(cases[0])
+        if len(cases) > CASES and not is_counted:
+            _draw(cases, CASES)
+        if len(cases) > 1:
+            lots[len(cases) if is_counted else min(CASES, len(cases)), test, is_counted].extend(cases)
+        elif test in much:
+            lots[0, f"{ALONE} of {test.partition('::')[0]}", True].extend(cases)
+    for (usual, name, is_named), cases in lots.items():
+        if 2 * sum(_test_of(item) in much for item in cases) > len(cases):
+            count = len(cases) if name.startswith(ALONE) else usual
+            _draw(cases, ceil(count / LESS), *[name] * is_named)
+
+
+def _draw(cases: Sequence[pytest.Item], *args: object) -> None:
+    """Mark *cases* as `drawn` with *args*, whatever they say themselves."""
+    for item in cases:
+        item.add_marker(pytest.mark.drawn(*args), append=False)
+
+
+def _test_of(item: pytest.Item) -> str:
+    """Return the node ID of the test that *item* is a case of."""
+    return item.nodeid.partition("[")[0]
 
 
 def marks(item: pytest.Item) -> set[str]:
@@ -63,10 +96,14 @@ def _is_law(item: pytest.Item) -> bool:
 
 
 def mark_quick(items: Sequence[pytest.Item]) -> None:
-    """Mark the first test of each file `quick`, unless it takes long; other quick tests have the mark themselves."""
-    first: dict[Path, tuple[tuple[int, str], pytest.Item]] = {}
+    """Mark the first test of each file `quick`, unless it takes long, or much if another one does not.
+
+    Other quick tests have the mark themselves.
+    """
+    much = heavy_tests()
+    first: dict[Path, tuple[tuple[bool, int, str], pytest.Item]] = {}
     for item in items:  # they come in a random order
-        place = (_line(item), item.nodeid)
+        place = (_test_of(item) in much, _line(item), item.nodeid)
         if (item.path not in first or place < first[item.path][0]) and not _takes_long(item):
             first[item.path] = (place, item)
     for _, item in first.values():
@@ -88,8 +125,9 @@ def _takes_long(item: pytest.Item) -> bool:
 def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -> set[pytest.Item]:
     """Those cases of tests marked `drawn(N)` that do not run: all but N of each test, or, of the `rest`, those N.
 
-    Of the `rest`, only one case in `--share` runs. With `drawn(N, NAME)` all tests of that name are one lot; a whole
-    file may be. None whose cases are counted, or of Hypothesis, is in such a lot: `.ci/run` asks for more of them.
+    Of the `rest`, only one case in `--share` runs, on average. With `drawn(N, NAME)` all tests of that name are one
+    lot; a whole file may be. None whose cases are counted, or of Hypothesis, is in such a lot: `.ci/run` asks for more
+    of them.
     """
     share = config.getoption("share")
     cases: dict[tuple[str, int], list[pytest.Item]] = defaultdict(list)
@@ -98,14 +136,26 @@ def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -
         if marker is None:
             continue
         count, *name = marker.args
-        if not name or not marks(item) & {"counted", "hypothesis"}:
-            cases[(name or [item.nodeid.partition("[")[0]])[0], count].append(item)
+        if not name or not _is_law(item):
+            cases[(name or [_test_of(item)])[0], count].append(item)
     out: set[pytest.Item] = set()
     for (test, count), of_test in cases.items():
         of_test.sort(key=lambda item: item.nodeid)
         drawn = set(part(of_test, count, config, test))
         if wanted == "rest":
             rest = [item for item in of_test if item not in drawn]
-            drawn = set(part(rest, ceil(len(rest) / share), config, f"rest of {test}"))
+            drawn = set(part(rest, share_of(len(rest), share, config, test), config, f"rest of {test}"))
+            drawn |= {item for item in of_test if _is_counted_in_all(item)}
         out |= set(of_test) - drawn
     return out
+
+
+def _is_counted_in_all(item: pytest.Item) -> bool:
+    """Whether *item* is counted, and one of a lot of several tests: with more counted it is another test."""
+    marker = item.get_closest_marker("drawn")
+    return marker is not None and len(marker.args) > 1 and "counted" in marks(item)
+
+
+def share_of(count: int, share: int, config: pytest.Config, test: str) -> int:
+    """Return one of *share* of *count*, up or down by lot, so that it is so on average."""
+    return int(count / share + random.Random(f"{turn(config)} how many of {test}").random())

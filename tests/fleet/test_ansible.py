@@ -11,7 +11,6 @@ import pytest
 
 from tests.fleet.ansible import BINARIES, Fleet
 from tests.process import PATIENCE_S, environment
-from tests.sample import heavy
 from tests.serve.served import Served, served
 
 pytestmark = pytest.mark.needs("ansible.release")  # a folder of this project is called ansible, too
@@ -55,6 +54,7 @@ def held(one: Served) -> dict[str, object]:
 
 @pytest.mark.long
 @pytest.mark.counted
+@by_lot
 def test_a_fleet_is_set_once_and_what_fails_is_put_back_while_the_rest_goes_on(
     fleet: Fleet, request: pytest.FixtureRequest
 ) -> None:
@@ -147,7 +147,6 @@ def test_the_role_of_a_bench(fleet: Fleet) -> None:
         assert not again.hosts("changed"), again.said
 
 
-@heavy
 @pytest.mark.long
 @by_lot
 def test_the_role_of_a_gateway_writes_what_networkd_and_python_can_read(fleet: Fleet) -> None:
@@ -162,7 +161,6 @@ def test_the_role_of_a_gateway_writes_what_networkd_and_python_can_read(fleet: F
     assert not fleet.play([], roles=("dvtcli.canopen.gateway",)).hosts("changed")
 
 
-@heavy
 @by_lot
 @pytest.mark.parametrize("name", ["network", "nodes_facts"])
 def test_each_module_documents_every_argument(fleet: Fleet, name: str) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from tests.sample import CASES, left_out, mark_many, mark_quick
+from tests.costs import heavy_tests, takes_much
+from tests.sample import CASES, LESS, left_out, mark_many, mark_quick, share_of
+from tests.surroundings import ROOT
 
 
 @pytest.fixture
@@ -51,7 +55,7 @@ def test_one_of_many_laws(number: int, any_number: int) -> None:
 def test_of_many_cases_a_lot_is_taken_that_nobody_asked_for(
     items: list[pytest.Item], pytestconfig: pytest.Config
 ) -> None:
-    mark_many(items)
+    mark_many(items, frozenset())
     by_lot, by_rest = (left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest"))
     names = ("test_one_of_many", "test_one_of_few", "test_one_of_many_laws", "test_one_of_twelve")
     left = {
@@ -100,3 +104,56 @@ def test_a_run_that_names_a_folder_takes_all(pytestconfig: pytest.Config) -> Non
         pytestconfig, "workerinput"
     )
     assert pytestconfig.getoption("cases") in (("all",) if named else ("lot", "rest", "all"))
+
+
+@pytest.mark.counted
+@pytest.mark.parametrize("number", range(7))
+def test_one_that_is_counted(number: int) -> None:
+    assert number in range(7)
+
+
+def test_of_what_takes_much_a_third_is_drawn_of_what_would_be_and_at_least_one(
+    items: list[pytest.Item], pytestconfig: pytest.Config
+) -> None:
+    names = ("test_one_of_twelve", "test_one_of_many", "test_one_of_few", "test_one_that_is_counted")
+    much = [item.nodeid.partition("[")[0] for item in items if item.name.startswith((*names, "test_what", "test_of"))]
+    mark_many(items, frozenset(much))
+    by_lot, by_rest = (set(items) - left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest"))
+    taken = {name: [sum(item.name.startswith(f"{name}[") for item in of) for of in (by_lot, by_rest)] for name in names}
+    assert taken == {
+        "test_one_of_twelve": [1, 11],
+        "test_one_of_many": [1, CASES + 3],
+        "test_one_of_few": [1, CASES - 1],
+        "test_one_that_is_counted": [3, 7],  # more are counted then
+    }
+    alone = {item for item in items if item.nodeid in much}
+    assert len(alone) == 5
+    assert (len(alone & by_lot), len(alone & by_rest)) == (ceil(5 / LESS), 5 - ceil(5 / LESS))
+    laws = {item for item in items if "laws" in item.name and "[" in item.name}
+    assert laws <= by_lot & by_rest
+
+
+def test_of_the_rest_one_case_in_so_many_runs_on_average(pytestconfig: pytest.Config) -> None:
+    """Also of tests that leave out fewer cases than that."""
+    shares = [share_of(3, 4, pytestconfig, f"test {number}") for number in range(400)]
+    assert set(shares) == {0, 1}
+    assert sum(shares) == pytest.approx(300, abs=60)  # 7 standard deviations
+    assert {share_of(number, 1, pytestconfig, "a test") - number for number in range(9)} == {0}
+
+
+def test_a_test_that_takes_much_is_there() -> None:
+    """`python -m tests.costs FOLDER --write` leaves those in `heavy.txt` that its run did not take."""
+    gone = [test for test in heavy_tests() if not _is_there(*test.split("::"))]
+    assert gone == [], "take them out of tests/heavy.txt"
+
+
+def _is_there(file: str, *names: str) -> bool:
+    path = ROOT / file
+    return path.exists() and f" {names[0]}(" in path.read_text("utf-8").replace(":", "(")
+
+
+def test_what_is_much_depends_on_how_many_cases_there_are() -> None:
+    assert takes_much("t::one", {"t::one": 0.2})
+    assert not takes_much("t::one", {"t::one": 0.19})
+    assert takes_much("t::one", {"t::one[1]": 0.15, "t::one[2]": 0.05})
+    assert not takes_much("t::one", {"t::one[1]": 0.15, "t::one[2]": 0.04})
