@@ -23,7 +23,7 @@ The number is the exit code. Does not know how errors look on a screen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -44,6 +44,8 @@ class DvtcliError(Exception):
 
     *text* says what and where; *why* gives the reason, *hint* the next step, *state* in which state the
     device is; *node* is a node-ID, *place* an object (`1A00:03`) or a `FILE:LINE`, *abort* an SDO abort code.
+    *given* are the arguments that it is about, as a `Hint` has them, each with its value, or None for its name alone:
+    the command line and the API write them in front of the text, each in its way.
     """
 
     exit_code = 1
@@ -59,9 +61,11 @@ class DvtcliError(Exception):
         why: str | None = None,
         hint: Hint | str | None = None,
         state: State = "unchanged",
+        given: Mapping[str, object] | None = None,
     ) -> None:
         super().__init__(text)
         self.text = text
+        self.given = given or {}
         self.node = node
         self.place = place
         self.abort = abort

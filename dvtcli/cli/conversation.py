@@ -38,6 +38,11 @@ _REPEATED = {
 }  # fmt: skip
 
 
+def typed_name(name: str) -> str:
+    """The option *name* as it is typed."""
+    return f"--{name.replace('_', '-')}"
+
+
 def _repeated(given: dict[str, Any]) -> Iterator[str]:
     """Those of the options *given* that chose the bus and the node's files, as they are typed."""
     for name, option in _REPEATED.items():
@@ -144,9 +149,9 @@ class Conversation(Session):
         for said in self.settings.required():
             self.output.warning(said)
 
-    def start(self, given: dict[str, Any], where: str = "option") -> None:
-        """Take the options of the program's start, which were said in *where*."""
-        found = self.settings.start(given, where)
+    def start(self, given: dict[str, Any], where: str = "") -> None:
+        """Take the options of the program's start, which were typed, or said in *where*."""
+        found = self.settings.start({name: (value, where or typed_name(name)) for name, value in given.items()})
         self.base = self.options = Options()._replace(**found)
         self._apply()
 
@@ -190,7 +195,7 @@ class Conversation(Session):
         refused = sorted(START_ONLY & given.keys()) if self.started else []
         if refused:
             raise UsageError(
-                f"--{refused[0].replace('_', '-')} chooses the bus or the node's files: give it when dvtcli starts",
+                f"{typed_name(refused[0])} chooses the bus or the node's files: give it when dvtcli starts",
                 hint="leave, and start again with it; `node ID` selects another node of the same bus",
             )
         if not self.started:
@@ -213,7 +218,7 @@ class Conversation(Session):
         """The options of this call that a command behind it needs, too."""
         from dvtcli.cli.view.typed_hints import TypedCall
 
-        given = {name: value for name, (value, where) in self.settings.typed.items() if where == "option"}
+        given = {name: value for name, (value, where) in self.settings.typed.items() if where == typed_name(name)}
         nodes = given.get("node")
         word = ",".join(map(str, nodes)) if isinstance(nodes, tuple) else str(nodes)
         return TypedCall(

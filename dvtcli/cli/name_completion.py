@@ -70,7 +70,7 @@ def _laid_over_files(given: dict[str, Any]) -> Options:
     """The options *given* and those of the settings files, as far as these can be used."""
     settings = Settings()
     settings.read_files()
-    settings.typed = {name: (value, "option") for name, value in given.items()}
+    settings.typed = {name: (value, name) for name, value in given.items()}
     found, _ = settings.resolved()
     return Options()._replace(**{name: value for name, (value, _) in found.items()})
 

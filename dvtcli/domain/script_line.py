@@ -57,6 +57,11 @@ def change_line(change: PdoChange) -> str:
     return line if before.enabled or not after.enabled else f"{line}\nenable {pdo}"
 
 
+def login_line(level: int, user: int | None) -> str:
+    """The line that logs in at *level*, as *user* or as the family's user."""
+    return f"login {level}" if user is None else f"login {level} --user {user}"
+
+
 def map_line(pdo: Pdo, config: PdoConfig) -> str:
     """The `map` line that sets *pdo* to *config* whatever it was before."""
     words = [f"map {pdo}", *map(str, config.mapping), *_parameter_words(None, config.communication)]

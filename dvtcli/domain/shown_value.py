@@ -51,4 +51,4 @@ def cut_bytes(data: bytes) -> str:
     """The first of many bytes, and how many there are."""
     if len(data) <= MOST_SHOWN:
         return data.hex(" ").upper()
-    return f"{data[:MOST_SHOWN].hex(' ').upper()} … {len(data):,} bytes; read -o FILE has all"
+    return f"{data[:MOST_SHOWN].hex(' ').upper()} … {len(data):,} bytes"

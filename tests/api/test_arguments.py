@@ -149,7 +149,7 @@ TOLD: dict[str, tuple[Callable[[], object], str, list[str]]] = {
     "no bus": (
         lambda: dvtcli.connect("pcan", "PCAN_USBBUS1"), "cannot open pcan:PCAN_USBBUS1", ["why: ", "hint: ", "state: "]
     ),
-    "no family": (lambda: dvtcli.simulate("nix"), "nodes=nix: no such family and no such file", ["hint: "]),
+    "no family": (lambda: dvtcli.simulate("nix"), "nix: no such family and no such file", ["hint: "]),
     "nothing set": (
         lambda: dvtcli.simulate("gen4").node().verify(),
         "nothing to compare: this session did not set anything", [],

@@ -24,7 +24,6 @@ from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.operations import results as room
 from dvtcli.operations.api.called_hints import answer_in_calls
-from dvtcli.operations.api.told import Told
 from dvtcli.operations.results import NetworkApplied
 from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
@@ -568,12 +567,6 @@ def test_answers_speak_of_calls() -> None:
     assert answer_in_calls(noted.plan) is noted.plan
     applied = NetworkApplied(None, False, 0.0, keep={1: changed.keep, 5: Hint(Action.STORE, why="keeps it")})  # type: ignore[arg-type]
     assert answer_in_calls(applied).keep[5] == "`node.store()` keeps it"
-
-
-def test_questions_speak_of_calls() -> None:
-    asked: list[str] = []
-    Told(ask_user=lambda question: bool(asked.append(question))).ask("put it back, as --force and --for 5 say?")
-    assert asked == ["put it back, as force and for_s=5 say?"]
 
 
 def test_a_notebook_shows_every_answer_and_its_rows_in_short() -> None:

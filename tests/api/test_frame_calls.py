@@ -52,7 +52,7 @@ def test_a_recording_is_played(bus: dvtcli.Bus, recording: Path) -> None:
     played = bus.replay(recording, rate=4, without=["sdo"], loops=2)
     assert isinstance(played, Replayed)
     assert played
-    assert (played.outcome.sent, dict(played.left_out)) == (4, {"frames not meant by --filter and --without": 1})
+    assert (played.outcome.sent, dict(played.left_out)) == (4, {"frames that were not chosen": 1})
     assert bus.replay(recording, yes=True, within_s=(0.01, 1.0)).outcome.sent == 2
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import ast
 import re
-from collections.abc import Iterator
 
 import pytest
 
 import dvtcli
 from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import BusUnavailable, DvtcliError, State
-from dvtcli.operations.api.called_hints import called, errors_in_calls, in_calls
+from dvtcli.errors import BusUnavailable, DvtcliError, State, UsageError
+from dvtcli.operations.api.called_hints import called, errors_in_calls
 from tests.api.hints_of_the_product import all_hints
-from tests.house.source import modules
 
 _NAMES = "|".join(map(re.escape, command_names()))
 _OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*|`")
@@ -51,33 +49,6 @@ def test_a_hint_that_is_text_names_no_command_and_no_option() -> None:
     assert not wrong
 
 
-def test_a_text_of_an_inner_room_names_no_command() -> None:
-    """Texts are read by people who type commands and by programs that call functions: what is done next is a Hint.
-
-    An option that a text names is written as an argument for a program (`in_calls`); a rule says which command asks it.
-    """
-    typed = re.compile(rf"`(?:dvtcli|-n|{_NAMES})(?![\w:.])[^`]*`")
-    wrong = [
-        f"{module.name}:{text.lineno}: {text.value}"
-        for module in modules()
-        if module.room in ("domain", "device", "bus", "files", "watch", "operations")
-        for text in _texts_but_rules(module.tree)
-        if typed.search(text.value)
-    ]
-    assert not [text for text in wrong if not text.startswith("operations/api/called_hints.py")]
-
-
-def _texts_but_rules(tree: ast.AST) -> Iterator[ast.Constant]:
-    """The texts below *tree*, without docstrings and without what its rules are about."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node
-        elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)) and not (
-            isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("Rule", "LintRule")
-        ):
-            yield from _texts_but_rules(node)
-
-
 @pytest.mark.parametrize(
     "hint", ["frobnicate --nix", "read NAME", "`unknown TEXT`", "map 5 eds=x", "scan shows", "look at -x"]
 )
@@ -86,16 +57,21 @@ def test_what_is_typed_is_noticed(hint: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("given", "called", "typed"),
     [
-        ("--timeout 5: a time-out is 0.001…600 seconds", "timeout_s=5: a time-out is 0.001…600 seconds"),
-        ("--with, --split-bits and --all are for a DBC file", "services, split_bits and everything are for a DBC file"),
-        ("-n 5 names several", "node_id=5 names several"),
-        ("0x1A00 -5 and CAN-ID, one-way -- as it is", "0x1A00 -5 and CAN-ID, one-way -- as it is"),
+        ({"timeout_s": 5}, "timeout_s=5: wrong", "--timeout 5: wrong"),
+        ({"services": None, "everything": None}, "services and everything: wrong", "--with and --all: wrong"),
+        ({"trust_stamp": True, "prove": None}, "trust_stamp and prove: wrong", "--trust-stamp and --prove: wrong"),
+        ({}, "wrong", "wrong"),
     ],
 )
-def test_an_option_in_a_text_is_its_argument(text: str, said: str) -> None:
-    assert in_calls(text) == said
+def test_what_was_given_wrongly_is_an_argument_here_and_an_option_there(
+    given: dict[str, object], called: str, typed: str
+) -> None:
+    assert error_text(UsageError("wrong", given=given)) == typed
+    with pytest.raises(UsageError) as raised, errors_in_calls(), errors_in_calls():
+        raise UsageError("wrong", given=given)
+    assert (raised.value.text, str(raised.value)) == (called, called)
 
 
 @pytest.mark.parametrize(

@@ -256,8 +256,8 @@ def test_what_a_gateway_that_is_no_node_has_not_is_said() -> None:
             ("init 3", "where the gateway is started"),
             ("set sdo_block 1", "by itself"),
             ("lss_switch_glob 1", "lss_switch_sel"),
-            ("lss_conf_bitrate 0 2", "dvtcli lss bit-rate"),
-            ("lss_activate_bitrate 100", "dvtcli lss bit-rate"),
+            ("lss_conf_bitrate 0 2", "dvtcli changes the rate of all"),
+            ("lss_activate_bitrate 100", "dvtcli changes the rate of all"),
         ):
             said = client.ask(words)
             assert said.startswith("ERROR:100 #"), words

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
 
 import pytest
 
 from dvtcli.cli.catalogue import command_names
 from tests.house.draw import nodes
-from tests.house.source import Module, modules
+from tests.house.source import modules
 
 pytestmark = pytest.mark.together
 
@@ -78,25 +79,52 @@ def test_files_of_strangers_have_one_door() -> None:
     assert found - {"files/input_file.py"} == MAY_OPEN.keys()
 
 
-#: words of a command line in an inner room that are none
-_NO_COMMAND = {"domain/script_line.py": "writes lines of scripts"}
+#: inner rooms that write command lines, with what for
+_WRITES_LINES = {
+    "domain/script_line.py": "lines of scripts",
+    "operations/api/called_hints.py": "what has no call is a command",
+    "operations/api/served_bus.py": "the words with which the program joins a served bus",
+    "operations/nodes/serve_nodes.py": "the line with which another dvtcli joins",
+}
+#: a command between marks, or an option: with two dashes, or with one in a sentence
+_NAMES = "|".join(map(re.escape, command_names()))
+_TYPED = re.compile(
+    rf"`(?:dvtcli|{_NAMES})(?![\w:.])[^`]*`|(?<!<)dvtcli (?:{_NAMES})\b"
+    r"|(?<![\w-])--[a-z][a-z-]+|(?:^|(?<=[ (/]))-(?:[abcdhinopqsvy]|vv)(?= |[,;:)/]|$)(?<!^-.(?=$))"
+)
 
 
 def test_inner_rooms_name_no_command_and_no_option() -> None:
-    """What to do next is a Hint, which `cli` writes as a line and the API as a call."""
-    typed = re.compile(rf"`(?:dvtcli|{'|'.join(map(re.escape, command_names()))})\b[^`]*`|(?<![\w-])--[a-z][a-z-]+")
-    found = [
-        f"{module.name}:{node.lineno} {node.value}"
+    """What to do next is a Hint, and what was given wrongly a name: `cli` writes options, the API arguments."""
+    found = {
+        module.name: f"{node.lineno} {node.value}"
         for module in modules()
-        if module.room in ("domain", "device", "bus", "files", "simulator") and module.name not in _NO_COMMAND
-        for node in _texts(module)
-        if typed.search(node.value)
-    ]
-    assert not found
+        if module.room in ("domain", "device", "bus", "files", "watch", "simulator", "operations", "errors")
+        for node in _texts(module.tree)
+        if _TYPED.search(node.value)
+    }
+    assert {name: said for name, said in found.items() if name not in _WRITES_LINES} == {}
+    assert found.keys() == _WRITES_LINES.keys(), "who needs no permission has none"
 
 
-def _texts(module: Module) -> list[ast.Constant]:
-    """The texts of *module* without its docstrings."""
-    docstrings = {id(node.value) for node in ast.walk(module.tree) if isinstance(node, ast.Expr)}
-    found = (node for node in ast.walk(module.tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
-    return [node for node in found if id(node) not in docstrings]
+@pytest.mark.parametrize(
+    "text", ["`pdo tpdo1`", "dvtcli scan finds it", "--eds FILE", "use -n 5", "-i and -c", "(-b)", "with -vv, too"]
+)
+def test_what_is_typed_is_noticed(text: str) -> None:
+    assert _TYPED.search(text)
+
+
+@pytest.mark.parametrize("text", ["-c", "ls -l", "0x1A00 -5", "one-way -- as it is", "CAN-ID", "vendor-product"])
+def test_what_is_not_typed_is_not(text: str) -> None:
+    assert not _TYPED.search(text)
+
+
+def _texts(tree: ast.AST) -> Iterator[ast.Constant]:
+    """The texts below *tree* without docstrings, and without what its rules are about: a rule says who asks it."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node
+        elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)) and not (
+            isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("Rule", "LintRule")
+        ):
+            yield from _texts(node)

@@ -136,7 +136,7 @@ def test_which_node_is_meant_must_be_said() -> None:
         ({"timeout": 0}, "a time-out is 0.001…600 seconds"),
         ({"node": 128}, "node-IDs are 1…127"),
         ({"format": "xml"}, "'xml' is not one of 'text', 'json', 'jsonl'"),
-        ({"bus_kwargs": ("fd",)}, "takes KEY=VALUE"),
+        ({"bus_kwargs": ("fd",)}, "a setting is KEY=VALUE"),
         ({"chanel": "can0"}, "there is no option 'chanel'"),
     ],
 )

@@ -284,7 +284,7 @@ def test_an_include_that_names_nothing_of_the_file_is_told(tmp_path: Path) -> No
         for word in ("30FF", "3001:9", "3001:0A"):
             for line in ("clone", "apply", "plan", "diff"):
                 ran = bench.run(f"{line} {file} --include 3001 --include {word}")
-                assert (ran.code, f"--include {word} names nothing of {file}" in ran.stderr) == (2, True), ran
+                assert (ran.code, f"--include {word}: names nothing of {file}" in ran.stderr) == (2, True), ran
         assert bench.session.node().sdo.upload(0x3001, 1) == bytes(2)
         for word, said in (
             ("6040", "it is not written all the same: it is a command or a target"),

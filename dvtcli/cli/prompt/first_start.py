@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.typed_hints import typed
+from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import InputFileError
 from dvtcli.operations.user.settings_search import NAME, why_unusable
@@ -118,7 +118,7 @@ def _keep(session: Conversation, choice: Choice) -> None:
     try:
         save_settings(path, choice)
     except InputFileError as failed:
-        session.output.warning(failed.text)
+        session.output.warning(error_text(failed))
         return
     refused = why_unusable(str(path))
     if refused is not None:

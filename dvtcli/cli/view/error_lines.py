@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from dvtcli.cli.view.complaint_lines import complaint_lines, source_lines
 from dvtcli.cli.view.lines import Cell, Line, part
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.hint import Hint, next_step
 from dvtcli.domain.profile import Severity
@@ -48,7 +49,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "object": place.removeprefix("0x") if is_object else None,
         "file": _file(error),
         "abort": None if error.abort is None else f"0x{error.abort:08X}",
-        "text": error.text,
+        "text": error_text(error),
         "why": error.why,
         "hint": error.hint,
         "next": next_step(error.hint),
@@ -100,7 +101,7 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     if isinstance(error, RuleError) and any(finding.complaint for finding in error.findings):
         yield from _placed_lines(error, at)
         return
-    yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
+    yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error_text(error), "bold")]
     if isinstance(error, RuleError):
         yield from _rule_lines(error, at)
         return

@@ -6,9 +6,12 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.hint import Action, Hint, filled, sentence
+
+if TYPE_CHECKING:
+    from dvtcli.errors import DvtcliError
 
 #: Actions that are commands; a command that names no node takes `-n` (`_OF_THE_BUS` does not).
 COMMANDS: dict[Action, str] = {
@@ -26,7 +29,7 @@ COMMANDS: dict[Action, str] = {
     Action.DISABLE: "disable {pdo}",
     Action.SET_PDO: "set {pdo} {cob_id?--cob-id} {cob_id} {extended?--extended} {rtr?--rtr} {no_rtr?--no-rtr} "
     "{inhibit?--inhibit} {inhibit} {sync_start?--sync-start} {sync_start}",
-    Action.READ: "read {object|OBJECT}",
+    Action.READ: "read {object|OBJECT} {into?-o} {into}",
     Action.WRITE: "write {object|OBJECT} {value|VALUE}",
     Action.EDIT_PDO: "pdo edit {pdo}",
     Action.SHOW_VPDO: "vpdo {group}",
@@ -76,7 +79,7 @@ COMMANDS: dict[Action, str] = {
     Action.LOG_VALUES: "log {file|FILE} --decode",
     Action.READ_VALUES: "read {objects|OBJECT…} --every {time|TIME} {file?-o} {file}",
     Action.SAVE_PLAN: "plan FILE -o PLAN.json",
-    Action.CONVERT: "eds convert {file|FILE} {target|TARGET} {services?--with} {services}",
+    Action.CONVERT: "eds convert {file|FILE} {target|TARGET} {services?--with} {services} {of?--for} {of}",
     Action.EXPORT: "export {file|FILE} {services?--with} {services} {twice?--twice}",
     Action.IMPORT: "import {file|FILE}",
     Action.BACKUP: "backup {file|FILE}",
@@ -111,7 +114,8 @@ OPTIONS: dict[Action, str] = {
 #: arguments whose option has another name
 _OPTION_OF = {
     "as_type": "--as", "for_s": "--for", "node": "--for", "services": "--with", "node_id": "-n", "node_ids": "--nodes",
-    "nodes": "--sim", "faults": "--fault", "signals": "--signal", "verbose": "-v",
+    "nodes": "--sim", "faults": "--fault", "signals": "--signal", "verbose": "-v", "timeout_s": "--timeout",
+    "everything": "--all", "manager": "--to-manager",
 }  # fmt: skip
 #: arguments that are the path of a file
 _FILES = frozenset({"file", "save", "target"})
@@ -203,11 +207,20 @@ class TypedHints:
 
 def _given(step: Hint) -> list[str]:
     """The option for each argument of a *step*; without a value that is None, or true."""
-    words = []
-    for name, value in step.arguments.items():
-        words.append(_OPTION_OF.get(name, f"--{'no-' if value is False else ''}{name.replace('_', '-')}"))
-        words += [] if value is None or isinstance(value, bool) else [str(value)]
-    return words
+    return [word for name, value in step.arguments.items() for word in _option(name, value)]
+
+
+def _option(name: str, value: object) -> list[str]:
+    """The option for the argument *name*, with its *value* unless that is None, or true."""
+    option = _OPTION_OF.get(name, f"--{'no-' if value is False else ''}{name.replace('_', '-')}")
+    return [option] if value is None or isinstance(value, bool) else [option, str(value)]
+
+
+def error_text(error: DvtcliError, text: str | None = None) -> str:
+    """What *error* says, or *text*, behind the options that it is about."""
+    options = " and ".join(" ".join(_option(name, value)) for name, value in error.given.items())
+    said = error.text if text is None else text
+    return f"{options}: {said}" if options else said
 
 
 def _no_option(name: str, value: Any) -> Any:

@@ -81,7 +81,7 @@ CALLS: dict[Action, str] = {
     Action.LOG_VALUES: "dvtcli log FILE --decode",
     Action.READ_VALUES: "dvtcli read OBJECT… --every TIME",
     Action.SAVE_PLAN: "dvtcli plan FILE -o PLAN",
-    Action.CONVERT: "dvtcli.convert({file|FILE}, {target|TARGET})",
+    Action.CONVERT: "dvtcli.convert({file|FILE}, {target|TARGET}{of?, node=}{of})",
     Action.EXPORT: "node.export({file|FILE} {twice?twice=True})",
     Action.IMPORT: "bus.import_network({file|FILE})",
     Action.BACKUP: "node.backup({file|FILE})",
@@ -113,15 +113,6 @@ ARGUMENTS: dict[Action, str] = {
     Action.FORCE: "force=True",
     Action.SHOW_FRAMES: "`dvtcli -vv`",
 }
-#: options in a text -> the argument; all others are called alike
-_ARGUMENT_OF = {
-    "--as": "as_type", "--timer": "timer_ms", "--inhibit": "inhibit_ms", "--timeout": "timeout_s", "--fault": "faults",
-    "--signal": "signals", "--sim": "nodes", "--all": "everything", "--for": "for_s", "--every": "every_s",
-    "--with": "services", "-b": "bitrate", "-c": "channel", "-i": "interface", "-n": "node_id", "-p": "profile",
-}  # fmt: skip
-_OPTION = re.compile(r"(?<![\w-])(--[a-z]+(?:-[a-z]+)*|-[bcinp](?![\w-]))( (?=[A-Z\d]))?")
-#: an option with its value, at the beginning of a text that says what is wrong with that
-_WHAT_IS_WRONG = re.compile(r"^(--[a-z]+(?:-[a-z]+)*|-[bcinp]) (?=[^: ]+: )")
 #: arguments that no call has -> the command that does it
 _COMMANDS = {
     "accept": "dvtcli recover --accept", "discard": "dvtcli recover --discard", "backup": "dvtcli undo --backup"
@@ -188,12 +179,8 @@ def _filled(template: str, arguments: Mapping[str, Any]) -> str:
 
 
 def in_calls(text: Hint | str) -> str:
-    """*text* as a program wants it: what is done next as calls, and options as the arguments that they are."""
-    return called(text) if isinstance(text, Hint) else _OPTION.sub(_argument_of, _WHAT_IS_WRONG.sub(r"\1=", text))
-
-
-def _argument_of(option: re.Match[str]) -> str:
-    return _ARGUMENT_OF.get(option[1], option[1].strip("-").replace("-", "_")) + ("=" if option[2] else "")
+    """*text* as a program wants it: what is done next as calls."""
+    return called(text) if isinstance(text, Hint) else text
 
 
 def answer_in_calls(answer: T) -> T:
@@ -261,7 +248,10 @@ def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
     def said(text: Hint | str) -> str:
         return _of_this_program(in_calls(text)) if others else in_calls(text)
 
-    raised.text = said(raised.text)
+    wrong = " and ".join(
+        name if value is None or value is True else f"{name}={value}" for name, value in raised.given.items()
+    )
+    raised.text, raised.given = said(f"{wrong}: {raised.text}" if wrong else raised.text), {}
     raised.args = (raised.text,)
     raised.why = None if raised.why is None else said(raised.why)
     raised.hint = raised.hint and said(raised.hint)

@@ -64,7 +64,7 @@ class Told:
     def ask(self, question: str) -> bool | None:
         """Whether the answer is yes; None where nobody is there to ask."""
         ask = self._ask_user
-        return None if ask is None else in_callers_thread(lambda: bool(ask(in_calls(question))))
+        return None if ask is None else in_callers_thread(lambda: bool(ask(question)))
 
     def progress(self, text: str, done: int, total: int) -> None:
         """Nothing: a program that wants it has *on_progress*."""

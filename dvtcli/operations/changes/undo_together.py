@@ -80,7 +80,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
 
         equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
         also = AlsoClaimed(held, others=_EqualNodes(nodes, equal))
-        with carry_out_together(session, nodes, plans, found, "undo --all", findings, also) as course:
+        with carry_out_together(session, nodes, plans, found, "undo of all", findings, also) as course:
             complete(course)
     done = []
     for undoing in undoings:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.operations.exchange.dbc_options import DbcOptions
 
 if TYPE_CHECKING:
@@ -26,10 +27,8 @@ class ConversionFormat:
     """A format, found by the *suffixes* of its files."""
 
     suffixes: ClassVar[tuple[str, ...]]
-    #: why no node of a network file can be chosen for it, and what to write instead; none where one can
-    not_of_a_node: ClassVar[tuple[str, str] | None] = (
-        "--for chooses a node of a network file", "eds convert net.yaml node5.cdcf --for 5",
-    )  # fmt: skip
+    #: what to do instead of choosing a node of a network file for it; None if it is made of one
+    instead_of_a_node: ClassVar[Hint | str | None] = Hint(Action.CONVERT, {"target": "NAME.cdcf", "of": "NODE"})
     #: whether it can be wanted otherwise than by default, as a DBC file can
     has_wishes: ClassVar[bool] = False
 

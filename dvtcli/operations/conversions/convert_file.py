@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.files import Facts
     from dvtcli.operations.session.session import Session
 
-_OF_DBC = "--with, --split-bits and --all"
-
 
 @cache
 def conversion_formats() -> Mapping[str, ConversionFormat]:
@@ -46,12 +44,14 @@ def convert_file(
     kind = _format_of(target)
     if wishes and not kind.has_wishes:
         raise UsageError(
-            f"{target}: {_OF_DBC} are for a DBC file",
+            f"{target} is no DBC file, which alone can have that",
+            given=dict.fromkeys(wishes.named),
             hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "net.dbc", "services": "emcy"}),
         )
-    if node is not None and kind.not_of_a_node:
-        why, instead = kind.not_of_a_node
-        raise UsageError(why, hint=instead)
+    if node is not None and kind.instead_of_a_node:
+        raise UsageError(
+            "a node of a network file is chosen for a concise DCF", given={"node": node}, hint=kind.instead_of_a_node
+        )
     return kind.write(session, Converted(file, target, node, wishes or DbcOptions()))
 
 

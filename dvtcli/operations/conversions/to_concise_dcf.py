@@ -16,7 +16,7 @@ class ConciseDcfFormat(ConversionFormat):
     """A concise DCF (0x1F22) of one node."""
 
     suffixes = (SUFFIX,)
-    not_of_a_node = None
+    instead_of_a_node = None
 
     def write(self, session: Session, wanted: Converted) -> Facts:
         """Write it, as `convert_network` does."""

@@ -18,7 +18,7 @@ class DbcFormat(ConversionFormat):
     """The enabled PDOs of all nodes."""
 
     suffixes = (SUFFIX,)
-    not_of_a_node = "--for is for a concise DCF", "a DBC file has all nodes of a network file"
+    instead_of_a_node = "a DBC file has all nodes of a network file"
     has_wishes = True
 
     def write(self, session: Session, wanted: Converted) -> Facts:

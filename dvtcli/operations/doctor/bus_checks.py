@@ -30,9 +30,10 @@ def bus_checks(session: Session) -> Iterator[Check]:
         return
     options = session.options
     if not (options.sim or options.interface or options.channel or is_configured()):
-        others = "dvtcli at a terminal offers what is there; or -i and -c, or --sim"
+        others = "dvtcli at a terminal offers what is there, or " + Hint(Action.GIVE_INTERFACE, why=" choose {}")
+        others += Hint(Action.GIVE_CHANNEL, why=" and {}") + Hint(Action.GIVE_SIMULATED, why=", or {}")
         described = session.settings.described_buses()
-        yield Check("bus", "warn", "none is chosen", f"{described}; {others}" if described else others)
+        yield Check("bus", "warn", "none is chosen", described + others if described else others)
         return
     try:
         network = session.network

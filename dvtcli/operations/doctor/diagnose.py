@@ -69,7 +69,7 @@ def _settings(session: Session) -> Check:
     default, options = Options()._asdict(), session.options._asdict()
     files = [file.path for file in session.settings.files]
     said = [
-        f"{name} = {_shown(value)} ({session.settings.sources.get(name, 'this line')})"
+        f"{name} = {_shown(value)} ({session.settings.place_of(name)})"
         for name, value in options.items()
         if value != default[name]
     ]

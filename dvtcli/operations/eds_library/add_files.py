@@ -67,10 +67,13 @@ def _are_all_taken(rows: list[AddedFile]) -> bool:
 def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:
     """The identity to keep the one file for; UsageError where there are several, or it is none."""
     if len(sought) != 1:
-        raise UsageError(f"--identity is for one file, and these are {len(sought)}", hint="add each with its own")
+        raise UsageError(
+            f"one file has it, and these are {len(sought)}", hint="add each with its own", given={"identity": None}
+        )
     if not identity.get("vendor") or "product" not in identity:
         raise UsageError(
-            "--identity needs vendor and product",
+            "vendor and product are needed",
+            given={"identity": None},
             hint=Hint(Action.GIVE, {"identity": "vendor=0x1E,product=0x0705302D"}),
         )
     return identity["vendor"], identity["product"], identity.get("revision", 0)

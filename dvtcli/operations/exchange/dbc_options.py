@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +16,11 @@ class DbcOptions:
     split_bits: bool = False
     everything: bool = False
 
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The names of what is wanted otherwise than by default."""
+        return tuple(field.name for field in fields(self) if getattr(self, field.name))
+
     def __bool__(self) -> bool:
         """Whether anything is wanted otherwise than by default."""
-        return self != DbcOptions()
+        return bool(self.named)

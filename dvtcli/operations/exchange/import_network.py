@@ -39,7 +39,9 @@ def import_network(session: Session, file: str, folder: str | None = None, manag
         from dvtcli.operations.exchange.import_manager import import_manager
 
         if folder is not None:
-            raise UsageError(f"{folder} and --from-manager {manager}: the file is made of one of them")
+            raise UsageError(
+                f"{folder} is given, too: the file is made of one of them", given={"from_manager": manager}
+            )
         return import_manager(session, file, manager)
     path = network_place(file, "NAME.yaml")
     ask_before_overwriting(session, path)

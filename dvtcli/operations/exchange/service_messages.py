@@ -86,7 +86,7 @@ def _sdo(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
 _BY_SERVICE: dict[str, Callable[[NetworkState, Mapping[int, str]], Iterator[DbcMessage]]] = {
     "nmt": _nmt, "sync": _sync, "emcy": _emcy, "heartbeat": _heartbeat, "sdo": _sdo,
 }  # fmt: skip
-#: the services by the words of `--with`
+#: the services by their words
 SERVICES = tuple(_BY_SERVICE)
 
 
@@ -95,7 +95,8 @@ def services_of(text: str | None) -> tuple[str, ...]:
     words = tuple(word.strip().lower() for word in (text or "").split(",") if word.strip())
     if odd := [word for word in words if word not in SERVICES]:
         raise UsageError(
-            f"--with {odd[0]}: no such service",
+            "no such service",
+            given={"services": odd[0]},
             hint=Hint(Action.GIVE, {"services": ",".join(SERVICES)}, "{}, or some of these"),
         )
     return words

@@ -49,11 +49,16 @@ def export_file(
     kind = _format_of(file)
     if wishes and not kind.has_wishes:
         raise UsageError(
-            "--with, --split-bits and --all are for a DBC file",
+            f"{file} is no DBC file, which alone can have that",
+            given=dict.fromkeys(wishes.named),
             hint=Hint(Action.EXPORT, {"file": "NAME.dbc", "services": "emcy,heartbeat"}),
         )
     if twice and not kind.reads_twice:
-        raise UsageError("--twice is for a DCF or XDC", hint=Hint(Action.EXPORT, {"file": "NAME.dcf", "twice": True}))
+        raise UsageError(
+            f"{file} is no DCF or XDC, which alone is read twice",
+            given={"twice": True},
+            hint=Hint(Action.EXPORT, {"file": "NAME.dcf", "twice": True}),
+        )
     return kind.write(session, file, ExportRequest(node_id, twice, wishes or DbcOptions()))
 
 

@@ -55,7 +55,7 @@ def write_values(
         if text and len(rows.decoder):
             raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows what is in it"))
         raise UsageError(
-            "--csv needs a mapping, and none is known",
+            "values of signals need a mapping, and none is known",
             hint=Hint(Action.GIVE, {"dbc": None}, "give {}")
             + Hint(Action.GIVE, {"eds": None}, ", {}")
             + Hint(Action.GIVE, {"node_id": None}, ", {}")

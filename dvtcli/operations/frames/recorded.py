@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,7 +29,9 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
         from dvtcli.operations.frames.file_layouts import file_layouts
 
         if base.eds is not None:
-            session.tell.note(f"--eds {base.eds} is not used: {dbc} says what the frames carry")
+            session.tell.note(
+                Hint(Action.GIVE, {"eds": base.eds}, f"is not used: {verbatim(dbc)} says what the frames carry")
+            )
         return Decoder(file_layouts(dbc, session.tell))
     if base.eds is not None:
         return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile)

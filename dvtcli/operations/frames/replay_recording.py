@@ -97,7 +97,8 @@ def _filters(texts: Sequence[str]) -> list[FrameFilter]:
 def _require_limit(bus: CanopenBus, choice: Choice) -> None:
     if not choice.rate and bus.bitrate is None and not bus.simulated:
         raise UsageError(
-            f"--rate 0 fills the bus up to a share of it, and the bit rate of {bus.name} is not known",
+            f"the bus is filled up to a share of it, and the bit rate of {bus.name} is not known",
+            given={"rate": 0},
             hint=Hint(Action.GIVE_BIT_RATE, why="says it") + Hint(Action.GIVE, {"rate": None}, "or give another {}"),
         )
 
@@ -211,13 +212,13 @@ class _Part:
         if choice.channel not in (None, ALL, one.channel):
             return "frames of other channels"
         if not choice.from_s - _CLOSE_S <= at_s <= choice.to_s + _CLOSE_S:
-            return "frames before --from or behind --to"
+            return "frames before the first or behind the last second that was chosen"
         if not self._only and not self._without:
             return ""
         service = self._decoder.layout(one.frame).service
         meant = not self._only or any(matches(one.frame, *service) for matches in self._only)
         if not meant or any(matches(one.frame, *service) for matches in self._without):
-            return "frames not meant by --filter and --without"
+            return "frames that were not chosen"
         return ""
 
 

@@ -24,7 +24,7 @@ _NOT_HERE = {
     "set id": f"{_NO_NODE}: it has no node-ID",
     "set heartbeat": f"{_NO_NODE}: it sends no heartbeat",
     "set sdo_block": "long objects go in blocks by itself, where a node takes them",
-    "init": "the bit rate is that of the bus, which is chosen where the gateway is started (-b)",
+    "init": "the bit rate is that of the bus, which is chosen where the gateway is started",
     "enable guarding": _NO_GUARDING,
     "disable guarding": _NO_GUARDING,
 }

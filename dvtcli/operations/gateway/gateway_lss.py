@@ -26,9 +26,9 @@ _FIRST_PART = 0x5A
 #: what changes a slave, if only its LSS state: who is found by a fast scan is let be configured, too (CiA 305)
 _CHANGES = ("lss_set_node", "lss_store", "lss_switch_sel", "_lss_fastscan")
 _SWITCH_ALL = ("lss_switch_glob", (1,))
-_RATES = "a bus whose nodes run at two bit rates is dead; dvtcli lss bit-rate changes all, and takes it back"
+_RATES = "a bus whose nodes run at two bit rates is dead; dvtcli changes the rate of all, and takes it back"
 _ALL = "all slaves at once would get one node-ID; lss_switch_sel selects one"
-READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
+READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway allows no changes")
 
 
 class LssLines:

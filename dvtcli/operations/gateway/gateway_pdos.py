@@ -56,7 +56,7 @@ class GatewayPdos:
         cob_id = CobId.from_raw(pdo.cob_id)
         own = self._tpdos if pdo.is_tpdo else self._rpdos
         if pdo.is_tpdo and not self._allow_changes:
-            return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
+            return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway allows no changes")
         if not cob_id.valid:
             own.pop(pdo.number, None)
             if not pdo.is_tpdo:

@@ -136,7 +136,7 @@ def listen_address(text: str) -> Address:
         return address(text)
     path = text.removeprefix("unix:")
     if not path or "\0" in path:
-        raise UsageError(f"--listen {text}: not unix:PATH", hint="for example unix:gateway.sock")
+        raise UsageError("not unix:PATH", given={"listen": text}, hint="for example unix:gateway.sock")
     return path
 
 

@@ -121,7 +121,9 @@ def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> t
             raise UsageError(f"no rule of eds check is called {name!r}", hint=hint)
     chosen = tuple(rule for rule in EVERY_RULE if rule.name not in without and (not only or rule.name in only))
     if not chosen:
-        raise UsageError("--without leaves no rule to check", hint="a file that no rule looks at is not checked")
+        raise UsageError(
+            "no rule is left to check", given={"without": None}, hint="a file that no rule looks at is not checked"
+        )
     return chosen
 
 

@@ -36,11 +36,13 @@ def means_whole(node: Node, text: str) -> bool:
     return standard_object_type(index) in (ObjectType.ARRAY, ObjectType.RECORD)
 
 
-def refuse_whole(node: Node, text: str, option: str) -> None:
-    """UsageError where *text* means a whole record, and *option* is about one value."""
+def refuse_whole(node: Node, text: str) -> None:
+    """UsageError if *text* means a whole record: a file takes one value."""
     if means_whole(node, text):
         raise UsageError(
-            f"{text} has several sub-indices, and {option} takes one", node=node.node_id, hint=f"{text}:1, for example"
+            f"{text} has several sub-indices, and a file takes one",
+            node=node.node_id,
+            hint=Hint(Action.READ, {"object": f"{text}:1", "into": "FILE"}, "for example: {}"),
         )
 
 

@@ -98,7 +98,9 @@ def applied(
     from dvtcli.operations.plans.apply_network import apply_network
 
     if trust_stamp and prove is not None:
-        raise UsageError("--trust-stamp and --prove exclude each other: what is not read is not proved either")
+        raise UsageError(
+            "one or the other: what is not read is not proved either", given={"trust_stamp": True, "prove": None}
+        )
     plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
     on_plan(plan)
     applied_now = apply_network(session, plan, prove=prove)
@@ -131,14 +133,20 @@ def _new_plan(
         from dvtcli.operations.network.plan_manager import plan_manager
 
         if trust_stamp or include or is_about_device(file):
-            raise UsageError("--to-manager takes a network file, and goes with neither --trust-stamp nor --include")
+            raise UsageError(
+                "a manager gets what a whole network file says: no other file, and none of its stamps or objects alone",
+                given={"to_manager": manager},
+            )
         return plan_manager(session, file, manager)
     if not is_about_device(file):
         if include:
-            raise UsageError("--include is for a DCF, an XDC or a backup: a network file names what it sets")
+            raise UsageError(
+                "objects are named of a DCF, an XDC or a backup: a network file names what it sets",
+                given={"include": None},
+            )
         return plan_network(session, file, trust_stamp=trust_stamp, as_far=as_far)
     if trust_stamp:
-        raise UsageError("--trust-stamp is for a network file: only its nodes have its stamp")
+        raise UsageError("only nodes of a network file have its stamp", given={"trust_stamp": True})
     from dvtcli.operations.whole_device.plan_device import DeviceOptions, plan_device
 
     return plan_device(session, file, DeviceOptions(include))

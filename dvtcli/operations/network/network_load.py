@@ -119,7 +119,8 @@ def _what_if(session: Session, state: NetworkState, wishes: LoadOptions) -> What
             who = "" if node is None else f"{node}:"
             several_nodes = "which node's?" if ends else "no node here has it"
             raise UsageError(
-                f"--inhibit {who}{pdo}: {several_nodes}",
+                several_nodes,
+                given={"inhibit": f"{who}{pdo}"},
                 hint=_HOW,
             )
         inhibit[ends[0]] = time

@@ -52,7 +52,8 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     """
     if any(named_id != manager for named_id in named_nodes(session)):
         raise UsageError(
-            f"--to-manager gives node {manager} what all nodes of {file} download, -n names some of them",
+            f"node {manager} gets what all nodes of {file} download, and some of them are named",
+            given={"to_manager": manager},
             hint=Hint(
                 Action.GIVE,
                 {"node_id": None},

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from dvtcli.device import access_level
+from dvtcli.domain.script_line import login_line
 from dvtcli.operations.results import LoggedIn
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def log_in(
     before = access_level.access_level(node.access)
     held = access_level.log_in(node.access, wanted, lambda: passcode(node.node_id, wanted), user)
     if held != before and not session.dry_run:
-        session.record.add(node.node_id, [f"login {wanted}" if user is None else f"login {wanted} --user {user}"])
+        session.record.add(node.node_id, [login_line(wanted, user)])
     return LoggedIn(node.node_id, held, wanted, session.dry_run, _allows(policy, held))
 
 

@@ -41,7 +41,7 @@ def _say_ready(ready: Path, served: Serving, where: tuple[str, int] | None) -> N
         draft.write_text(f"{where[0]}:{served.port}\n" if where else f"{served.joined}\n", encoding="utf-8")
         draft.replace(ready)
     except OSError as failed:
-        raise UsageError(f"--ready-file {ready}: {failed.strerror}") from failed
+        raise UsageError(f"{failed.strerror}", given={"ready_file": ready}) from failed
 
 
 def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:

@@ -31,7 +31,9 @@ def show_faults(session: Session, node_id: int | None = None) -> Faults:
     own, history = node.profile.fault_list, read_history(node.sdo)
     active = () if own is None else read_fault_list(node.access, own, may_choose=not session.dry_run)
     if active and session.dry_run:
-        session.tell.note("--dry-run reads the node's own list only where it stands: to choose a position is a write")
+        session.tell.note(
+            "in a dry run the node's own list is read only where it stands: to choose a position is a write"
+        )
     rows = [words.row("active", code) for code in active]
     rows += words.of_history(history or ())
     rows += [words.heard(emergency) for emergency in node.bus.heard_emergencies(node.node_id)]

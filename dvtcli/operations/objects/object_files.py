@@ -27,7 +27,7 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
     """
     path = place_of(file, "NAME.bin")
     node = session.node(node_id)
-    refuse_whole(node, object_, "-o")
+    refuse_whole(node, object_)
     index, sub_index = object_at(node, object_)
     ask_before_overwriting(session, path)
     place = f"{index:04X}:{sub_index:02X}"

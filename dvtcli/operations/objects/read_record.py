@@ -27,7 +27,7 @@ _DOMAIN = BY_SHORT_NAME["domain"]
 _MOST, _MOST_MAPPED = 254, 64
 #: whose entries are programs: megabytes (CiA 302-3)
 _PROGRAMS = 0x1F50
-_TOO_LONG = "DOMAIN: -o FILE reads it"
+_TOO_LONG = "a DOMAIN is read alone, into a file"
 
 
 def read_whole(node: Node, text: str, data_type: DataType | None = None) -> RecordRead | ValueRead:

@@ -146,7 +146,7 @@ def _rows(
         return
     if not file.lower().endswith(".csv"):
         raise UsageError(
-            f"{file}: --every writes a .csv file",
+            f"{file}: values that are read again and again go into a .csv file",
             hint=Hint(Action.READ_VALUES, {"objects": ("6041", "606C"), "time": "100ms", "file": "run.csv"}),
         )
     path = place_of(file, "NAME.csv")

@@ -58,7 +58,9 @@ def bus_of(
     simulated = simulated_nodes(options.sim)
     if simulated and (options.interface or options.channel):
         raise UsageError(
-            "--sim and an interface exclude each other: a simulated node lives on no real bus", hint="leave one out"
+            "a simulated node lives on no real bus, and an interface is chosen, too",
+            given={"nodes": None},
+            hint="leave one out",
         )
     faults = simulated_faults(options.fault, simulated)
     signals = simulated_signals(options.signal, simulated)

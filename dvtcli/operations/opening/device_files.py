@@ -93,7 +93,7 @@ class DeviceFiles:
         if node_id in self.own_eds:
             return FileChoice(self.own_eds[node_id], "chosen for this node")
         if self.options.eds:
-            return FileChoice(file_or_family(self.options.eds), "chosen with --eds")
+            return FileChoice(file_or_family(self.options.eds), "chosen for every node")
         for simulated in self.simulated:
             if simulated.node_id == node_id:
                 return FileChoice(simulated.eds, SIMULATED)

@@ -243,9 +243,7 @@ class Opened(SessionOptions):
             if (by := self.chosen_by()) != NOBODY:
                 failed.details.append(("chosen by", by))
             elif described := self.settings.described_buses():
-                from dvtcli.domain.hint import as_hint
-
-                failed.hint = as_hint(described) + failed.hint if failed.hint else described
+                failed.hint = described + failed.hint if failed.hint else described
             failed.at_start = True
             raise
         except UsageError as wrong:

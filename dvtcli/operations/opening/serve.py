@@ -73,7 +73,9 @@ def address(text: str) -> tuple[str, int]:
     """Read `HOST:PORT`, `[IPv6]:PORT`, `:PORT` or `PORT`; a missing host is 127.0.0.1. UsageError otherwise."""
     match = re.fullmatch(r"(?:(?:\[([0-9A-Fa-f:.]+)\]|([^\s:\[\]]*)):)?(\d{1,5})", text, re.ASCII)
     if match is None or int(match[3]) > 65535:
-        raise UsageError(f"--listen {text}: not HOST:PORT", hint="for example 127.0.0.1:29536; port 0 is a free one")
+        raise UsageError(
+            "not HOST:PORT", given={"listen": text}, hint="for example 127.0.0.1:29536; port 0 is a free one"
+        )
     return match[1] or match[2] or LOOPBACK, int(match[3])
 
 
@@ -81,7 +83,7 @@ def latency_of(text: str) -> tuple[int | None, float]:
     """Read `[NODE:]MS`, 0…60000 ms; the node-ID, None for every other node, and the time (s). UsageError otherwise."""
     node, colon, time = text.rpartition(":")
     if not re.fullmatch(r"\d{1,5}(\.\d{1,3})?", time, re.ASCII) or float(time) > _LONGEST_LATENCY_MS:
-        raise UsageError(f"--latency {text}: not [NODE:]MS", hint="for example 2 or 5:20, up to 60000 ms")
+        raise UsageError("not [NODE:]MS", given={"latency": text}, hint="for example 2 or 5:20, up to 60000 ms")
     return (node_id(node) if colon else None), float(time) / 1000
 
 
@@ -106,7 +108,7 @@ def serving(
     from dvtcli.simulator.network.station import stations
     from dvtcli.simulator.network.wire import Wire
 
-    nodes = simulated_nodes(wanted.nodes, "sim")
+    nodes = simulated_nodes(wanted.nodes)
     for text in not_simulated(nodes):
         warn(text)
     devices = [simulated_device(node) for node in nodes]
@@ -141,7 +143,7 @@ def _warn_of_doubles(devices: list[StrictDevice], wanted: ServeRequest, warn: Ca
     """Say which of *devices* came up with the same node-ID."""
     for shared_id, many in Counter(device.node_id for device in devices).items():
         if many > 1 and shared_id != UNCONFIGURED:
-            warn(f"{many} nodes have node-ID {shared_id}, as --state {wanted.state} keeps it: they will answer as one")
+            warn(f"{many} nodes have node-ID {shared_id}, as {wanted.state} keeps it: they will answer as one")
 
 
 def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]:
@@ -150,7 +152,8 @@ def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]
     for fault in faults:
         if fault.kind.of_bit_rate:
             raise UsageError(
-                f"--fault {fault}: a served bus keeps its one bit rate",
+                "a served bus keeps its one bit rate",
+                given={"faults": fault},
                 hint=Hint(Action.GIVE, {"nodes": None}, "it is for {}"),
             )
     return faults
@@ -160,11 +163,12 @@ def _latencies(wanted: tuple[tuple[int | None, float], ...], devices: list[Stric
     """How long each of *devices* takes to answer (s); UsageError for a node that is not there, or said twice."""
     said, here = dict(wanted), {device.node_id for device in devices}
     for said_id in said:
-        name = "--latency" if said_id is None else f"--latency {said_id}:"
         if sum(other == said_id for other, _ in wanted) > 1:
-            raise UsageError(f"{name} is given twice")
+            raise UsageError("given twice", given={"latency": said_id})
         if said_id is not None and said_id not in here:
-            raise UsageError(f"{name} no such node here", hint="NODE:MS is the node-ID of a node behind sim")
+            raise UsageError(
+                "no such node here", given={"latency": said_id}, hint="NODE:MS is the node-ID of a node that is served"
+            )
     return [said.get(device.node_id, said.get(None, 0.0)) for device in devices]
 
 
@@ -179,7 +183,9 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
             f"cannot listen on {host}:{port}",
             why=failed.strerror or str(failed),
             hint=Hint(
-                Action.GIVE, {"listen": "HOST:0"}, "is another dvtcli sim or a socketcand running? {} takes a free port"
+                Action.GIVE,
+                {"listen": "HOST:0"},
+                "are nodes served there, or does a socketcand run? {} takes a free port",
             ),
         ) from failed
     if where is not None and not is_loopback(where[0]):

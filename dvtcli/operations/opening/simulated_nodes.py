@@ -109,8 +109,8 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
     )
 
 
-def simulated_nodes(words: tuple[str, ...], by: str = "--sim") -> tuple[Simulated, ...]:
-    """What each of *words* means, which *by* took: a file wins over `@`.
+def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
+    """What each of *words* means: a file wins over `@`.
 
     Node-IDs default to the one that a DCF or XDC was made for, or that a device was learnt with, else to the first
     free one.
@@ -122,22 +122,23 @@ def simulated_nodes(words: tuple[str, ...], by: str = "--sim") -> tuple[Simulate
         used = {simulated.node_id for simulated in found}
         chosen = _node_id_of_file(what, used) if wanted is None else wanted
         chosen = chosen if chosen is not None else next((n for n in range(1, 128) if n not in used), 1)
-        one = _simulated(what, chosen, by)
+        one = _simulated(what, chosen)
         if chosen == UNCONFIGURED and one in found:
-            raise UsageError(f"{by} {word}: nobody could tell two of them apart", hint="give one another identity")
+            raise UsageError(f"{word}: nobody could tell two of them apart", hint="give one another identity")
         if chosen != UNCONFIGURED and chosen in used:
-            raise UsageError(f"{by} {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
+            raise UsageError(f"{word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
         found.append(one)
     return tuple(found)
 
 
 def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Fault, ...]:
-    """What each `--fault` means; UsageError for a wrong one, and where no node is simulated."""
+    """What each of the faults *words* means; UsageError for a wrong one, and where no node is simulated."""
     if not words:
         return ()
     if not simulated:
         raise UsageError(
-            "--fault is for simulated nodes",
+            "only simulated nodes have faults",
+            given={"faults": None},
             hint=Hint(Action.GIVE, {"nodes": None}, "give {}")
             + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, " too: {}")
             + Hint(Action.GIVE, {"faults": "lose-response@3"}, " {}"),
@@ -155,17 +156,21 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
                 elif fault.kind.of_flash:
                     break_device(simulated_device(simulated_node), fault)
     except ValueError as wrong:
-        raise UsageError(f"--fault {wrong}") from wrong
+        raise UsageError(str(wrong), given={"faults": None}) from wrong
     return faults
 
 
 def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[SimulatedSignal, ...]:
-    """What each `--signal` means; UsageError for a wrong one, or without simulated nodes; InputFileError for a file."""
+    """What each of the signals *words* means.
+
+    UsageError for a wrong one, or without simulated nodes; InputFileError for a file.
+    """
     if not words:
         return ()
     if not simulated:
         raise UsageError(
-            "--signal is for simulated nodes",
+            "only simulated nodes have signals",
+            given={"signals": None},
             hint=Hint(Action.GIVE, {"nodes": None}, "give {}")
             + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, " too: {}")
             + Hint(Action.GIVE, {"signals": "606C=sine(1500,2s)"}, " {}"),
@@ -179,12 +184,12 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
         )
     except RowsError as wrong:
         raise InputFileError(
-            f"--signal: {wrong.place}: {wrong}", place=wrong.place, hint="rows are TIME,VALUE,…"
+            f"{wrong.place}: {wrong}", place=wrong.place, given={"signals": None}, hint="rows are TIME,VALUE,…"
         ) from wrong
     except OSError as failed:
-        raise UsageError(f"--signal: {failed.filename}: {failed.strerror or failed}") from failed
+        raise UsageError(f"{failed.filename}: {failed.strerror or failed}", given={"signals": None}) from failed
     except ValueError as wrong:
-        raise UsageError(f"--signal {wrong}") from wrong
+        raise UsageError(str(wrong), given={"signals": None}) from wrong
 
 
 def _split(word: str) -> tuple[str, int | None]:
@@ -211,7 +216,7 @@ def _node_id_of_file(what: str, used: set[int]) -> int | None:
     return stated if stated is not None and 1 <= stated <= 127 and stated not in used else None
 
 
-def _simulated(what: str, chosen: int, by: str) -> Simulated:
+def _simulated(what: str, chosen: int) -> Simulated:
     from dvtcli.simulator.network.family_file import family_eds, family_folder_eds, family_names, is_family_folder
 
     path = Path(what)
@@ -223,7 +228,7 @@ def _simulated(what: str, chosen: int, by: str) -> Simulated:
         return Simulated(chosen, path.resolve().name, family_folder_eds(path), path)
     known = ", ".join(family_names())
     raise UsageError(
-        f"{by} {what}: no such family and no such file",
+        f"{what}: no such family and no such file",
         hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that was learnt",
     )
 

@@ -222,7 +222,8 @@ def _one_at_a_time(paths: Sequence[Path]) -> UsageError:
     else:
         hint = Hint(Action.RECOVER, {"node": _number_of(damaged), "discard": True}, f"sets {verbatim(damaged)} aside")
     return UsageError(
-        "several changes were interrupted on this bus: --discard closes one at a time",
+        "several changes were interrupted on this bus, and one at a time is closed",
+        given={"discard": True},
         why=f"they are in {join_some(map(str, paths))}",
         hint=hint,
     )

@@ -48,7 +48,8 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     one = next((begun_journal for begun_journal in journals if may_finish([begun_journal])), None)
     if one is not None and not may_finish(journals):
         raise UsageError(
-            "several changes were interrupted: --finish goes on with one network at a time",
+            "several changes were interrupted, and the stores of one network at a time are finished",
+            given={"finish": True},
             hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"goes on with {verbatim(one.part.name)}"),
         )
     if not may_finish(journals):

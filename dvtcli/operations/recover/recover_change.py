@@ -41,8 +41,9 @@ def recover(
     journal of another bus or device, LeftChanged where a device does not take it; an
     error says what was put back before it.
     """
-    if accept + discard + finish > 1:
-        raise UsageError("--accept, --discard and --finish exclude each other")
+    ways = {"accept": accept, "discard": discard, "finish": finish}
+    if sum(ways.values()) > 1:
+        raise UsageError("one excludes the other", given={name: True for name, wanted in ways.items() if wanted})
     if accept:
         return accepted(session, file)
     return discarded(session, file) if discard else _recovered(session, file, finish=finish)

@@ -81,7 +81,8 @@ class Session(Opened):
         if self.base.nodes or self.base.every_node:
             said = ",".join(map(str, self.base.nodes)) or "all"
             raise UsageError(
-                f"-n {said} names several nodes, and this is about one",
+                "several nodes, and this is about one",
+                given={"node_id": said},
                 hint=Hint(
                     Action.GIVE,
                     {"node_id": "ID"},

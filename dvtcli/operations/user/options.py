@@ -142,7 +142,9 @@ def _folder(text: str) -> str:
     try:
         return text and os.path.abspath(text)  # noqa: PTH100 - pathlib costs 7 ms of a --help
     except FileNotFoundError:
-        raise UsageError(f"--journal {text}: this folder was removed", hint="cd, or give the whole path") from None
+        raise UsageError(
+            "this folder was removed", given={"journal": text}, hint="cd, or give the whole path"
+        ) from None
 
 
 def _node_ids(value: Any) -> int | tuple[int, ...] | str:
@@ -186,13 +188,13 @@ def _percent(value: Any) -> int:
     except ValueError:
         percent = -1
     if not 1 <= percent <= 100:
-        raise UsageError(f"--bus-share {value}: a share of the bus is 1…100 %")
+        raise UsageError("a share of the bus is 1…100 %", given={"bus_share": value})
     return percent
 
 
 def _pair(text: str) -> str:
     if "=" not in text:
-        raise UsageError(f"--bus-kwargs takes KEY=VALUE, not {text!r}; repeat the option for each pair")
+        raise UsageError(f"a setting is KEY=VALUE, not {text!r}; each pair alone", given={"bus_kwargs": None})
     return text
 
 
@@ -202,7 +204,7 @@ def _seconds(text: str) -> float:
     except ValueError:
         value = -1.0
     if not 0.001 <= value <= 600:
-        raise UsageError(f"--timeout {text}: a time-out is 0.001…600 seconds")
+        raise UsageError("a time-out is 0.001…600 seconds", given={"timeout_s": text})
     return value
 
 

@@ -145,7 +145,8 @@ class File:
                 value = os.path.join(os.path.dirname(os.path.abspath(self.path)), str(value))  # noqa: PTH100, PTH118, PTH120
             return checked(name, value)
         except UsageError as wrong:
-            raise InputFileError(f"{self.path}: {name}: {wrong.text}", place=self.path) from wrong
+            said = "".join(f"{value}: " for value in wrong.given.values() if value is not None)
+            raise InputFileError(f"{self.path}: {name}: {said}{wrong.text}", place=self.path) from wrong
 
 
 class Settings:
@@ -160,14 +161,14 @@ class Settings:
         self.user: File | None = None
         self.variables: Layer = {}
         self.typed: Layer = {}
-        #: where each option that counts was said: `option`, its variable or the settings file
+        #: where each option that counts was said: typed, in its variable or in the settings file
         self.sources: dict[str, str] = {}
         self._wrong: DvtcliError | None = None
         self._warned = False
 
-    def start(self, given: Mapping[str, Any], where: str) -> dict[str, Any]:
-        """Take the options of the program's start, which were said in *where*; what counts now, by option."""
-        self.typed |= {name: (value, where) for name, value in given.items()}
+    def start(self, given: Layer) -> dict[str, Any]:
+        """Take the options of the program's start, each with where it was said; what counts now, by option."""
+        self.typed |= given
         found, self._wrong = self.resolved()
         self.sources = {name: said for name, (_, said) in found.items()}
         return {name: value for name, (value, _) in found.items()}
@@ -219,6 +220,14 @@ class Settings:
         chosen = (self.sources.get(name, "") for name in _CHOOSES_BUS)
         return self.project if any(map(self.project.chose, chosen)) else None
 
+    def is_typed(self, name: str) -> bool:
+        """Whether the option *name* counts as it was typed, and no variable or file says it."""
+        return name in self.typed and self.sources.get(name) == self.typed[name][1]
+
+    def place_of(self, name: str) -> str:
+        """Where the option *name* that counts now was said, for people."""
+        return "option" if self.is_typed(name) else self.sources.get(name, "this line")
+
     def chosen_by(self) -> str:
         """Who chose the bus: an option, a variable or a file, for people; `nobody` where none did."""
         found = chooser(self.sources)
@@ -262,12 +271,19 @@ class Settings:
         own = user_folder("config") / "config.toml"
         return f"{self.project.path}: {names}: never taken from a project's file; it may stand in {own}"
 
-    def described_buses(self) -> str:
-        """How to choose one of the buses that the files describe, empty where they describe none."""
+    def described_buses(self) -> Hint | None:
+        """How to choose one of the buses that the files describe, None if they describe none."""
+        from dataclasses import replace
+
+        from dvtcli.domain.hint import Action, Hint
+
         names = sorted({name for file in self.files for name in file.buses})
-        return (
-            f"{' or '.join(f'--bus {name}' for name in names)} chooses what a settings file describes" if names else ""
-        )
+        if not names:
+            return None
+        first, *others = (Hint(Action.GIVE_BUS, {"bus": name}) for name in names)
+        for other in others:
+            first += replace(other, why=" or {}")
+        return first + " chooses what a settings file describes"
 
     def resolved(self) -> tuple[Layer, DvtcliError | None]:
         """What counts in the end, and why it must not be used where it must not.
@@ -291,12 +307,13 @@ class Settings:
         return found, self.unusable
 
     def _named_bus(self) -> Layer:
-        """What a file says of the bus that --bus or its variable chooses, nothing where none is chosen in the end."""
+        """What a file says of the bus that is chosen by its name, nothing where none is chosen in the end."""
         for layer, weaker in ((self.typed, self.variables), (self.variables, {})):
             beside = sorted(layer.keys() & {"interface", "sim"})
             if "bus" in layer:
                 if beside:
-                    raise UsageError(f"--bus and --{beside[0]} exclude each other: each chooses a bus, leave one out")
+                    both = f"{layer['bus'][1]} and {layer[beside[0]][1]}"
+                    raise UsageError(f"{both} exclude each other: each chooses a bus, leave one out")
                 return self._described(*layer["bus"])
             if beside or "bus" not in weaker:
                 return {}
@@ -306,10 +323,9 @@ class Settings:
         described = {known: layer for file in self.files for known, layer in file.buses.items()}
         if name in described:
             return described[name]
-        said = "--bus" if where == "option" else where
         known = f"described are: {', '.join(sorted(described))}" if described else "no settings file describes any"
         raise UsageError(
-            f"{said} {name}: no such bus", hint=f'{known}; [bus.{name}]  then  interface = "socketcan"  and so on'
+            f"{where} {name}: no such bus", hint=f'{known}; [bus.{name}]  then  interface = "socketcan"  and so on'
         )
 
 
@@ -317,8 +333,6 @@ def chooser(sources: Mapping[str, str]) -> str | None:
     """Who chose the bus, for people, by where each option was said; None where python-can's own settings do."""
     for name in ("sim", "interface", "channel"):
         if name in sources:
-            where = sources[name]
             by = sources.get("bus")
-            option = f"--{name}" if where == "option" else where
-            return option if by is None else f"{option} (--bus)" if by == "option" else f"{option} ({by})"
+            return sources[name] if by is None else f"{sources[name]} ({by})"
     return None

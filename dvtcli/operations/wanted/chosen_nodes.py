@@ -22,7 +22,7 @@ def named_nodes(session: Session) -> tuple[int, ...]:
     says which node is selected.
     """
     ids = session.base.nodes
-    typed = session.settings.sources.get("node") == "option" and session.ends_with_line
+    typed = session.settings.is_typed("node") and session.ends_with_line
     return ids if len(ids) > 1 or typed else ()
 
 
@@ -36,7 +36,9 @@ def of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...
     if left_out := len(wish.links) - len(chosen.links):
         stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
         kept = f"; left as they are: {stay}" if stay else ""
-        session.tell.note(f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n{kept}")
+        session.tell.note(
+            f"{plural(left_out, 'link')} of {file} left out: not both ends are among the chosen nodes{kept}"
+        )
     return chosen
 
 

@@ -1,4 +1,4 @@
-"""What --include names of a file about one device: whole objects and ranges of them, or single sub-indices.
+"""What is named to be included of a file about one device: whole objects and ranges of them, or single sub-indices.
 
 Does not know why an object is left out; `Configuration` does.
 """
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.configuration import Configuration, NotWritten
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import UsageError
 from dvtcli.operations.meanings.named_objects import is_name, object_at
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Included:
-    """One *word* behind --include: every sub-index of the indices of *range*, or the *object* alone."""
+    """One *word* that names what is included: every sub-index of the indices of *range*, or the *object* alone."""
 
     word: str
     range: Range | None = None
@@ -49,7 +49,8 @@ def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[I
     for included in found:
         if not included.is_many and not included.of(held):
             raise UsageError(
-                f"--include {included.word} names nothing of {held.name}: the file has no value of it",
+                f"names nothing of {held.name}: the file has no value of it",
+                given={"include": included.word},
                 node=node.node_id,
                 hint=Hint(
                     Action.PLAN,
@@ -60,14 +61,14 @@ def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[I
     return found
 
 
-def idle(held: HeldDevice, known: Configuration, included: Collection[Included]) -> Iterator[str]:
+def idle(held: HeldDevice, known: Configuration, included: Collection[Included]) -> Iterator[Hint]:
     """What to say of each of *included* by which nothing more is written: since it is anyway, or never."""
     for inclusion in included:
         places = inclusion.of(held)
         if not places:
-            yield f"--include {inclusion.word} names nothing of {held.name}"
+            yield Hint(Action.GIVE, {"include": inclusion.word}, f"names nothing of {verbatim(held.name)}")
         elif not inclusion.is_many and (text := _why_idle(known, places)):
-            yield f"--include {inclusion.word}: {text}"
+            yield Hint(Action.GIVE, {"include": inclusion.word}, f"{{}}: {verbatim(text)}")
 
 
 def _why_idle(known: Configuration, places: Collection[ObjectAddress]) -> str:
@@ -92,7 +93,7 @@ def _included(node: Node, word: str) -> Included:
         except ValueError:
             low, high = 1, 0
         if not 0x1000 <= low <= high <= 0xFFFF:
-            raise UsageError(f"--include {word}: a range of indices is written 2000-2FFF")
+            raise UsageError("a range of indices is written 2000-2FFF", given={"include": word})
         return Included(word, (low, high))
     index, sub_index = object_at(node, word)
     if ":" in word or (is_name(word) and sub_index):

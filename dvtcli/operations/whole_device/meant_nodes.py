@@ -16,7 +16,8 @@ def selected_nodes(session: Session) -> tuple[int, ...]:
     """The selected node, or those of -n; none where nobody selected one. UsageError for `-n all`."""
     if session.selected is None and session.base.every_node:
         raise UsageError(
-            "-n all: a file about one device is for nodes that are named",
+            "a file about one device is for nodes that are named",
+            given={"node_id": "all"},
             hint=Hint(Action.GIVE, {"node_id": "3,4,5"}, "names several"),
         )
     if session.selected is None and len(session.base.nodes) > 1:

@@ -24,6 +24,7 @@ from dvtcli.operations.whole_device.read_whole_device import configuration, desc
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.profile import ObjectAddress
@@ -51,7 +52,7 @@ class WantedOfFile:
     #: settings that the node holds as the file says, and that nobody would write
     also_equal: dict[ObjectAddress, bytes] = field(default_factory=dict)
     #: what to say of what the user called configuration and by which nothing more is written
-    idle: tuple[str, ...] = ()
+    idle: tuple[Hint, ...] = ()
 
     def __bool__(self) -> bool:
         """Whether anything that the file says was compared."""

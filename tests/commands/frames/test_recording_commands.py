@@ -220,7 +220,7 @@ def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None
         (["decode", "run.log", "--dbc", "run.log"], 4, "-d takes a DBC file or a network file"),
         (["decode", "run.log", "--dbc", "run.log"], 4, "is no DBC file"),
         (["decode", "run.log", "--dbc", GEN4], 4, "--eds gen4.eds takes an EDS"),
-        (["decode", "run.log", "--csv"], 2, "needs a mapping"),
+        (["decode", "run.log", "--csv"], 2, "need a mapping"),
         (["plot", "run.log", "velocity", "--eds", GEN4], 2, "Velocity actual value"),
         (["plot", "run.log", "606C"], 2, "no signal is known"),
         (["plot", "run.log", "606C", "--eds", GEN4, "-o", "x.gif"], 2, ".png"),

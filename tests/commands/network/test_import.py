@@ -97,7 +97,7 @@ def test_some_nodes_of_a_network(tmp_path: Path) -> None:
         ran = bench.run(f"import {file} --json")
         assert [one["node"] for one in ran.document["nodes"]] == [1, 6]
         ran = bench.run("map tpdo1 6041")
-        assert (ran.code, "-n 1,6 names several nodes" in ran.stderr) == (2, True)
+        assert (ran.code, "-n 1,6: several nodes" in ran.stderr) == (2, True)
     links = "links: [{from: a:tpdo1, to: b:rpdo1, heartbeat: false}]\n"
     file.write_text("a: {node_id: 1}\nb: {node_id: 5}\nc: {node_id: 6}\nd: {node_id: 9}\n" + links)
     with Bench(nodes, {"node": (1, 6), "yes": True}) as bench:

@@ -82,7 +82,7 @@ def test_lines_that_are_about_one_node_refuse_several() -> None:
         with Bench(NODES, {"node": named}) as bench:
             for line in ("map tpdo1 6041", "write 1017 500", "restore"):
                 ran = bench.run(line)
-                assert (ran.code, "names several nodes" in ran.stderr) == (2, True), line
+                assert (ran.code, "several nodes, and this is about one" in ran.stderr) == (2, True), line
 
 
 def test_all_are_those_that_a_scan_finds() -> None:

@@ -82,8 +82,8 @@ def test_as_a_type(gen4: Bench) -> None:
 
 def test_a_file_takes_one_value(gen4: Bench) -> None:
     refused = gen4.run("read 1018 -o identity.bin")
-    assert (refused.code, "-o takes one" in refused.stderr) == (2, True)
-    assert "1018:1" in refused.stderr
+    assert (refused.code, "a file takes one" in refused.stderr) == (2, True)
+    assert "read 1018:1 -o FILE" in refused.stderr
 
 
 def test_without_an_eds_the_standards_records_are_known(nameless: Bench) -> None:
@@ -110,7 +110,8 @@ def test_an_error_history() -> None:
 def test_a_program_is_not_read_by_the_way() -> None:
     with Bench(("loader@1",)) as bench:
         ran = bench.run("read 1F50")
-        assert (ran.code, "not read: DOMAIN" in ran.stdout) == (0, True)
+        said = "not read: a DOMAIN is read alone, into a file; `read 1F50:01 -o FILE` does"
+        assert (ran.code, said in ran.stdout) == (0, True), ran
         entry = bench.run("read 1F50 --json").document["entries"][0]
         assert (entry["value"], entry["abort"]) == (None, None)
 

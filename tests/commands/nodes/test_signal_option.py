@@ -90,7 +90,7 @@ def test_without_a_simulated_node() -> None:
     options = {"signal": ("606C=const(1)",), "interface": "virtual", "channel": "x", "node": 1}
     with Bench(sim=(), options=options) as bench:
         ran = bench.run("read 606C")
-    assert (ran.code, "--signal is for simulated nodes" in ran.stderr) == (2, True)
+    assert (ran.code, "--signal: only simulated nodes have signals" in ran.stderr) == (2, True)
 
 
 def test_a_wrong_row_is_named(tmp_path: Path) -> None:

@@ -36,10 +36,17 @@ def test_text_for_what_is_taken_for_a_number() -> None:
 
 
 def test_a_long_value_is_cut_and_says_how_to_have_it_all() -> None:
+    from dvtcli.cli.view.answers.value_lines import value_lines
+    from dvtcli.cli.view.typed_hints import typed
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.shown_value import cut_bytes
+    from dvtcli.operations.results.values import ValueRead
 
     assert cut_bytes(bytes(128)).count("00") == 128
-    assert cut_bytes(bytes(3000)).endswith("… 3,000 bytes; read -o FILE has all")
+    assert cut_bytes(bytes(3000)).endswith("… 3,000 bytes")
+    *_, hint = next(value_lines(ValueRead(1, "2007:00", "", bytes(3000), bytes(3000), "os"), 80))
+    assert isinstance(hint, Hint)
+    assert typed(hint) == "`read 2007:00 -o FILE` has all"
 
 
 def test_help_network_is_a_topic() -> None:

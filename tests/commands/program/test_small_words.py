@@ -73,7 +73,7 @@ def test_an_option_of_the_start_is_no_fault_of_a_scripts_line(fault: str) -> Non
     with Bench(("gen4",), {"fault": (fault,)}) as bench:
         ran = bench.script("read 1000")
         assert ran.code == 2
-        assert ran.stderr.startswith(f"error: --fault {fault}")
+        assert ran.stderr.startswith(f"error: --fault: {fault}")
         assert bench.script("read 1000 --json").document["at"] is None
 
 

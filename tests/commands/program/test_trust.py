@@ -30,7 +30,7 @@ def settings_here(text: str) -> Settings:
     found = Settings()
     found.read_files()
     assert found.unusable is None
-    found.start({}, "option")
+    found.start({})
     return found
 
 
@@ -182,7 +182,7 @@ def test_a_folder_of_journals_stays_the_same_one(request: pytest.FixtureRequest)
     os.chdir("below")
     found = Settings()
     found.read_files()
-    assert found.start({}, "option")["journal"] == str(before.resolve() / "kept")
+    assert found.start({})["journal"] == str(before.resolve() / "kept")
 
 
 def test_trust_is_shown_and_taken_back(tmp_path: Path) -> None:

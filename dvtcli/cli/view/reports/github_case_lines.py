@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.cases import cases_of
 from dvtcli.cli.view.reports.github_lines import as_data, as_property
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, RuleError
 
@@ -36,7 +37,7 @@ def github_error_lines(error: DvtcliError) -> Iterator[Line]:
     for complaint in complaints:
         yield workflow_command("error", complaint.file, complaint.line, "dvtcli", complaint.text, complaint.column)
     if not complaints:
-        yield workflow_command("error", "", 0, error.slug, str(error))
+        yield workflow_command("error", "", 0, error.slug, error_text(error, str(error)))
     for label, text in error.details:
         if label == "also":
             yield workflow_command("error", "", 0, error.slug, text)

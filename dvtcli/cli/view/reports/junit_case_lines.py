@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.cases import Case, cases_of
 from dvtcli.cli.view.reports.junit_lines import suites_text
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.safe_text import safe
 from dvtcli.errors import InputFileError, RuleError
 
@@ -58,6 +59,6 @@ def junit_error_lines(error: DvtcliError) -> Iterator[Line]:
         *(f"{complaint.place}: {complaint.text}" for complaint in complaints),
         *(text for _, text in error.details),
     ]
-    said = {"type": error.slug, "message": safe(str(error))}
+    said = {"type": error.slug, "message": safe(error_text(error, str(error)))}
     ET.SubElement(element, "error", said).text = "\n".join(map(safe, texts))
     yield from suites_text([suite])

@@ -11,6 +11,7 @@ from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.github_case_lines import workflow_command
 from dvtcli.cli.view.reports.github_lines import as_data
 from dvtcli.cli.view.reports.junit_lines import suites_text
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 
@@ -59,7 +60,7 @@ def _failure(case: ET.Element, line: LineRan) -> None:
 
 
 def _why(line: LineRan) -> str:
-    said = f"exit code {line.code}" if line.error is None else str(line.error)
+    said = f"exit code {line.code}" if line.error is None else error_text(line.error, str(line.error))
     return f"{said} (exit code {line.code})" if line.error is not None else said
 
 
