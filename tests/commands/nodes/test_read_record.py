@@ -110,7 +110,7 @@ def test_an_error_history() -> None:
 def test_a_program_is_not_read_by_the_way() -> None:
     with Bench(("loader@1",)) as bench:
         ran = bench.run("read 1F50")
-        said = "not read: a DOMAIN is read alone, into a file; `read 1F50:01 -o FILE` does"
+        said = "not read: a DOMAIN is read alone, into a file; `dvtcli --sim loader@1 read 1F50:01 -o FILE` does"
         assert (ran.code, said in ran.stdout) == (0, True), ran
         entry = bench.run("read 1F50 --json").document["entries"][0]
         assert (entry["value"], entry["abort"]) == (None, None)
