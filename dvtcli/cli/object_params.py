@@ -23,6 +23,7 @@ from dvtcli.domain.object_syntax import (
     resolve_entry,
     resolve_object,
 )
+from dvtcli.errors import UsageError
 from dvtcli.operations.meanings.named_objects import entry_at, name_hint, object_at, one_name
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class ObjectParam(CanopenType):
     entry = False
 
     def parse(self, text: str, ctx: click.Context | None) -> ObjectWord | EntryWord:
-        """The word; a name that no known dictionary has is refused here, before anything is sent."""
+        """The word; UsageError for a name that no known dictionary has, before anything is sent."""
         if not self.entry:
             parse_object(text)
         session = ctx.find_root().obj if ctx is not None else None
@@ -93,9 +94,7 @@ class ObjectParam(CanopenType):
             else:
                 return
         if isinstance(failure, UnknownName):
-            from dvtcli.cli.view.typed_hints import typed
-
-            raise ValueError(f"{failure}; {typed(name_hint(failure))}")
+            raise UsageError(str(failure), hint=name_hint(failure))
         if failure is not None:
             raise failure
 
@@ -123,19 +122,19 @@ class Objects(click.Argument):
     """Several objects. A name with blanks that was typed without quotes is refused with how it is written."""
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
-        """The words; BadParameter where one is no object."""
+        """The words; BadParameter if one is no object, UsageError if no dictionary has its name."""
         try:
             return super().type_cast_value(ctx, value)
-        except click.BadParameter as wrong:
+        except (click.BadParameter, UsageError) as wrong:
             said = one_name(value or (), lambda name: self._is_object(ctx, name))
             if said is None:
                 raise
-            raise click.BadParameter(said, wrong.ctx, wrong.param) from wrong
+            raise click.BadParameter(said, ctx, self) from wrong
 
     def _is_object(self, ctx: click.Context, text: str) -> bool:
         try:
             self.type.convert(text, self, ctx)
-        except click.BadParameter:
+        except (click.BadParameter, UsageError):
             return False
         return True
 

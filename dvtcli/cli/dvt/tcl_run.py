@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.dvt.tcl_calls import TclCalls, modern
 from dvtcli.cli.dvt.tcl_process import Late, TclProcess
 from dvtcli.cli.dvt.tcl_wire import Call, CallResult, End, Frame, Gone, Limits, Ready, Setup, WireError
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 
 if TYPE_CHECKING:
@@ -143,8 +144,8 @@ class TclRun:
         try:
             return CallResult(False, self._calls.run(call.name, call.texts, place))
         except UsageError as wrong:
-            hint = wrong.hint and self._session.output.hints(wrong.node).text(wrong.hint)
-            return CallResult(True, f"{wrong.text}; {hint}" if hint else wrong.text)
+            hint = "" if not wrong.hint else self._session.output.hints(wrong.node).text(wrong.hint)
+            return CallResult(True, "; ".join(filter(None, (error_text(wrong), hint))))
         finally:
             if self._session.script_changes is not None:
                 self._session.script_changes.note(place)

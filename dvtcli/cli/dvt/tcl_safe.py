@@ -143,7 +143,7 @@ def _arguments(line: Sequence[str], session: Conversation) -> list[str]:
     """The texts on a command's *line* that are no global options; none where it cannot be parsed, and so not run."""
     try:
         ctx = parse(line, session)
-    except (click.ClickException, click.exceptions.Exit):
+    except (click.ClickException, click.exceptions.Exit, UsageError):
         return []
     own = [ctx.params[param.name] for param in ctx.command.params if param.name and not getattr(param, "hidden", False)]
     texts = [text for value in own for text in (value if isinstance(value, tuple) else (value,))]

@@ -18,7 +18,7 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.prompt.line import checked, taken_apart, tcl_line
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.lines import Cell
-from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.cli.view.wrap import wrapped
 from dvtcli.domain.safe_text import safe
 from dvtcli.errors import DvtcliError, UsageError
@@ -80,7 +80,7 @@ class LineValidator(Validator):
         except click.ClickException as wrong:
             return _INVALID.sub("", usage_error(wrong).text)
         except UsageError as wrong:
-            return error_text(wrong)
+            return "; ".join(filter(None, (error_text(wrong), typed(wrong.hint))))
         except DvtcliError:
             return None  # a file that cannot be read is no fault of the line: running it says which
         return None

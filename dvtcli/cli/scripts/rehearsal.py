@@ -15,6 +15,7 @@ from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import final
 from dvtcli.cli.scripts.script_lines import MOST_BYTES, ScriptLine, script_lines
 from dvtcli.cli.scripts.script_parse import MOST_NESTED, script_of
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.device.wish import Wish, unreadable_of
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError
 from dvtcli.files.input_file import read_input_head
@@ -102,7 +103,7 @@ def _data(source: str) -> bytes:
 def _placed(wrong: DvtcliError, place: str) -> DvtcliError:
     """*wrong* with where it is in the script, innermost first, unless it says that itself."""
     if ":" not in wrong.text or not wrong.text.startswith(place.rpartition(":")[0]):
-        wrong.text = f"{place}: {wrong.text}"
+        wrong.text, wrong.given = f"{place}: {error_text(wrong)}", {}
     wrong.state, wrong.state_text, wrong.rehearsed = "unchanged", None, True  # what was put back was a twin's
     wrong.details = [row for row in wrong.details if row[0] != DRY_RUN]
     return wrong

@@ -89,5 +89,7 @@ def _words(line: str, place: str) -> list[str]:
 
 def placed(wrong: DvtcliError, place: str) -> DvtcliError:
     """*wrong*, which says now that it is at *place*."""
-    wrong.text, wrong.place = f"{place}: {wrong.text}", place
+    from dvtcli.cli.view.typed_hints import error_text
+
+    wrong.text, wrong.given, wrong.place = f"{place}: {error_text(wrong)}", {}, place
     return wrong

@@ -184,6 +184,23 @@ def test_a_node_that_is_not_there_is_no_answer() -> None:
             assert "hint" in ran.stderr
 
 
+@pytest.mark.parametrize("lines", [("read 1017", "recover --accept --finish"), ("recover --accept --finish",)])
+def test_an_option_stands_behind_the_place_of_its_line(lines: tuple[str, ...]) -> None:
+    with Bench(("gen4",), {"yes": True}) as bench:
+        assert bench.run(lines[-1]).stderr.startswith("error: --accept and --finish: one excludes the other")
+        said = f"test.dvt:{len(lines)}: error: --accept and --finish: one excludes the other"
+        assert bench.script(*lines).stderr.startswith(said)
+        assert bench.script("read 1017 --timeout 700").stderr.startswith("test.dvt:1: error: --timeout 700: a time-out")
+
+
+def test_what_is_typed_for_a_name_that_is_not_known_says_the_bus() -> None:
+    with Bench(("gen4",)) as bench:
+        for line in ("read 9", "write 9 1", "map tpdo1 9"):
+            ran = bench.run(line)
+            assert ran.stderr.startswith("error: no object is named '9' in gen4.eds\n")
+            assert "`dvtcli --sim gen4 objects TEXT` searches the dictionary" in ran.stderr
+
+
 @pytest.mark.parametrize("sim", ["nofamily", "gen4@0", "gen4@128", "gen4@x", "@"])
 def test_a_wrong_simulation_is_a_usage_error(sim: str) -> None:
     with Bench((sim,)) as bench:
