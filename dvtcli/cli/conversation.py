@@ -226,6 +226,7 @@ class Conversation(Session):
             () if nodes is None else ("-n", word),
             self.selected_id(),
             alone=not self.at_prompt,
+            script=next((file for file in self.scripts[:1] if file.lower().endswith(".dvt")), ""),
         )
 
     def doing(self) -> str:
@@ -239,23 +240,13 @@ class Conversation(Session):
             self.warn_of_disturbances()
         if nodes := self._nodes():
             from dvtcli.device.restarts import losses
+            from dvtcli.domain.hint import Action, Hint, verbatim
 
             for node in nodes:
                 for text in losses([node]):
-                    self.output.warning(self._look_after(node.node_id, text))
+                    why = f"{verbatim(text)}; see {{}}"
+                    self.output.warning(Hint(Action.VERIFY, {"node": node.node_id}, why))
         self._apply()
-
-    def _look_after(self, node_id: int, loss: str) -> Hint:
-        """*loss* of node *node_id* with the command that shows it: only at the prompt it can know what was set."""
-        from dvtcli.domain.hint import Action, Hint, verbatim
-
-        why = f"{verbatim(loss)}; see {{}}"
-        if self.at_prompt:
-            return Hint(Action.VERIFY, why=why)
-        file = self.scripts[0] if self.in_script else ""
-        if file.lower().endswith(".dvt"):
-            return Hint(Action.VERIFY, {"file": file}, why)
-        return Hint(Action.SHOW_PDOS, {"node": node_id}, why)
 
     def _apply(self) -> None:
         """Let screen and bus do as the options say now."""

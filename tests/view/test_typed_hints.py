@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,17 @@ def test_a_hint_is_written_for_who_reads_it(hint: Hint, at_shell: str, at_prompt
     assert TypedHints(lambda: SHELL).text(hint) == at_shell
     assert typed(hint) == at_prompt
     assert in_python is None or called(hint) == in_python
+
+
+def test_what_compares_with_what_was_set_runs_in_a_program_of_its_own() -> None:
+    """Only the prompt knows what was set before; a script's file says it to the next program, too."""
+    hint = Hint(Action.VERIFY, {"node": 8}, "see {}")
+    bus = "dvtcli -i socketcan -c 'can 0' -n 8"
+    assert typed(hint) == "see `-n 8 verify`"
+    assert TypedHints(lambda: SHELL).text(hint) == f"see `{bus} pdo`"
+    assert TypedHints(lambda: replace(SHELL, script="s.dvt")).text(hint) == f"see `{bus} verify s.dvt`"
+    of_a_file = Hint(Action.VERIFY, {"file": "h.dcf"})
+    assert TypedHints(lambda: SHELL).text(of_a_file) == "`dvtcli -i socketcan -c 'can 0' -n 5 verify h.dcf`"
 
 
 def test_the_node_that_a_failure_is_about_is_named_where_another_one_was_selected() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.hint import Action, Hint, filled, sentence
@@ -152,13 +152,14 @@ PLACEHOLDER = re.compile(
 class TypedCall:
     """The call that a hint follows: the options that chose its bus, those of `-n`, and the node that these select.
 
-    *alone*: the next command is typed at a shell, not at the prompt.
+    *alone*: the next command is typed at a shell, not at the prompt. *script*: the file of the lines that it ran.
     """
 
     bus: tuple[str, ...] = ()
     node: tuple[str, ...] = ()
     selected: int | None = None
     alone: bool = False
+    script: str = ""
 
 
 @dataclass(slots=True)
@@ -189,6 +190,8 @@ class TypedHints:
 
     def _line(self, step: Hint) -> list[str]:
         """The command of a *step*, as it is typed behind this call."""
+        if step.action is Action.VERIFY and "file" not in step.arguments and self.call().alone:
+            step = self._shown(step)
         action = step.action
         assert action is not None  # noqa: S101 - as above
         said, call = COMMANDS[action], self.call()
@@ -199,6 +202,12 @@ class TypedHints:
         words = _behind_options(filled(said, {"node": node, **given} if "{node}" in said else given), given)
         others = _of_node(call, node) if action not in _OF_THE_BUS and "{node}" not in said else ()
         return self._in_call(call, action, [*others, *words])
+
+    def _shown(self, step: Hint) -> Hint:
+        """What compares with what was set, for a program of its own, to which only a script's file can say that."""
+        if script := self.call().script:
+            return replace(step, arguments={**step.arguments, "file": script})
+        return replace(step, action=Action.SHOW_PDOS)
 
     def _in_call(self, call: TypedCall, action: Action, words: list[str]) -> list[str]:
         """*words* behind those that choose the bus of this *call*."""

@@ -58,9 +58,7 @@ def not_all_stored(course: Stores, journals: Sequence[Path], unstamped: Sequence
     spoilt = [node_id for node_id, failure in course.failed.items() if _is_spoilt(failure)]
     unsure = [node_id for node_id in course.failed if node_id not in (*refused, *spoilt)]
     said = [f"whether node {join_some(map(str, unsure))} stored it is not known"] if unsure else []
-    said += (
-        [f"what node {join_some(map(str, spoilt))}, which refused to store, keeps now is not known"] if spoilt else []
-    )
+    said += [_spoilt_text(spoilt)] if spoilt else []
     said += [f"node {join_some(map(str, refused))} did not store it"] if refused else []
     left = LeftChanged(
         f"{_held(course, unstamped)}, and {', and '.join(said)}",
@@ -100,14 +98,17 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
     stored = tuple(node_id for node_id, answer in answers.items() if answer.stored)
     kept = [*stored, *(node_id for node_id, answer in answers.items() if answer.skipped)]
     unsure = tuple(node_id for node_id, fault in faults.items() if _is_unsure(fault))
+    spoilt = [node_id for node_id, fault in faults.items() if _is_spoilt(fault)]
+    untold = [node_id for node_id in unsure if node_id not in spoilt]
     missing = tuple(node_id for node_id in node_ids if node_id not in (*kept, *unsure))
     if not stored or not (unsure or missing):
         return None
     said = [f"node {join_some(map(str, missing))} did not"] if missing else []
-    said += [f"of node {join_some(map(str, unsure))} it is not known"] if unsure else []
+    said += [_spoilt_text(spoilt)] if spoilt else []
+    said += [f"whether node {join_some(map(str, untold))} stored is not known"] if untold else []
     first = next(iter(faults.values()), None)
     error = LeftChanged(
-        f"node {join_some(map(str, stored))} stored, {' and '.join(said)}",
+        f"node {join_some(map(str, stored))} stored, and {', and '.join(said)}",
         node=(*missing, *unsure)[0],
         place=first.place if isinstance(first, DvtcliError) else None,
         why="; ".join(f"node {node_id}: {str(fault) or 'interrupted'}" for node_id, fault in faults.items()) or None,
@@ -191,6 +192,10 @@ def _say_who(course: Stores, left: LeftChanged) -> None:
     not_held = tuple(node_id for node_id in done if node_id in lost)
     left.stores = WhoStored(tuple(node_id for node_id in done if node_id not in lost), missing, unsure, not_held)
     left.details += left.stores.rows()
+
+
+def _spoilt_text(spoilt: Sequence[int]) -> str:
+    return f"what node {join_some(map(str, spoilt))}, which refused to store, keeps now is not known"
 
 
 def _is_spoilt(fault: BaseException) -> bool:

@@ -11,7 +11,7 @@ from dvtcli.device.change.pending import REBOOT, VERIFY
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.several import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
@@ -137,8 +137,8 @@ def _is_script(file: str) -> bool:
         raise UsageError(
             f"{file}: what a Tcl script sets is not known before it runs",
             place=file,
-            hint=Hint(Action.VERIFY, why="run it, then {} compares with what it set")
-            + Hint(Action.SAVE_SCRIPT, why="or {} and compare with that"),
+            hint=as_hint("run it at the prompt, where what it set can be compared")
+            + Hint(Action.SAVE_SCRIPT, why=", or {} there and compare with that"),
         )
     if file.lower().endswith(".dvt"):
         return True
