@@ -6,16 +6,28 @@ import json
 import os
 import stat
 import sys
+import time
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from dvtcli.errors import InputFileError
 
-#: how long a pipe may take until its first byte (seconds); after that it may take as long as it likes
-FIRST_BYTE_S = 10.0
+#: How long a command waits for the first bytes of all its pipes (seconds): with its start it takes less than 10 then.
+#: After its first byte a pipe may take as long as it likes.
+FIRST_BYTE_S = 8.0
 
-#: what came out of a pipe, by device and inode: it comes once, and a command may open its file twice
-_from_pipes: dict[tuple[int, int], bytes] = {}
+
+@dataclass
+class _Pipes:
+    """What came out of pipes, by device and inode: it comes once, and a command may open its file twice."""
+
+    read: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    #: how long their first bytes were waited for (s)
+    waited_s: float = 0.0
+
+
+_pipes = _Pipes()
 #: a pipe is read to its end, or so far (bytes), for whoever opens it next
 _MOST_FROM_PIPE = 64 << 20
 
@@ -59,7 +71,8 @@ def open_input(path: Path | str) -> BinaryIO:
 
 def forget_pipes() -> None:
     """Read pipes anew from now on: the command that read them has ended."""
-    _from_pipes.clear()
+    _pipes.read.clear()
+    _pipes.waited_s = 0.0
 
 
 def _size(count: int) -> str:
@@ -73,11 +86,11 @@ def _head(path: Path | str, count: int) -> bytes:
         if not stat.S_ISFIFO(status.st_mode):
             return file.read(count)
         pipe = status.st_dev, status.st_ino
-        if pipe in _from_pipes:
-            return _from_pipes[pipe]
+        if pipe in _pipes.read:
+            return _pipes.read[pipe]
         _wait_for_first_byte(path, descriptor)
-        _from_pipes[pipe] = file.read(max(count, _MOST_FROM_PIPE))
-        return _from_pipes[pipe]
+        _pipes.read[pipe] = file.read(max(count, _MOST_FROM_PIPE))
+        return _pipes.read[pipe]
 
 
 def _opened(path: Path | str) -> int:
@@ -113,9 +126,13 @@ def _wait_for_first_byte(path: Path | str, descriptor: int) -> None:
 
     poll = select.poll()
     poll.register(descriptor, select.POLLIN)
-    if not poll.poll(FIRST_BYTE_S * 1000):
+    begun_s = time.monotonic()
+    has_come = poll.poll(max(FIRST_BYTE_S - _pipes.waited_s, 0) * 1000)
+    _pipes.waited_s += time.monotonic() - begun_s
+    if not has_come:
         raise InputFileError(
-            f"{path}: nothing came from this pipe within {FIRST_BYTE_S:g} s", place=str(path),
+            f"{path}: nothing came from this pipe", place=str(path),
+            why=f"a command waits {FIRST_BYTE_S:g} s for the first bytes of its pipes",
             hint="start what writes into it, or name a file",
         )  # fmt: skip
     os.set_blocking(descriptor, True)

@@ -61,6 +61,23 @@ def test_a_pipe_into_which_nobody_writes_is_given_up(tmp_path: Path) -> None:
 
 
 @needs_pipes
+@pytest.mark.long
+def test_the_pipes_of_a_command_are_waited_for_together(tmp_path: Path) -> None:
+    """However many there are: the time is over with the first; what is there already is still read."""
+    forget_pipes()
+    for name in ("first", "second", "third"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(InputFileError, match="nothing came from this pipe") as refused:
+            read_input(tmp_path / name, 100, "file")
+        assert refused.value.why == "a command waits 8 s for the first bytes of its pipes"
+    kept = os.open(tmp_path / "third", os.O_RDONLY | os.O_NONBLOCK)  # what is written stays while somebody may read it
+    (tmp_path / "third").write_bytes(b"here")
+    assert read_input(tmp_path / "third", 100, "file") == b"here"
+    os.close(kept)
+    forget_pipes()
+
+
+@needs_pipes
 @pytest.mark.parametrize(
     ("line", "text"),
     [
