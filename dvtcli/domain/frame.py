@@ -91,6 +91,24 @@ def decode(entries: Iterable[PdoMappingEntry], data: bytes, type_of: TypeOf) -> 
     ]
 
 
+def values_reader(entries: Iterable[PdoMappingEntry], type_of: TypeOf) -> Callable[[bytes], list[Value | None]]:
+    """Return what reads the values of `decode` out of a frame's data; the layout is made once for all frames."""
+    fields = [
+        (field.start_bit, field.end_bit, field.bits, type_of(field.entry))
+        for field in layout(entries)
+        if not field.entry.is_dummy
+    ]
+
+    def read(data: bytes) -> list[Value | None]:
+        word, length = int.from_bytes(data, "little"), 8 * len(data)
+        return [
+            _value(word >> start_bit & (1 << bits) - 1, bits, data_type) if end_bit <= length else None
+            for start_bit, end_bit, bits, data_type in fields
+        ]
+
+    return read
+
+
 def encode(entries: Iterable[PdoMappingEntry], values: Mapping[tuple[int, int], Value], type_of: TypeOf) -> bytes:
     """The frame that carries *values*, by index and sub-index; dummies are sent as 0.
 

@@ -103,7 +103,10 @@ class Scaling:
         """The word for *raw*; empty where there is none."""
         if raw in self.values:
             return self.values[raw]
-        return next((state.text for state in self.states if raw & state.mask == state.bits), "")
+        for state in self.states:
+            if raw & state.mask == state.bits:
+                return state.text
+        return ""
 
     def set_bits(self, raw: int) -> tuple[str, ...]:
         """The names of the bits that are set in *raw* (0 and up), from bit 0; `bit 6` where one has no name."""
@@ -119,21 +122,28 @@ class Scaling:
         """What *raw* means, without raw itself: `48.0 V`, `operation enabled`, `input 1, input 3`; empty: nothing."""
         if isinstance(raw, str | bytes | CanopenTime):
             return ""
-        word = "" if isinstance(raw, float) else self.meaning(raw)
-        if not word and self.bits and not self.states and not isinstance(raw, float) and raw >= 0:
-            word = ", ".join(self.set_bits(raw)) or "none"
+        word = "" if isinstance(raw, float) else self._word(raw)
         return word or (self.quantity(raw) if self.has_number else "")
+
+    def _word(self, raw: int) -> str:
+        """The word for *raw*, or the names of its bits; empty where there is neither."""
+        word = self.meaning(raw)
+        if not word and self.bits and not self.states and raw >= 0:
+            return ", ".join(self.set_bits(raw)) or "none"
+        return word
 
     def text(self, raw: Value, bits: int = 0) -> str:
         """*raw* as a person reads it, raw in parentheses where that differs: `48.0 V (768)`; empty: nothing to say.
 
         *bits*, where it is known, is how long *raw* is: `operation enabled (0x0637)` has all its hex digits.
         """
-        words = self.words(raw)
-        if not words or isinstance(raw, str | bytes | float | CanopenTime):
+        if not isinstance(raw, int):
+            return self.words(raw)
+        word, quantity = self._word(raw), self.quantity(raw) if self.has_number else ""
+        words = word or quantity
+        if not words or (words == quantity and not self.is_scaled):  # it has raw in it already
             return words
-        only_unit = self.has_number and not self.is_scaled and words == self.quantity(raw)
-        return words if only_unit else f"{words} ({self.raw_text(raw, bits)})"
+        return f"{words} ({self.raw_text(raw, bits)})"
 
     def raw_text(self, raw: int, bits: int = 0) -> str:
         """*raw*, of *bits* bits where that is known: in hex where its bits mean something."""
@@ -146,6 +156,8 @@ class Scaling:
         if isinstance(raw, float):
             return f"{self.to_physical(raw):.9g}"
         times, more, parts, decimals = self._in_counts()
+        if parts == 1:
+            return str(raw * times + more)
         digits, rest = divmod((raw * times + more) * 10**decimals, parts)
         digits += 2 * rest > parts or (2 * rest == parts and digits % 2)  # half to even
         whole, part = divmod(abs(digits), 10**decimals)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, time, timedelta, timezone
+from functools import lru_cache
+from math import modf
+from time import localtime
+
+#: how much of `.075123` a text has, by the names of `datetime.isoformat`
+_FRACTION = {"seconds": 0, "milliseconds": 4, "microseconds": 7}
 
 
 def utc(time_s: float) -> str:
     """A time (s since 1970) as RFC 3339 in UTC, with microseconds."""
-    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+    second, microseconds = _split(time_s)
+    return f"{_utc_second(second)}.{microseconds:06d}Z"
 
 
 def local_clock(time_s: float, timespec: str = "seconds") -> str:
@@ -15,4 +22,25 @@ def local_clock(time_s: float, timespec: str = "seconds") -> str:
 
     *timespec* is as of `datetime.isoformat`. Without the day: for what happens now, or follows another.
     """
-    return datetime.fromtimestamp(time_s, UTC).astimezone().timetz().isoformat(timespec=timespec)
+    second, microseconds = _split(time_s)
+    fraction = f".{microseconds:06d}"[: _FRACTION[timespec]]
+    clock = localtime(second)
+    return f"{clock.tm_hour:02d}:{clock.tm_min:02d}:{clock.tm_sec:02d}{fraction}{_offset(clock.tm_gmtoff)}"
+
+
+def _split(time_s: float) -> tuple[int, int]:
+    """The whole seconds of a time and its microseconds, rounded as `datetime.fromtimestamp` does."""
+    part, whole = modf(time_s)
+    carried, microseconds = divmod(round(part * 1e6), 1_000_000)
+    return int(whole) + carried, microseconds
+
+
+@lru_cache(maxsize=64)
+def _utc_second(second: int) -> str:
+    return datetime.fromtimestamp(second, UTC).replace(tzinfo=None).isoformat()
+
+
+@lru_cache(maxsize=64)
+def _offset(seconds: int) -> str:
+    """An offset from UTC (s) as text: `+01:00`."""
+    return time(tzinfo=timezone(timedelta(seconds=seconds))).isoformat().removeprefix("00:00:00")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,23 +18,13 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import open_input, read_input
 from dvtcli.files.recorded_lines import CountedLines, LeftLines, LostLineError, NoFrameError, no_frame
 from dvtcli.files.recording_formats import format_of
-from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
 #: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
 _MOST_BYTES, _MOST_FD_BYTES, _MOST_CODE = 8, 64, 15
 #: how long a file (bytes) is read once more, without a line that is damaged
 _MOST_TRIED = 50_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedFrame:
-    """One frame of a recording, with the name of the *channel* it came from; an *error* frame, or one of CAN *fd*."""
-
-    frame: Frame
-    channel: str = ""
-    error: bool = False
-    fd: bool = False
 
 
 def read_recording(path: Path) -> Iterator[Frame]:
@@ -65,43 +54,40 @@ def read_recorded(path: Path) -> Iterator[RecordedFrame]:
 
 def _all_in(kind: RecordingFormat, source: Any) -> Iterator[RecordedFrame]:
     """All that is in *source*; an error that *kind* knows where it is damaged."""
+    took = source.took if isinstance(source, LeftLines) else None
     for message in kind.reader(source):
-        if isinstance(source, LeftLines):
-            source.took()
+        if isinstance(message, RecordedFrame):
+            yield message
+            continue
+        if took is not None:
+            took()
         if not message.is_error_frame:
-            _refuse_no_date(message.timestamp)
-            _refuse_no_id(message)
-            _refuse_other_length(message)
-        channel = "" if message.channel is None else str(message.channel)
+            _require_frame(message)
+        channel = message.channel
         fd = message.is_fd or len(message.data) > _MOST_BYTES
-        yield RecordedFrame(frame_of(message), channel, message.is_error_frame, fd)
+        yield RecordedFrame(frame_of(message), "" if channel is None else str(channel), message.is_error_frame, fd)
 
 
-def _refuse_no_date(time_s: float) -> None:
-    """NoFrameError for a time that no calendar has: neither from a recording's own start nor since 1970."""
+def _require_frame(message: can.Message) -> None:
+    """NoFrameError for a time that no calendar has, a CAN-ID that no frame has, data of another length than it says.
+
+    An interface that is given such a CAN-ID cuts it to another one; data is shorter if a part of it is missing.
+    """
+    time_s, can_id, length = message.timestamp, message.arbitration_id, len(message.data)
     if not _FIRST_S <= time_s <= _LAST_S:
         raise NoFrameError(f"{time_s:g} s is no time of a frame")
-
-
-def _refuse_no_id(message: can.Message) -> None:
-    """NoFrameError for a CAN-ID that no frame can have: an interface that is given it cuts it to another one."""
-    if not fits(message.arbitration_id, extended=message.is_extended_id):
-        bits = 29 if message.is_extended_id else 11
-        raise NoFrameError(f"CAN-ID 0x{message.arbitration_id:X} has more than {bits} bits")
-
-
-def _refuse_other_length(message: can.Message) -> None:
-    """NoFrameError if it has other data than its length says, as a part is missing, or more than CAN FD has."""
-    if len(message.data) > _MOST_FD_BYTES:
-        raise NoFrameError(f"a frame of {len(message.data)} bytes; CAN FD has {_MOST_FD_BYTES} at most")
-    if not message.is_remote_frame and len(message.data) not in _lengths(message):
-        raise NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {len(message.data)}")
+    if not fits(can_id, extended=message.is_extended_id):
+        raise NoFrameError(f"CAN-ID 0x{can_id:X} has more than {29 if message.is_extended_id else 11} bits")
+    if length > _MOST_FD_BYTES:
+        raise NoFrameError(f"a frame of {length} bytes; CAN FD has {_MOST_FD_BYTES} at most")
+    if length != message.dlc and not message.is_remote_frame and length not in _lengths(message):
+        raise NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {length}")
 
 
 def _lengths(message: can.Message) -> set[int]:
-    """The bytes that it may have: some formats keep a length's code, which for 9 to 15 means 8, or more of CAN FD."""
+    """The bytes that it may have besides its length: some formats keep a code, which for 9 to 15 means 8, or more."""
     is_code = _MOST_BYTES < message.dlc <= _MOST_CODE
-    return {message.dlc} | ({_MOST_BYTES, can.util.dlc2len(message.dlc)} if is_code else set())
+    return {_MOST_BYTES, can.util.dlc2len(message.dlc)} if is_code else set()
 
 
 def check_readable(path: Path) -> None:

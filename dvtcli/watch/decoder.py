@@ -6,10 +6,10 @@ Does not know where configurations come from (a node, a DCF), nor how signals ar
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from dvtcli.domain.datatypes import DataType, Value
-from dvtcli.domain.frame import byte_length, decode
+from dvtcli.domain.frame import byte_length, values_reader
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import NOTHING, Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -75,6 +75,25 @@ class Layout:
     byte_length: int | None = None
     source: str = ""
     guess: str = ""
+    #: what is the same for each frame, by the keys of its signals: what values mean, which objects they are
+    meanings: Mapping[str, Scaling] = field(init=False, repr=False, compare=False)
+    objects: Mapping[str, str] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        meanings = {signal.key: signal.meaning for signal in self.signals if signal.meaning.says}
+        objects = {signal.key: signal.object for signal in self.signals if signal.object}
+        object.__setattr__(self, "meanings", meanings)
+        object.__setattr__(self, "objects", objects)
+
+    def values(self, frame: Frame) -> dict[str, Value]:
+        """The signals of *frame* that lie in it completely, by their keys."""
+        if frame.remote or not self.signals:
+            return {}
+        return {
+            signal.key: value
+            for signal, value in zip(self.signals, self.read(frame.data), strict=True)
+            if value is not None
+        }
 
 
 def _nothing(_data: bytes) -> list[Value | None]:
@@ -125,16 +144,7 @@ class Decoder:
 
     def values(self, frame: Frame) -> dict[str, Value]:
         """The signals of *frame* that lie in it completely, by their keys."""
-        if frame.remote:
-            return {}
-        layout = self.layout(frame)
-        if not layout.signals:
-            return {}
-        return {
-            signal.key: value
-            for signal, value in zip(layout.signals, layout.read(frame.data), strict=True)
-            if value is not None
-        }
+        return self.layout(frame).values(frame)
 
 
 def pdo_layouts(
@@ -175,10 +185,7 @@ def _layout(
             meaning = meanings.of(entry.index, entry.sub_index)
             signals.append(Signal(name or entry.object, name, entry.object, meaning, entry.bits, types[entry]))
 
-    def read(data: bytes) -> list[Value | None]:
-        return [decoded.value for decoded in decode(mapping, data, types.get)]
-
-    return Layout(service, tuple(unique(signals)), read, mapping)
+    return Layout(service, tuple(unique(signals)), values_reader(mapping, types.get), mapping)
 
 
 def unique(signals: Iterable[Signal]) -> list[Signal]:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind, Value
-from dvtcli.domain.frame import Field, byte_length, decode, encode, layout, pack, unpack
+from dvtcli.domain.frame import Field, byte_length, decode, encode, layout, pack, unpack, values_reader
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from tests.domain.test_datatypes import values
 
@@ -137,3 +137,12 @@ def test_texts_fill_their_bytes() -> None:
 def test_bytes_of_a_field(start: int, bits: int, touched: list[int]) -> None:
     field = Field(start, bits, PdoMappingEntry(0x2000, 0, bits))
     assert list(field.bytes) == touched
+
+
+@given(rows, st.binary(max_size=10))
+def test_values_read_by_a_layout_made_once_are_those_of_decode(
+    mapped_rows: list[tuple[PdoMappingEntry, DataType | None, Value]], data: bytes
+) -> None:
+    entries = [row[0] for row in mapped_rows]
+    type_of = {row[0]: row[1] for row in mapped_rows}.get
+    assert repr(values_reader(entries, type_of)(data)) == repr([row.value for row in decode(entries, data, type_of)])

@@ -190,3 +190,9 @@ def test_every_bit_that_is_set_has_a_name(raw: int) -> None:
 @pytest.mark.parametrize("text", ["٣", "٣ V", "3٣ V", "3 V (٣)"])
 def test_digits_of_other_scripts_are_no_number(text: str) -> None:
     assert VOLT.to_raw(text) is None
+
+
+def test_raw_stands_beside_a_word_unless_the_word_is_its_quantity() -> None:
+    named = Scaling("V", values={5: "5 V", 6: "six"})
+    assert [named.text(raw) for raw in (5, 6, 7)] == ["5 V", "six (6)", "7 V"]
+    assert Scaling("V", Fraction(1, 2), values={5: "2.5 V"}).text(5) == "2.5 V (5)"

@@ -18,7 +18,7 @@ from dvtcli.cli.view.progress_line import ProgressLine
 from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
-    from dvtcli.cli.view.lines import Cell, Line
+    from dvtcli.cli.view.lines import Line
     from dvtcli.cli.view.typed_hints import TypedCall, TypedHints
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
@@ -100,7 +100,7 @@ class Output:
             return
         if not self.quiet:
             self.lines(remarks(result))
-        lines = self._painted(self.stdout, text(result, self.width))
+        lines = [*map(self._painter(self.stdout), text(result, self.width))]
         if not result.at_leisure or not self._page(lines):
             with self._answering():
                 for line in lines:
@@ -109,11 +109,11 @@ class Output:
 
     def machine_lines(self, lines: Iterable[Line]) -> None:
         """Print what another program reads: no colours, no wrapping, no pager."""
-        from dvtcli.cli.view.paint import painted
+        from dvtcli.cli.view.paint import painted, with_hints
 
         with self._answering():
             for line in lines:
-                text = painted(self._written(line), self.stdout, colored=False, plain=self.plain)
+                text = painted(with_hints(line, self.hints), self.stdout, colored=False, plain=self.plain)
                 print(text, file=self.stdout)
             self.stdout.flush()
 
@@ -269,10 +269,11 @@ class Output:
             return
         from dvtcli.cli.view.renderers import text
 
+        width, paint = self.width, self._painter(self.stdout)
         with self._streaming():
             for result in results:
-                for line in text(result, self.width):
-                    self._write(self.stdout, line)
+                for line in text(result, width):
+                    self.stdout.write(paint(line) + "\n")
             self.stdout.flush()
 
     def documents(self, documents: Iterable[Document]) -> None:
@@ -317,24 +318,14 @@ class Output:
         return self.pager("\n".join([*lines, ""]))
 
     def _write(self, stream: TextIO, line: Line) -> None:
-        for text in self._painted(stream, [line]):
-            print(text, file=stream)
+        print(self._painter(stream)(line), file=stream)
 
-    def _painted(self, stream: TextIO, lines: Iterable[Line]) -> list[str]:
-        from dvtcli.cli.view.paint import painted
+    def _painter(self, stream: TextIO) -> Callable[[Line], str]:
+        """What makes lines text for *stream* as it is now: its width, and whether it shows colours."""
+        from dvtcli.cli.view.paint import painted, with_hints
 
-        width, colored = _columns(stream), self._colored(stream)
-        return [painted(self._written(line), stream, colored=colored, plain=self.plain, width=width) for line in lines]
-
-    def _written(self, line: Line) -> str | Cell | Sequence[Cell]:
-        """*line* with its hints written for this call."""
-        from dvtcli.cli.view.lines import Cell
-        from dvtcli.domain.hint import Hint
-
-        if isinstance(line, str | Cell):
-            return line
-        parts = [line] if isinstance(line, Hint) else line
-        return [part if isinstance(part, Cell) else Cell(self.hints().text(part)) for part in parts]
+        width, colored, plain = _columns(stream), self._colored(stream), self.plain
+        return lambda line: painted(with_hints(line, self.hints), stream, colored=colored, plain=plain, width=width)
 
     def hints(self, node: int | None = None) -> TypedHints:
         """What writes hints for this call, and for *node*, which it failed about."""

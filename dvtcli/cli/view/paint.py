@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TextIO
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
 from dvtcli.cli.view.columns import columns
-from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.wrap import wrapped
 from dvtcli.domain.glyphs import ascii_only, in_encoding
+from dvtcli.domain.hint import Hint
 from dvtcli.domain.safe_text import safe
+
+if TYPE_CHECKING:
+    from dvtcli.cli.view.typed_hints import TypedHints
+
+
+def with_hints(line: Line, hints: Callable[[], TypedHints]) -> str | Cell | Sequence[Cell]:
+    """*line* with its hints as text, which what *hints* makes writes for one call."""
+    if isinstance(line, str | Cell):
+        return line
+    parts = [line] if isinstance(line, Hint) else line
+    return [part if isinstance(part, Cell) else Cell(hints().text(part)) for part in parts]
 
 
 def painted(line: str | Cell | Sequence[Cell], stream: TextIO, *, colored: bool, plain: bool, width: int = 0) -> str:
@@ -20,7 +32,10 @@ def painted(line: str | Cell | Sequence[Cell], stream: TextIO, *, colored: bool,
     if width and sum(columns(cell.text) for cell in cells) > width:
         broken = wrapped([Cell(safe(cell.text), cell.style) for cell in cells], width)
         return "\n".join(painted(part, stream, colored=colored, plain=plain) for part in broken)
-    text = "".join(_styled(cell) if colored else safe(cell.text) for cell in cells).rstrip()
+    text = "".join([_styled(cell) for cell in cells]) if colored else safe("".join([cell.text for cell in cells]))
+    text = text.rstrip()
+    if text.isascii():
+        return text
     return ascii_only(text) if plain else _carried(stream, text)
 
 

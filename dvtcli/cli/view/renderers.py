@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -16,12 +17,18 @@ if TYPE_CHECKING:
 def text(result: Result, width: int, format_name: str = "text") -> Iterable[Line]:
     """The lines of *result* for a screen of *width* columns, or in a format that its class has besides text."""
     report = result.formats.get(format_name)
-    module, _, function = (report or result.renderer).partition("_lines:")
-    if report:
+    return _renderer(report or result.renderer, is_report=bool(report))(result, width)
+
+
+@cache
+def _renderer(place: str, *, is_report: bool) -> Callable[[Result, int], Iterable[Line]]:
+    """The function that *place* (`pdo_lines:listing_lines`) names."""
+    module, _, function = place.partition("_lines:")
+    if is_report:
         written = import_module(f"dvtcli.cli.view.reports.{module}_lines")
     else:
         written = import_module(f"dvtcli.cli.view.answers.{module}_lines")
-    lines: Iterable[Line] = getattr(written, function)(result, width)
+    lines: Callable[[Result, int], Iterable[Line]] = getattr(written, function)
     return lines
 
 

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from io import StringIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import can
 
+from dvtcli.domain.ports import Frame
 from dvtcli.files.recorded_lines import CountedLines, LostLineError
-from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
+#: a data frame as candump writes it: time, channel, CAN-ID, data; each that fits is a frame that there can be
+_DATA_FRAME = re.compile(
+    r"\((?P<time>[0-9]{1,10}\.[0-9]{1,9})\) (?P<channel>\S+)"
+    r" (?P<can_id>[0-7][0-9A-F]{2}|[01][0-9A-F]{7})#(?P<data>(?:[0-9A-F]{2}){0,8})(?: [RT])?\s*",
+    re.I | re.ASCII,
+)
 #: CAN-IDs with the error flag (linux/can.h)
 _ERROR_FRAME = re.compile(r" [2367][0-9A-F]{7}#", re.I)
 
@@ -27,11 +35,18 @@ class CandumpFormat(RecordingFormat):
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
         """Its lines."""
-        return _CandumpLines(raw, encoding="utf-8", errors="replace")
+        return CountedLines(raw, encoding="utf-8", errors="replace")
 
-    def reader(self, source: Any) -> Iterator[can.Message]:
-        """The frames, line by line."""
-        return iter(can.CanutilsLogReader(source))
+    def reader(self, source: Any) -> Iterator[can.Message | RecordedFrame]:
+        """The frames, line by line; python-can reads the lines that are no usual data frame."""
+        for text in source:
+            found = _DATA_FRAME.fullmatch(text)
+            if found is None:
+                yield from _by_python_can(source.line, text)
+                continue
+            time, channel, can_id, data = found.groups()
+            frame = Frame(int(can_id, 16), bytes.fromhex(data), extended=len(can_id) > 3, timestamp_s=float(time))
+            yield RecordedFrame(frame, str(int(channel)) if channel.isdigit() else channel)
 
     def write(self, writer: Any, message: can.Message) -> None:
         """Write *message*; python-can leaves out how many bytes a remote frame asks for."""
@@ -42,12 +57,9 @@ class CandumpFormat(RecordingFormat):
             super().write(writer, message)
 
 
-class _CandumpLines(CountedLines):
-    """Its lines: python-can knows one kind of error frame, and takes the others for data; they become that."""
-
-    def __next__(self) -> str:  # type: ignore[override]
-        text = super().__next__()
-        time, *_ = text.split() or ["()"]
-        if time[0] != "(" or time[-1] != ")":  # python-can cuts off one character at each end, whichever it is
-            raise LostLineError(self.line, text)
-        return _ERROR_FRAME.sub(r" 20000080#", text)
+def _by_python_can(line: int, text: str) -> Iterator[can.Message]:
+    """The frame in *text*, if any; error frames of all kinds become the kind that python-can does not take for data."""
+    time, *_ = text.split() or ["()"]
+    if time[0] != "(" or time[-1] != ")":  # python-can cuts off one character at each end, whichever it is
+        raise LostLineError(line, text)
+    return iter(can.CanutilsLogReader(StringIO(_ERROR_FRAME.sub(" 20000080#", text))))

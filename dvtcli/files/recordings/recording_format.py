@@ -6,9 +6,20 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar
+from typing import Any, BinaryIO, ClassVar, NamedTuple
 
 import can
+
+from dvtcli.domain.ports import Frame
+
+
+class RecordedFrame(NamedTuple):
+    """One frame of a recording, with the name of the *channel* it came from; an *error* frame, or one of CAN *fd*."""
+
+    frame: Frame
+    channel: str = ""
+    error: bool = False
+    fd: bool = False
 
 
 class RecordingFormat:
@@ -50,8 +61,8 @@ class RecordingFormat:
         """What the reader takes, of the open file or of its path."""
         return str(path)
 
-    def reader(self, source: Any) -> Iterator[can.Message]:
-        """The frames of *source*, in its order."""
+    def reader(self, source: Any) -> Iterator[can.Message | RecordedFrame]:
+        """The frames of *source*, in its order: python-can's, or those that it made itself, which need no check."""
         return iter(can.LogReader(source))
 
     def writer(self, path: Path, *, append: bool, most_bytes: int) -> Any:

@@ -113,13 +113,17 @@ def _write(rows: SignalRows, frames: Iterable[Frame], target: TextIO | Path, tex
 
 
 def _fitting(session: Session, path: Path, frames: Iterable[Frame], decoder: Decoder, text: str) -> Iterator[FrameSeen]:
+    if not text:
+        for frame in frames:
+            yield frame_seen(frame, decoder)
+        return
     count = 0
     for frame in frames:
-        one = frame_seen(frame, decoder)
-        if one.matches(text):
+        seen = frame_seen(frame, decoder)
+        if seen.matches(text):
             count += 1
-            yield one.chosen(text)
-    if text and not count:
+            yield seen.chosen(text)
+    if not count:
         if not SignalRows(decoder, text).columns:
             raise _unnamed(text, path)
         session.tell.note(f"{path}: no frame in it carries a signal with {text!r} in its name")

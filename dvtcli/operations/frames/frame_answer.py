@@ -13,11 +13,8 @@ def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
     layout = decoder.layout(frame)
     service = layout.service
     pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None
-    meanings = {signal.key: signal.meaning for signal in layout.signals if signal.meaning.says}
-    objects = {signal.key: signal.object for signal in layout.signals if signal.object}
-    values = decoder.values(frame)
     mapped = layout.byte_length if misfit(frame, layout) else None
     return FrameSeen(
-        frame, service.kind, service.label, service.node, pdo, values, meanings, objects=objects, mapped_bytes=mapped,
-        layout_from=layout.source, layout_is_guess=bool(layout.guess),
+        frame, service.kind, service.label, service.node, pdo, layout.values(frame), layout.meanings,
+        objects=layout.objects, mapped_bytes=mapped, layout_from=layout.source, layout_is_guess=bool(layout.guess),
     )  # fmt: skip

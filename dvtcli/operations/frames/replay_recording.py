@@ -21,7 +21,7 @@ from dvtcli.watch.frame_effect import effects
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
-    from dvtcli.files.recording import RecordedFrame
+    from dvtcli.files.recordings.recording_format import RecordedFrame
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
 

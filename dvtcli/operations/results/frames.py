@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
@@ -66,17 +67,28 @@ class FrameSeen(Answer):
         return self._is_called(text) or any(self._has(name, text) for name in self.signals)
 
     def _has(self, name: str, text: str) -> bool:
-        return text in f"{self.objects.get(name, '')} {name}".lower()
+        return text in _signal(self.objects.get(name, ""), name)
 
     def _is_called(self, text: str) -> bool:
-        who = f"0x{self.frame.can_id:03x} {self.label} node {self.node} {self.kind}".lower()
-        return text in who
+        return text in _who(self.frame.can_id, self.label, self.node, self.kind)
 
     def chosen(self, text: str) -> FrameSeen:
         """The same with those signals alone that have *text* (in lower case) in their names, or their frame's."""
         if self._is_called(text):
             return self
         return replace(self, signals={name: value for name, value in self.signals.items() if self._has(name, text)})
+
+
+@lru_cache(maxsize=4096)
+def _who(can_id: int, label: str, node: int | None, kind: str) -> str:
+    """What a frame is called, in small letters, to be searched."""
+    return f"0x{can_id:03x} {label} node {node} {kind}".lower()
+
+
+@lru_cache(maxsize=4096)
+def _signal(place: str, name: str) -> str:
+    """What a signal is called, with its object, in small letters, to be searched."""
+    return f"{place} {name}".lower()
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.meanings import NOTHING
@@ -16,21 +17,26 @@ from dvtcli.operations.results.frames import FrameSeen, Plotted
 def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
     """A frame with its local time of day and its offset, what it is, its bytes and its signals."""
     frame = result.frame
-    at = local_clock(frame.timestamp_s, "microseconds")
-    node = f" node {result.node}" if result.node else ""
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
     signals = "  ".join(
-        f"{name}={value_text(value, result.meanings.get(name, NOTHING))}" for name, value in result.signals.items()
+        [f"{name}={value_text(value, result.meanings.get(name, NOTHING))}" for name, value in result.signals.items()]
     )
-    mapped = result.mapped_bytes
-    yield [
-        Cell(f"{at}  ", "dim"),
-        Cell(f"0x{frame.can_id:0{8 if frame.extended else 3}X}  "),
-        Cell(f"{f'{result.label}{node}':<18}  ", "bold"),
-        Cell(f"{data:<23}"),
-        Cell(f"  {signals}" if signals else ""),
-        Cell("" if mapped is None else f"  [{plural(len(frame.data), 'byte')}, {mapped} mapped]", "yellow"),
+    cells = [
+        Cell(f"{local_clock(frame.timestamp_s, 'microseconds')}  ", "dim"),
+        *_who(frame.can_id, frame.extended, result.label, result.node),
+        Cell(f"{data:<23}  {signals}" if signals else f"{data:<23}"),
     ]
+    mapped = result.mapped_bytes
+    if mapped is not None:
+        cells.append(Cell(f"  [{plural(len(frame.data), 'byte')}, {mapped} mapped]", "yellow"))
+    yield cells
+
+
+@lru_cache(maxsize=4096)
+def _who(can_id: int, extended: bool, label: str, node: int | None) -> tuple[Cell, Cell]:
+    """The CAN-ID of a frame, and what it is."""
+    who = f"{label} node {node}" if node else label
+    return Cell(f"0x{can_id:0{8 if extended else 3}X}  "), Cell(f"{who:<18}  ", "bold")
 
 
 def bus_event_lines(result: BusEvent, _width: int) -> Iterator[Line]:

@@ -1,0 +1,40 @@
+"""A line of candump's log is the frame that python-can's reader makes of it, whichever of the two reads it here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import can
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from dvtcli.bus.can_message import frame_of
+from dvtcli.files.recording import read_recorded
+
+times = st.floats(0, 9e9).map("{:.6f}".format)
+channels = st.sampled_from(["can0", "vcan1", "0", "007", "slcan_2"])
+numbers = st.one_of(st.integers(0, 0x7FF).map("{:03X}".format), st.integers(0, 0x1FFFFFFF).map("{:08X}".format))
+contents = st.one_of(
+    st.binary(max_size=8).map(bytes.hex),
+    st.binary(max_size=64).filter(lambda data: len(data) in (12, 16, 64)).map(lambda data: f"#1{data.hex()}"),
+    st.sampled_from(["R", "R0", "R8"]),
+)
+ends = st.sampled_from(["", " R", " T", " "])
+
+
+@given(times, channels, numbers, contents, ends, st.booleans())
+@example("1.5", "can0", "181", "", "", False)
+@example("1.5", "can0", "1FFFFFFF", "0102030405060708", " T", False)
+def test_a_line_is_what_python_can_makes_of_it(
+    time: str, channel: str, can_id: str, content: str, end: str, is_upper: bool
+) -> None:
+    line = f"({time}) {channel} {can_id}#{content.upper() if is_upper else content}{end}\n"
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "one.log"
+        path.write_text(line, "utf-8")
+        found = [(read.frame, read.channel, read.fd) for read in read_recorded(path)]
+        expected = [
+            (frame_of(message), str(message.channel), message.is_fd) for message in can.CanutilsLogReader(str(path))
+        ]
+    assert found == expected
