@@ -65,13 +65,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Three for each core, and two more: half of a test is waiting for a process or a time-out.
+    """Three for each core, since half of a test is waiting for a process or a time-out.
 
-    Two for each where some tests are named: each worker reads the product and the tests first, which is more than the
-    tests of a room that only computes.
+    Fewer where less is to be done: each worker reads the product and the tests first, which is ten seconds of a
+    processor for all, and more than the tests of a room that only computes. Two for each core where some tests are
+    named, and one more than cores for what is quick.
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return 3 * cores + 2 if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 2 * cores
+    if config.option.markexpr == "quick":
+        return cores + 1
+    return 3 * cores if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 2 * cores
 
 
 def pytest_collection(session: pytest.Session) -> None:

@@ -22,7 +22,7 @@ One = TypeVar("One")
 #: so many cases of a test a whole run takes, where the test says nothing else
 CASES = 3
 #: of what takes much of the processors a whole run takes one of so many that it would take
-LESS = 3
+LESS = 4
 #: the lot of the tests of a file that take much and have one case
 ALONE = "tests with one case"
 #: marks of what takes long, or waits, or needs what few machines have
@@ -46,7 +46,7 @@ def part(everything: Sequence[One], count: int, config: pytest.Config, what: obj
 def mark_many(items: Sequence[pytest.Item], much: frozenset[str] | None = None) -> None:
     """A test that has more than CASES of them and says nothing else is `drawn(CASES)`.
 
-    Of those that take *much* of the processors (without: those of `heavy.txt`) a third is drawn of what would be, at
+    Of those that take *much* of the processors (without: those of `heavy.txt`) a quarter is drawn of what would be, at
     least one: of each test with cases, of each lot with a name, and of the tests of a file that have one case each.
     Not where an option says how many there are, and not of Hypothesis, which is its own lot.
     """
