@@ -190,7 +190,9 @@ def test_a_newcomer_is_next_after_the_line_under_way() -> None:
             heard(waiting + 1)
             ready = [one for one in _clients(running.hub.connected) if one.lines]
             assert _is(running._next(ready), newcomer), f"newcomer {number} waits for a second line"
-            running._answer(next(one for one in ready if _is(one, newcomer)), "[7] 4 r 0x1017 0 u16", alone=False)
+            heard_client = next(one for one in ready if _is(one, newcomer))
+            running._answer(heard_client, "[7] 4 r 0x1017 0 u16", alone=False)
+            heard_client.turn_s = running._turn_s + 1
             assert newcomer.reply() == "[7] 500"
         assert any(one.lines for one in _clients(running.hub.connected)), "the others wait still"
 
@@ -201,6 +203,32 @@ def test_who_comes_anew_for_each_line_keeps_out_nobody_who_was_heard_before() ->
         answered = [running._next([known, _spoken(0.0)]) is known for _ in range(100)]
     assert sum(answered) >= 40
     assert True in answered[:12]
+
+
+@pytest.mark.parametrize("talkers", [0, 1, 5])
+@pytest.mark.parametrize("flood", [1, 40, 200])
+@pytest.mark.parametrize("is_last", [True, False])
+def test_who_comes_anew_for_each_line_lets_a_newcomer_wait_for_three_lines_at_most(
+    talkers: int, flood: int, is_last: bool
+) -> None:
+    """Whenever the newcomer comes, just before the one that comes anew or just after it: its line is the fourth."""
+    with Session(Options(sim=("generic@4",))) as session, gateway(session, ("127.0.0.1", 0)) as running:
+        waiting = [_spoken(0.0) for _ in range(flood)] + [_spoken(1.0 + number) for number in range(talkers)]
+
+        def answer() -> LineClient:
+            client = running._next(waiting)
+            waiting.remove(client)
+            if client.turn_s:
+                client.turn_s += talkers
+            waiting.append(client if client.turn_s else _spoken(0.0))  # it comes anew
+            return client
+
+        for _ in range(60):
+            for _ in range(3):
+                answer()
+            newcomer = _spoken(0.0)
+            waiting.insert(len(waiting) - (not is_last), newcomer)
+            assert newcomer in [answer() for _ in range(4)]
 
 
 def _spoken(turn_s: float) -> LineClient:

@@ -48,6 +48,8 @@ _TURN_S, _ANSWERING_S, _BUS_S = 0.02, 0.05, 0.001
 _LEAST_S = 1e-4
 #: how many newcomers may be answered out of turn, and for how many other lines there is one more again
 _MOST_AT_ONCE = 8
+#: how often a newcomer is passed by until others that come are answered before it
+_LATELY = 3
 #: clients at once
 MOST_CLIENTS = 256
 
@@ -190,8 +192,8 @@ class Gateway:
         #: how far the count of the time is that lines took (s)
         self._turn_s = 0.0
         self._newcomer_next = False
-        #: newcomers that have been passed by, and how many may still be next at once, out of turn
-        self._passed: set[LineClient] = set()
+        #: how often newcomers have been passed by, and how many may still be next at once, out of turn
+        self._passed: dict[LineClient, int] = {}
         self._at_once = float(_MOST_AT_ONCE)
         self._events: deque[NodeEvent] = deque(maxlen=1000)
         self._known: set[Client] = set()
@@ -254,7 +256,8 @@ class Gateway:
     def _next(self, ready: list[LineClient]) -> LineClient:
         """Whose line is answered next: who came during the last line, else in turn a newcomer and who was heard before.
 
-        Who comes anew for each line has that for some lines only: their count grows slowly, as others are answered.
+        Who comes anew for each line has that for some lines only: their count grows slowly, as others are answered. Of
+        the last two newcomers the first one goes first, so that nobody who comes anew is always the last.
         """
         newcomers = [client for client in ready if not client.turn_s]
         known = [client for client in ready if client.turn_s]
@@ -265,8 +268,11 @@ class Gateway:
             self._newcomer_next = not known or (bool(newcomers) and not self._newcomer_next)
             if not self._newcomer_next:
                 self._at_once = min(self._at_once + 1 / _MOST_AT_ONCE, _MOST_AT_ONCE)
-        self._passed = set(newcomers)
-        return newcomers[-1] if self._newcomer_next else min(known, key=lambda waiting_client: waiting_client.turn_s)
+        lately = [newcomer for newcomer in newcomers[-2:] if self._passed.get(newcomer, 0) <= _LATELY]
+        self._passed = {newcomer: self._passed.get(newcomer, 0) + 1 for newcomer in newcomers}
+        if self._newcomer_next:
+            return lately[0] if lately else newcomers[-1]
+        return min(known, key=lambda waiting_client: waiting_client.turn_s)
 
     def _may_go_on(self, client: LineClient) -> bool:
         """Whether *client* said a line that, as far as is known, can be answered at once."""
