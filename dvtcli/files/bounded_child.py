@@ -30,6 +30,18 @@ def limit(most_bytes: int, most_cpu_s: int | None = None) -> None:
             os.write(2, f"no limit: {refused}\n".encode())
 
 
+def go_on(most_cpu_s: int) -> None:
+    """Let this process take so much CPU time more from now on (s), if the system has such a limit."""
+    if sys.platform == "win32":
+        return
+    import resource
+    from time import process_time
+
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    most = int(process_time()) + 1 + most_cpu_s
+    resource.setrlimit(resource.RLIMIT_CPU, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
 def die_of(bug: BaseException) -> None:
     """End this process, and say why to whoever reads what it complains of."""
     os.write(2, f"{type(bug).__name__}: {bug}"[:1000].encode("utf-8", "replace"))

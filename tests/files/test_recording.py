@@ -160,7 +160,7 @@ def test_a_full_disk_is_said(tmp_path: Path, suffix: str) -> None:
         record(path, SAMPLE * 2000)
 
 
-@pytest.mark.skipif(".mf4" not in WRITABLE, reason="asammdf is not installed")
+@pytest.mark.needs("asammdf")
 @pytest.mark.parametrize("data", [b"", b"MDF     4.10", bytes(5000), b"MDF     4.10    x" * 999])
 def test_an_mf4_that_is_none_is_an_error_of_the_file(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "a.mf4").write_bytes(data)

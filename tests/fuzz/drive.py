@@ -29,10 +29,10 @@ SLOW_S, HANGS_S = 3.0, 60
 SHARES = {
     "eds": 60, "dcf": 50, "profile_toml": 50, "defaults": 50, "script": 50, "line": 90, "syntax": 50,
     "journal": 100, "fault": 60, "sdo_client": 140, "sdo_server": 75, "view": 25, "device": 10,
-    "network": 50, "dbc": 2, "recording": 40, "values": 20, "xdd": 20, "gateway_line": 30, "concise": 13,
+    "network": 50, "dbc": 2, "recording": 39, "mdf": 1, "values": 20, "xdd": 20, "gateway_line": 30, "concise": 13,
     "history": 5, "kept": 10,
 }  # fmt: skip
-assert SHARES.keys() == TARGETS.keys()
+assert SHARES.keys() - TARGETS.keys() <= {"mdf"}  # without asammdf
 assert sum(SHARES.values()) == 1000
 
 

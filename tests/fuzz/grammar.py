@@ -504,6 +504,22 @@ def recording(random: Random) -> bytes:
     )
 
 
+@cache
+def _mdf() -> bytes:
+    """A short recording of ASAM's."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.mf4")
+        with Recorder(path) as recorder:
+            for number in range(6):
+                recorder.write(Frame(0x181 + number, bytes(range(number)), timestamp_s=1.7e9 + number / 8))
+        return path.read_bytes()
+
+
+def mdf(random: Random) -> bytes:
+    """A damaged recording of ASAM's, which asammdf has to be there for."""
+    return damaged(random, _mdf())
+
+
 def values(random: Random) -> bytes:
     """Values as CSV or JSON lines."""
     number = random.randrange(2)
@@ -561,8 +577,8 @@ def kept(random: Random) -> bytes:
 MAKERS: dict[str, Maker] = {
     "eds": eds, "dcf": eds, "profile_toml": profile_toml, "defaults": defaults, "script": script, "line": line,
     "syntax": syntax, "journal": journal, "fault": fault, "sdo_client": sdo_client, "sdo_server": sdo_server,
-    "view": view, "device": eds, "network": network, "dbc": dbc, "recording": recording, "values": values, "xdd": xdd,
-    "gateway_line": gateway_line, "concise": concise, "history": history, "kept": kept,
+    "view": view, "device": eds, "network": network, "dbc": dbc, "recording": recording, "mdf": mdf, "values": values,
+    "xdd": xdd, "gateway_line": gateway_line, "concise": concise, "history": history, "kept": kept,
 }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ import unicodedata
 import zlib
 from collections.abc import Callable, Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -511,6 +512,16 @@ def recording(data: bytes) -> None:
         _one_line_of_ours(wrong)
 
 
+def mdf(data: bytes) -> None:
+    """Frames, or InputFileError, by a process of asammdf's that ends by itself."""
+    path = Path("fuzz.mf4")
+    path.write_bytes(data)
+    try:
+        assert all(len(one.frame.data) <= 64 for one in read_recorded(path))
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+
+
 def values(data: bytes) -> None:
     """Values by time, or InputFileError: the first byte says of which form."""
     path = Path("fuzz.csv" if not data or data[0] & 1 else "fuzz.jsonl")
@@ -586,5 +597,6 @@ TARGETS: dict[str, Target] = {
         *(eds, dcf, profile_toml, defaults, script, line, syntax, journal, fault),
         *(sdo_client, sdo_server, view, device),
         *(network, dbc, recording, values, xdd, gateway_line, concise, history, kept),
+        *([mdf] if find_spec("asammdf") else []),
     )
 }

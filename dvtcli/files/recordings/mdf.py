@@ -16,14 +16,16 @@ from typing import Any
 import can
 
 from dvtcli.errors import UsageError
-from dvtcli.files.bounded_child import die_of, limit
+from dvtcli.files.bounded_child import die_of, go_on, limit
 from dvtcli.files.recorded_lines import NoFrameError
 from dvtcli.files.recordings.recording_format import RecordingFormat
 from dvtcli.version import DISTRIBUTION
 
-#: what asammdf may take: memory beside the file itself (bytes), of which its own libraries are 250 MB, and time until
-#: the next frame (s)
-_MOST_MEMORY, _SECONDS = 720 << 20, 20.0
+#: what asammdf may take: memory beside the file itself (bytes), of which its own libraries are 250 MB, and time of the
+#: processor for the next frames (s), which beside other work is longer
+_MOST_MEMORY, _CPU_S, _SECONDS = 720 << 20, 8, 24.0
+#: so many frames count as the next ones
+_FRAMES = 1000
 #: no frame is a longer line
 _MOST_LINE = 4096
 _END = "end"
@@ -66,7 +68,7 @@ class MdfFormat(RecordingFormat):
 
 def _ended(lacked_memory: bool, how: str, *, is_late: bool) -> NoFrameError:
     if is_late:
-        return NoFrameError(f"asammdf takes more than {_SECONDS:g} s for a frame of it")
+        return NoFrameError(f"asammdf takes more than {_CPU_S} s for the next frames of it")
     if lacked_memory:
         return NoFrameError(f"asammdf takes more than {_MOST_MEMORY >> 20} MB for it")
     return NoFrameError(f"asammdf: {how}")
@@ -85,7 +87,10 @@ def main() -> None:
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each thread of numpy's would count as memory
         path = os.fsdecode(sys.stdin.buffer.read())
         limit(_MOST_MEMORY + os.path.getsize(path))  # noqa: PTH202 - asammdf maps the file, which counts
-        for said in _told(path):
+        go_on(_CPU_S)
+        for number, said in enumerate(_told(path), 1):
+            if number % _FRAMES == 0:
+                go_on(_CPU_S)
             sys.stdout.write(json.dumps(said) + "\n")
         sys.stdout.flush()
     except BaseException as bug:  # noqa: BLE001 - nobody above: the parent reads of it

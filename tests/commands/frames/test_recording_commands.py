@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 from datetime import datetime
-from importlib.util import find_spec
 from pathlib import Path
 
 import can
@@ -79,7 +78,7 @@ def test_what_is_logged_is_decoded(tmp_path: Path, suffix: str) -> None:
     assert all(one["signals"]["Velocity actual value"] == -1500 for one in tpdo2)
 
 
-@pytest.mark.skipif(not find_spec("asammdf"), reason="asammdf is not installed")
+@pytest.mark.needs("asammdf")
 def test_mf4_is_decoded(tmp_path: Path) -> None:
     path = tmp_path / "run.mf4"
     done = dvtcli("--sim", "gen4", "--json", stdin=f"nmt start\nlog {path} --duration 1\n")
