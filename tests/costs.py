@@ -1,14 +1,15 @@
 """What each test takes of the processors: `pytest --costs FOLDER` measures it, `python -m tests.costs FOLDER` shows it.
 
 With `--write` the tests that take much go to `tests/heavy.txt`, of which `sample.py` takes a part by lot: a fifth of a
-second, or a tenth for each of several cases. What a run did not take stays there as it was. Only for Linux, which says
-what other processes take.
+second, or a tenth for each of several cases. What a run did not take stays there as it was, unless it is gone. Only for
+Linux, which says what other processes take.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import sys
 from collections import defaultdict
@@ -17,6 +18,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+
+from tests.surroundings import ROOT
 
 #: the tests that take much of the processors, without their cases, one a line
 HEAVY = Path(__file__).with_name("heavy.txt")
@@ -81,6 +84,13 @@ def takes_much(test: str, cases: dict[str, float]) -> bool:
     return sum(cases.values()) >= len(cases) * (MUCH_S if test in cases else MUCH_FOR_A_CASE_S)
 
 
+def is_there(test: str) -> bool:
+    """Whether there is still a *test* of that node ID, as far as its file says by itself."""
+    file, *names = test.split("::")
+    path = ROOT / file
+    return path.exists() and bool(re.search(rf"\b(def|class) {names[0]}\b", path.read_text("utf-8")))
+
+
 def main(words: list[str]) -> int:
     """Print the tests by what all of their cases took, which most first."""
     folder, *options = words
@@ -92,7 +102,8 @@ def main(words: list[str]) -> int:
     print(f"| {sum(all_s.values()):.2f} s | {sum(map(len, tests.values()))} | all |")
     if "--write" in options:
         much = {test for test, cases in tests.items() if takes_much(test, cases)}
-        HEAVY.write_text("".join(f"{test}\n" for test in sorted(much | (heavy_tests() - set(tests)))), "utf-8")
+        much |= {test for test in heavy_tests() - set(tests) if is_there(test)}
+        HEAVY.write_text("".join(f"{test}\n" for test in sorted(much)), "utf-8")
     return 0
 
 
