@@ -23,7 +23,7 @@ _UNHURRIED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow
 settings.register_profile("unhurried", _UNHURRIED, max_examples=10)
 settings.load_profile("unhurried")
 #: `pytest --hypothesis-profile=thorough` looks at as many times more examples of every law.
-settings.register_profile("many", _UNHURRIED, max_examples=100)
+settings.register_profile("many", _UNHURRIED, max_examples=60)
 settings.register_profile("thorough", _UNHURRIED, max_examples=3000)
 
 

@@ -126,8 +126,8 @@ def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -
     """Those cases of tests marked `drawn(N)` that do not run: all but N of each test, or, of the `rest`, those N.
 
     Of the `rest`, only one case in `--share` runs, on average. With `drawn(N, NAME)` all tests of that name are one
-    lot; a whole file may be. None whose cases are counted, or of Hypothesis, is in such a lot: `.ci/run` asks for more
-    of them.
+    lot; a whole file may be. None of Hypothesis is in such a lot, and of these what is counted runs again with the
+    `rest`, whatever was drawn: `.ci/run` asks for more of both.
     """
     share = config.getoption("share")
     cases: dict[tuple[str, int], list[pytest.Item]] = defaultdict(list)
