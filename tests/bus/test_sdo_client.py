@@ -393,13 +393,29 @@ def test_more_than_any_object_has_is_not_even_begun(serve: Serve) -> None:
 
 
 def test_silence_ends_with_an_abort_that_names_the_object(serve: Serve) -> None:
-    bus, server = serve(Steps())
+    bus, server = serve(Steps([DEVICE_TYPE]))
+    bus.sdo(NODE).upload(0x1000, 0)
     with pytest.raises(NoAnswer) as caught:
         bus.sdo(NODE).upload(0x1A00, 3)
     assert caught.value.node == NODE
     assert caught.value.place == "1A00:03"
     assert caught.value.state == "unchanged"
-    assert server.requests == [frame("40 00 1A 03"), frame(f"80 00 1A 03 {TIME_OUT}")]
+    assert server.requests[1:] == [frame("40 00 1A 03"), frame(f"80 00 1A 03 {TIME_OUT}")]
+
+
+def test_where_nobody_may_be_a_read_that_is_asked_for_once_is_not_aborted(serve: Serve) -> None:
+    bus, server = serve(Steps())
+    for _ in range(2):
+        with pytest.raises(NoAnswer):
+            bus.sdo(NODE).upload(0x1000, 0, retries=0)
+    assert {request[0] for request in server.requests} == {0x40}
+
+
+def test_a_silent_write_is_aborted_though_nobody_ever_answered(serve: Serve) -> None:
+    bus, server = serve(Steps())
+    with pytest.raises(NoAnswer):
+        bus.sdo(NODE).download(0x1017, 0, bytes(2))
+    assert server.requests[-1] == frame(f"80 17 10 00 {TIME_OUT}")
 
 
 def test_a_read_whose_segment_is_lost_is_begun_anew(serve: Serve) -> None:

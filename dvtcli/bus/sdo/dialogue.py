@@ -100,7 +100,7 @@ class Dialogue(SdoClient):
             raise self.broken("does not alternate the toggle bit", Abort.TOGGLE_BIT)
         if self.dropped.malformed > malformed:
             raise self.broken("answers with malformed frames", Abort.TIME_OUT)
-        raise self.silent()
+        raise self.silent(is_read=attempts == 1 and kind in (_UPLOAD, _BLOCK_UPLOAD))
 
     @contextmanager
     def told(self, *, in_blocks: bool = False) -> Iterator[None]:
@@ -209,7 +209,7 @@ class Dialogue(SdoClient):
                     break
             else:
                 self._multiplexer = multiplexer
-                raise self.silent()
+                raise self.silent(is_read=not self.retries)
             if not answer[0] & _EXPEDITED:  # a device type in segments: it ends here
                 self.abort()
         except SdoAborted:
@@ -292,9 +292,13 @@ class Dialogue(SdoClient):
         self.abort(code)
         return SdoProtocolError(f"node {self.node_id} {what} (0x{self.place})", node=self.node_id, place=self.place)
 
-    def silent(self) -> NoAnswer:
-        """End a transfer whose answer did not come."""
-        self.abort(Abort.TIME_OUT)
+    def silent(self, *, is_read: bool = False) -> NoAnswer:
+        """End a transfer whose answer did not come.
+
+        A read (*is_read*) that was asked for once, of a node that never answered, needs no abort: nobody may be there.
+        """
+        if not is_read or self._has_answered:
+            self.abort(Abort.TIME_OUT)
         why = f"its answers that did not count: {self.dropped}" if self.dropped.total else None
         return no_answer(
             self.node_id,
