@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
-from tests.process import environment
+from tests.process import ROOT, environment
 
 pytestmark = pytest.mark.drawn(8, "startup")
 
@@ -61,6 +61,17 @@ def test_help_imports_nothing_about_nodes(words: str) -> None:
 @pytest.mark.parametrize("words", [["map", "--help"], ["help", "map"], ["nosuch"], ["map", "nonsense"]])
 def test_a_commands_help_and_usage_errors_open_no_bus(words: list[str]) -> None:
     assert not loaded(*words) & {"can", "canopen", "prompt_toolkit", "ruamel"}
+
+
+@pytest.mark.drawn(1)
+@pytest.mark.parametrize(
+    "words",
+    [["--sim", "gen4", "read", "6041"], ["--sim", "gen4", "pdo"], ["--sim", "gen4", "-y", "map", "tpdo3", "6041"],
+     ["load", str(ROOT / "examples" / "line.yaml"), "-b", "125000"]],
+    ids=["read", "pdo", "map", "load"],
+)  # fmt: skip
+def test_simulated_and_offline_work_needs_no_can_library(words: list[str]) -> None:
+    assert not loaded(*words) & {"can", "canopen"}
 
 
 def test_the_linter_is_imported_by_eds_check_only(tmp_path: Path) -> None:

@@ -5,12 +5,14 @@ Does not know how an answer is matched (see dialogue), buses or threads, nor wha
 
 from __future__ import annotations
 
-from canopen.sdo.constants import SDO_STRUCT
+from struct import Struct
 
 from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
+#: command specifier, index and sub-index
+_INITIATE = Struct("<BHB")
 _TOGGLE, _EXPEDITED, _SIZE_GIVEN, _LAST = 0x10, 0x02, 0x01, 0x01
 #: No object of a CANopen device is larger; what goes on beyond it never ends.
 MOST_BYTES = 1 << 20
@@ -26,7 +28,7 @@ class StrictSdoClient(Dialogue):
     #: whether the server is not known to refuse block transfers
     takes_blocks = True
 
-    def upload(self, index: int, subindex: int) -> bytes:
+    def upload(self, index: int, sub_index: int) -> bytes:
         """Read an object, from 128 announced bytes on by blocks; more or less data than that is an SdoProtocolError.
 
         What does not come by blocks comes in segments.
@@ -36,7 +38,7 @@ class StrictSdoClient(Dialogue):
         left = self.retries
         in_blocks = self.takes_blocks and self.link.takes_bursts()
         while True:
-            answer = self.request_response(SDO_STRUCT.pack(0x40, index, subindex) + bytes(4))
+            answer = self.request_response(_INITIATE.pack(0x40, index, sub_index) + bytes(4))
             if answer[0] & _EXPEDITED:
                 unused = answer[0] >> 2 & 3 if answer[0] & _SIZE_GIVEN else 0
                 return answer[4 : 8 - unused]
@@ -44,7 +46,7 @@ class StrictSdoClient(Dialogue):
             if in_blocks and announced is not None and MOST_BYTES >= announced >= _BLOCKS_FROM:
                 in_blocks = False
                 self.abort()
-                if (data := self._upload_blocks(index, subindex)) is not None:
+                if (data := self._upload_blocks(index, sub_index)) is not None:
                     return data
                 continue
             try:
@@ -96,32 +98,30 @@ class StrictSdoClient(Dialogue):
             raise self.broken(f"sends {len(data)} of the {announced} bytes it announced", Abort.TOO_SHORT)
         return bytes(data)
 
-    def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
+    def download(self, index: int, sub_index: int, data: bytes) -> None:
         """Write an object; expedited up to 4 bytes, in segments where it is empty or longer, by blocks from 128 on.
 
         What the device refuses by blocks for the protocol's sake goes in segments.
-
-        Not by canopen's stream: that sends a further segment after an abort, even from its destructor.
         """
         size = len(data)
-        if 1 <= size <= 4 and not force_segment:
-            header = SDO_STRUCT.pack(0x23 | (4 - size) << 2, index, subindex)
+        if 1 <= size <= 4:
+            header = _INITIATE.pack(0x23 | (4 - size) << 2, index, sub_index)
             self.request_response(header + data.ljust(4, b"\0"))
             return
-        if size >= _BLOCKS_FROM and self.takes_blocks and not force_segment and self.link.takes_bursts():
+        if size >= _BLOCKS_FROM and self.takes_blocks and self.link.takes_bursts():
             from dvtcli.bus.sdo.block_download import BlockDownload
 
             try:
-                if BlockDownload(self, data).run(index, subindex):
+                if BlockDownload(self, data).run(index, sub_index):
                     return
             except SdoAborted as refused:
                 self._no_blocks_after(refused)
         with self.told():
-            self._download_segments(index, subindex, data)
+            self._download_segments(index, sub_index, data)
 
-    def _download_segments(self, index: int, subindex: int, data: bytes) -> None:
+    def _download_segments(self, index: int, sub_index: int, data: bytes) -> None:
         size = len(data)
-        self.request_response(SDO_STRUCT.pack(0x21, index, subindex) + size.to_bytes(4, "little"))
+        self.request_response(_INITIATE.pack(0x21, index, sub_index) + size.to_bytes(4, "little"))
         toggle = 0
         for start in range(0, max(size, 1), 7):
             part = data[start : start + 7]

@@ -1,7 +1,7 @@
-"""Requests to one node's SDO server and their answers: canopen's client, with every answer checked before it counts.
+"""Requests to one node's SDO server and their answers: every answer is checked before it counts.
 
-canopen 2.4.1 takes a late acknowledgement of an earlier write for the present one's, even if the device aborts
-that; here multiplexer, command specifier and toggle bit of every answer must fit (CiA 301, 7.2.4.3).
+Multiplexer, command specifier and toggle bit of every answer must fit (CiA 301, 7.2.4.3). canopen 2.4.1 takes a late
+acknowledgement of an earlier write for the present one's, even if the device aborts that.
 Does not know buses or threads (one transfer at a time: see channel), how a transfer goes on, nor what an object means.
 """
 
@@ -10,9 +10,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-
-from canopen.objectdictionary import ObjectDictionary
-from canopen.sdo.client import SdoClient
 
 from dvtcli.bus.receiver import Wake
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
@@ -37,17 +34,15 @@ _ABORT_BYTE = 0x80
 _FENCE = bytes.fromhex("40 00 10 00 00 00 00 00")
 
 
-class Dialogue(SdoClient):
-    """canopen's client with its request, response and abort replaced; raises only errors of dvtcli.
+class Dialogue:
+    """One node's default SDO channel, request by request; raises only errors of dvtcli.
 
     One transfer at a time: `begin` starts it, by its first request.
     """
 
     def __init__(self, node_id: int, link: SdoLink, settings: SdoSettings) -> None:
-        # An empty dictionary: canopen would cut data to the length that an EDS declares.
-        rx, tx = REQUEST_ID + node_id, ANSWER_ID + node_id
-        super().__init__(rx, tx, ObjectDictionary())  # type: ignore[no-untyped-call]
         self.node_id = node_id
+        self.rx_cobid, self.tx_cobid = REQUEST_ID + node_id, ANSWER_ID + node_id
         self.settings = settings
         self.timeout_s = settings.timeout_s
         self.retries = settings.retries
@@ -74,9 +69,8 @@ class Dialogue(SdoClient):
         index, sub_index = _object_of(self._multiplexer)
         return f"{index:04X}:{sub_index:02X}"
 
-    def request_response(self, sdo_request: bytes | bytearray) -> bytes:
-        """Send a request and return its answer, and no other; raises SdoAborted, NoAnswer, SdoProtocolError."""
-        request = bytes(sdo_request)
+    def request_response(self, request: bytes) -> bytes:
+        """Send *request* and return its answer, and no other; raises SdoAborted, NoAnswer, SdoProtocolError."""
         kind = request[0] >> 5
         attempts = 1
         if kind in _INITIATE:
