@@ -26,6 +26,7 @@ from dvtcli.operations.recover.stores_begun import furthest, stores_of
 from dvtcli.operations.results import Changed, Facts
 from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.simulator.device.refusal import Refusal
+from tests.commands.bench import Bench
 from tests.journals import journal_document
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
@@ -487,6 +488,17 @@ def test_a_bus_that_is_gone_once_all_have_stored_leaves_nothing_to_store(chain: 
     assert (dict(done.rows)["stored"], told, chain.journals()) == ([], [], [])
     assert not [text for text in said.notes if "stores on the rest" in text]
     assert {chain.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
+
+
+def test_a_line_that_only_looks_at_what_was_stored_is_no_change(chain: Chain, home: Path) -> None:
+    """A script's `recover --finish` stored nothing: no line of it stays changed when a later one fails."""
+    assert cut_after_stores(chain, home, 1) is not None
+    chain.bus._closed = False
+    with Bench((), {"yes": True, "journal": str(chain.folder), "eds": "generic"}, chain.bus) as bench:
+        ran = bench.script("recover --finish", "verify nofile.dcf")
+    assert (ran.code, "is complete: every node holds it" in ran.stdout) == (2, True), ran
+    assert "not taken back" not in ran.stderr
+    assert chain.journals() == []
 
 
 def test_what_all_stored_and_one_lost_is_no_end_of_it(chain: Chain, home: Path) -> None:

@@ -94,7 +94,8 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
         ("looked_at", sorted(nodes)),
         ("not_looked_at", _accepted_ids(part)),
     )
-    return Facts("recover", rows, (_said(session, part, who, ids),))
+    changed_nothing = session.dry_run or not (ids or tests)
+    return Facts("recover", rows, (_said(session, part, who, ids),), changed_nothing=changed_nothing)
 
 
 def _verified(part: GroupMember) -> tuple[Storing, ...]:
