@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from itertools import chain
@@ -47,7 +47,8 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
 
     RuleError with all errors of all nodes, and InputFileError for a concise DCF (0x1F22) that is none, unless forced.
     """
-    found = judged(nodes, planned, force=force)
+    planned = list(planned)
+    found = judged(nodes, planned, force=force, placed=in_objects(planned))
     if (refused := refusals(found)) and not force:
         raise together(refused)
     return iter(found)
@@ -104,12 +105,59 @@ _KEYS = {
 }
 
 
+#: by the action of a hint, what does the same in the COB-ID of a PDO
+_BITS = {
+    Action.EXTEND: "bit 29 set",
+    Action.ALLOW_RTR: "bit 30 clear",
+    Action.FORBID_RTR: "bit 30 set",
+    Action.LEAVE_OFF: "bit 31 set",
+}
+
+
 def _in_keys(hint: Hint | str | None) -> Hint | str | None:
     """*hint* with the keys of a network file for the actions that it has keys for."""
+    return _each_step(hint, _step_in_keys)
+
+
+def _each_step(hint: Hint | str | None, change: Callable[[Hint], Hint]) -> Hint | str | None:
     if not isinstance(hint, Hint):
         return hint
-    first, *others = (_step_in_keys(replace(step, then=None)) for step in hint)
+    first, *others = (change(replace(step, then=None)) for step in hint)
     return sum(others, start=first)
+
+
+def in_objects(planned: Sequence[NodePlan]) -> Placed:
+    """Give findings of a file that says values of objects the place there at which their hints are carried out."""
+    wanted = {(plan.node_id, pdo) for plan in planned for pdo in plan.wanted}
+
+    def placed(node_id: int | None, finding: Finding) -> Finding:
+        at = _in_file(finding.pdo) or f"at {finding.place} in the file"
+
+        def in_file(step: Hint) -> Hint:
+            if step.action is Action.DISABLE:
+                other = step.arguments.get("node", node_id), Pdo.parse(str(step.arguments["pdo"]))
+                if other not in wanted:
+                    return step
+                words = f"bit 31 set {_in_file(other[1])}"
+                return _said_together(step, words)
+            if step.action is Action.SELECT_CAN_ID:
+                first, alternative, behind = step.why.partition(", or {}")
+                if alternative and not behind:  # "take another CAN-ID" is all that a file can do
+                    return Hint(None, why=f"{first} {at}")
+                words = f"{step.arguments.get('can_id', 'another CAN-ID')}"
+            elif step.action in _BITS:
+                words = _BITS[step.action]
+            else:
+                return step
+            return Hint(None, why=sentence(step, lambda _step: f"{words} {at}"))
+
+        return replace(finding, hint=_each_step(finding.hint, in_file))
+
+    return placed
+
+
+def _in_file(pdo: Pdo | None) -> str:
+    return "" if pdo is None else f"at 0x{pdo.communication_index:04X}:01 in the file"
 
 
 def _step_in_keys(step: Hint) -> Hint:
@@ -118,9 +166,13 @@ def _step_in_keys(step: Hint) -> Hint:
         return step
     node, pdo = step.arguments.get("node"), step.arguments.get("pdo")
     words = key.format(f"{node}:{pdo}" if node else pdo)
+    return _said_together(step, words)
+
+
+def _said_together(step: Hint, words: str) -> Hint:
+    """*step* with *words* for its action, and nothing of it first: what a file says is carried out together."""
     why = step.why if has_place(step.why) else f"{{}} {step.why}".rstrip()
-    why = why.replace("{} first", "{}")  # what a file says is carried out together
-    return Hint(None, why=sentence(replace(step, why=why), lambda _step: words))
+    return Hint(None, why=sentence(replace(step, why=why.replace("{} first", "{}")), lambda _step: words))
 
 
 def _doubted(node: Node, planned: NodePlan, *, force: bool) -> NodePlan:

@@ -30,7 +30,7 @@ from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoP
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.changes.change import names, understood
-from dvtcli.operations.plans.judge_network import judged, judged_network, placed_in, refusals
+from dvtcli.operations.plans.judge_network import in_objects, judged, judged_network, placed_in, refusals
 from dvtcli.operations.results.failures import lacking_error, together
 from dvtcli.operations.stores.possible_stores import refuse_stores_of
 from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.stamp import Stamp
+    from dvtcli.operations.plans.judge_network import Placed
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.sync.unknown_sync import ShortFrames
 
@@ -107,18 +108,22 @@ def plan_wish(
         plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp, of_network=of_network, failures=failures)
         if not as_far and failures is None:
             refuse_lacking(plan)
-        refuse_heard(session, plan, heard)
+        refuse_heard(session, plan, heard, placed_in(wish, log))
     return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
 
 
-def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds) -> None:
-    """RuleError if a TPDO of *plan* is to get a CAN-ID that somebody unknown was *heard* to send, unless forced."""
+def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds, placed: Placed) -> None:
+    """RuleError if a TPDO of *plan* is to get a CAN-ID that somebody unknown was *heard* to send, unless forced.
+
+    *placed* gives a finding its place in the file.
+    """
     refused: list[RuleError] = []
     for node in plan.nodes if heard.bus is not None and not session.options.force else ():
         changes = [change for change in node.plan.changes if isinstance(change, PdoChange)]
         held = {pdo: (want, want) for pdo, want in node.wanted.items()}  # unless the plan changes it
         pdos = held | {change.pdo: (change.before, change.after) for change in changes}
-        if found := list(heard_producer_findings(session.node(node.node_id), pdos, heard)):
+        findings = heard_producer_findings(session.node(node.node_id), pdos, heard)
+        if found := [placed(node.node_id, finding) for finding in findings]:
             refused.append(RuleError(f"node {node.node_id}: {found[0].text}", found, node=node.node_id))
     if refused:
         raise together(refused)
@@ -133,7 +138,7 @@ def checked_network(session: Session, plan: NetworkPlan, heard: HeardIds, *, of_
     plan = judged_network(session, plan, wish, FileLog(plan.file, ""), of_device=of_device)
     if (refused := refusals(plan.nodes)) and not session.options.force:
         raise together(refused)
-    refuse_heard(session, plan, heard)
+    refuse_heard(session, plan, heard, in_objects(plan.nodes))
     return plan
 
 

@@ -79,6 +79,8 @@ def test_so_it_is_of_a_file_about_a_device_and_of_a_saved_plan(tmp_path: Path, h
         assert ran.code == int(refused), ran
         assert ("sent by a node that is not known here" in ran.stdout) is refused
         if refused:
+            assert "take another CAN-ID at 0x1801:01 in the file" in ran.stdout
+            assert "cob-id" not in ran.stdout
             assert bench.session.node(5).pdos() == held
             assert bench.run(f"{verb} {wanted} --force").code == 0
 
