@@ -7,6 +7,8 @@ left.
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -14,8 +16,9 @@ import can
 import pytest
 
 from tests.posix import SIGKILL
+from tests.process import Ran, run
 from tests.serve.killing import Killable, killable
-from tests.serve.served import state_folder
+from tests.serve.served import own_environment, state_folder
 
 NODES = (1, 3)
 FILE = """
@@ -62,6 +65,12 @@ def killed(nodes: Killable, text: str, at: int, which: Callable[[can.Message], b
     return nodes.killed(["--yes", "apply", str(nodes.folder / "net.yaml")], at, which)
 
 
+def as_printed(nodes: Killable, said: str, words: str, *more: str) -> Ran:
+    """What the command between marks in *said* that ends with *words* does as it is printed, with *more* behind it."""
+    (command,) = {found for found in re.findall(r"`dvtcli ([^`]+)`", said) if found.endswith(words)}
+    return run([*shlex.split(command), *more], env=own_environment(nodes.folder))
+
+
 def journals(nodes: Killable) -> list[Path]:
     return sorted((state_folder(nodes.folder) / "journals").glob("*"))
 
@@ -78,9 +87,9 @@ def test_every_node_is_recovered(nodes: Killable, kill_at: int) -> None:
     (nodes.folder / "same.yaml").write_text("nodes: {a: {node_id: 1}}\n", "utf-8")
     same = nodes.dvtcli("diff", str(nodes.folder / "same.yaml"))
     assert (same.returncode, next_line in same.stdout) == (0, True)
-    recovered = nodes.dvtcli("recover", "--yes")
+    recovered = as_printed(nodes, refused.stderr, "-n 1 recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert held(nodes) == before
+    assert held(nodes) == before, "the change was one of both nodes"
     assert journals(nodes) == []
     assert nodes.dvtcli("--yes", "apply", str(nodes.folder / "net.yaml")).returncode == 0
     assert nodes.dvtcli("diff", str(nodes.folder / "net.yaml")).returncode == 0
@@ -89,7 +98,7 @@ def test_every_node_is_recovered(nodes: Killable, kill_at: int) -> None:
 def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Killable) -> None:
     before = held(nodes)
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
-    recovered = nodes.dvtcli("recover", "--yes")
+    recovered = as_printed(nodes, nodes.dvtcli("recover").stderr, "recover --yes")
     assert recovered.returncode == 0, recovered.stderr
     assert "had begun: node 1 stored what was taken back; `dvtcli " in recovered.stderr
     assert "-n 1 store` keeps what it holds now" in recovered.stderr
@@ -133,7 +142,7 @@ def test_stores_that_a_kill_cut_short_are_finished(nodes: Killable) -> None:
     assert "recover --yes` goes back" in asked.stderr
     assert nodes.dvtcli("recover", "--finish", "--dry-run").returncode == 0
     assert len(journals(nodes)) == 3, "a dry run leaves them"
-    finished = nodes.dvtcli("recover", "--finish", "--yes")
+    finished = as_printed(nodes, asked.stderr, "recover --finish --yes")
     assert finished.returncode == 0, finished.stderr
     assert "is complete: node 3 stored" in finished.stdout
     assert journals(nodes) == []

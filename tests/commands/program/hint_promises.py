@@ -103,6 +103,23 @@ PROMISES = {
     A.DECODE: Promise("EMCY", given={"file": "r.log"}),
     A.DRAW: Promise("n.html: sim, 1 node", given={"file": "n.html"}),
 }
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """What a way out of a change of nodes 5 and 9 is to print, and whether all are *as before* then."""
+
+    prints: str
+    is_as_before: bool
+
+
+_BOTH_BACK = "node 5 put back: .*, read back equal.* node 9 put back: .*, read back equal"
+#: the same of a change, or of stores, that were really interrupted
+INTERRUPTED = {
+    A.RECOVER: Interrupted(_BOTH_BACK, is_as_before=True),
+    A.RECOVER_ALL: Interrupted(_BOTH_BACK, is_as_before=True),
+    A.FINISH_STORES: Interrupted("is complete: node 9 stored", is_as_before=False),
+}
 #: commands that end with Ctrl-C, with a terminal, a power switch or a real bus only, or that only a user can complete
 NOT_HERE = {
     A.MONITOR, A.LISTEN_BIT_RATE, A.SERVE, A.LOG, A.LOG_VALUES, A.READ_VALUES, A.EDIT_PDO, A.PROVE_POWER,
