@@ -176,6 +176,28 @@ def test_another_script_keeps_them_and_says_so(bench: Bench, tmp_path: Path) -> 
     assert "was OPERATIONAL and is PRE-OPERATIONAL now" in stderr
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("nested", [False, True])
+def test_a_signal_between_two_lines_lets_no_further_one_run(
+    bench: Bench, tmp_path: Path, number: signal.Signals, nested: bool
+) -> None:
+    """It comes while the node is asked to store, which is waited for: nothing of that line is left to be stopped."""
+    script, inner = tmp_path / "x.dvt", tmp_path / "inner.dvt"
+    first, last = "set tpdo2 --timer 70\nstore\n", "set tpdo2 --timer 90\n"
+    inner.write_text(first)
+    script.write_text(f"run {inner}\n{last}" if nested else first + last)
+    before = start(bench)
+    code, stderr = stopped(bench, number, (), 2, "run", str(script))
+    assert code == CODES[number], stderr
+    assert bench.wire.downloads == 2, "the store was the last thing that was written"
+    file = inner if nested else script
+    assert f"what {file}:1, {file}:2 changed is not taken back" in stderr
+    after = held(bench)
+    assert after[0x1801, 5] == (70).to_bytes(2, "little")
+    assert {place for place in after if after[place] != before[place]} - {(STATE, 0)} == {(0x1801, 5)}
+    assert not bench.journals()
+
+
 def test_a_hang_up_that_comes_twice_insists_on_nothing(bench: Bench) -> None:
     before = start(bench)
     code, stderr = stopped(bench, SIGHUP, ("stdout", "stderr"), 4, *MAP, times=3)
