@@ -183,13 +183,14 @@ def test_a_signal_between_two_lines_lets_no_further_one_run(
 ) -> None:
     """It comes while the node is asked to store, which is waited for: nothing of that line is left to be stopped."""
     script, inner = tmp_path / "x.dvt", tmp_path / "inner.dvt"
-    first, last = "set tpdo2 --timer 70\nstore\n", "set tpdo2 --timer 90\n"
+    first, last = "set tpdo2 --timer 70\nstore\n", f"export {tmp_path}/late.dcf\nset tpdo2 --timer 90\n"
     inner.write_text(first)
     script.write_text(f"run {inner}\n{last}" if nested else first + last)
     before = start(bench)
     code, stderr = stopped(bench, number, (), 2, "run", str(script))
     assert code == CODES[number], stderr
     assert bench.wire.downloads == 2, "the store was the last thing that was written"
+    assert not (tmp_path / "late.dcf").exists(), "nor is anything read for a line that was not begun"
     file = inner if nested else script
     assert f"what {file}:1, {file}:2 changed is not taken back" in stderr
     after = held(bench)
