@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
 from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.session.session import Session
 from tests.commands.bench import Bench
-from tests.network.bench import Chain
+from tests.network.bench import CHAIN, Chain
 from tests.network.test_network_faults import OPERATIONAL
 from tests.network.test_refused_stores import refuse_stores
 from tests.sample import part
@@ -46,11 +46,12 @@ def _file(chain: Chain, *, stores: bool = False, stamp: bool = False) -> str:
 
 @dataclass(frozen=True)
 class Job:
-    """What is done on three nodes, and what was done before; whether that was interrupted, and waits."""
+    """What is done on three nodes of *families*, and what was done before; whether that was interrupted, and waits."""
 
     act: Callable[[Session, Chain], object]
     before: Callable[[Session, Chain], object] = lambda _session, _chain: None
     waits: bool = False
+    families: Mapping[int, str] = field(default_factory=lambda: FAMILIES)
 
 
 def _link(session: Session, _chain: Chain) -> None:
@@ -115,6 +116,10 @@ JOBS = {
     "script": Job(
         _script("set 1:tpdo1 --timer 40", "set 5:tpdo1 --timer 40", "set 1:tpdo2 --timer 9", "set 9:tpdo1 --timer 4")
     ),
+    "script-gen4": Job(
+        _script("map 1:tpdo2 6041 606C", "set 5:tpdo1 --timer 40", "set 1:tpdo1 --timer 40", "disable 9:tpdo1"),
+        families=CHAIN,
+    ),
     "script-apply": Job(_script("set 1:tpdo2 --timer 9", "set 5:tpdo2 --timer 9", "apply FILE")),
     "script-link": Job(
         _script("set 1:tpdo2 --timer 9", "link 1:tpdo1 5:rpdo1", "set 9:tpdo1 --timer 4", "unlink 1:tpdo1 5:rpdo1")
@@ -137,7 +142,7 @@ def _prepared(disk: Path, job: Job, number: int = 0) -> Chain:
     for name in HOMES:
         os.environ[name] = str(disk / f"home{number}")
     (disk / f"home{number}").mkdir()
-    chain = Chain(disk / f"home{number}" / "journals", families=FAMILIES)
+    chain = Chain(disk / f"home{number}" / "journals", families=dict(job.families))
     with chain.session(node=None) as session:
         job.before(session, chain)
     chain.wait(1.0)
