@@ -10,7 +10,10 @@ import tomllib
 import unicodedata
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from click.shell_completion import CompletionItem
@@ -29,7 +32,9 @@ from dvtcli.cli.view.reports.github_case_lines import github_error_lines
 from dvtcli.cli.view.reports.github_lines import github_lines
 from dvtcli.cli.view.reports.junit_case_lines import junit_error_lines
 from dvtcli.cli.view.reports.sarif_lines import sarif_lines
+from dvtcli.device.change.journal import Journals
 from dvtcli.device.change.private_file import file_name
+from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.picture import (
@@ -40,13 +45,18 @@ from dvtcli.domain.network.picture import (
     PictureNode,
 )
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files import dbc_text, family_toml
+from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
+from dvtcli.files.device_library.stored_files import folder as library_folder
+from dvtcli.files.device_library.stored_files import stored_place
 from dvtcli.files.eds.writer import eds_text
+from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
 from dvtcli.files.picture import svg
 from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import page
 from dvtcli.files.values.csv_values import csv_text
+from dvtcli.operations.known_devices.keep_learnt import refuse_name
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule
 
 #: what a stranger's file has in a name: commands of terminals, of shells, formulas, ends of strings and of markup
@@ -222,9 +232,62 @@ def eds_lines(text: str) -> None:
     assert re.findall(r"^\[.*$", written, re.MULTILINE) == re.findall(r"^\[.*$", plain, re.MULTILINE)
 
 
+_DCF_OF = """[FileInfo]
+FileName=a.eds
+[DeviceInfo]
+VendorName=a
+[MandatoryObjects]
+SupportedObjects=1
+1=0x2000
+[2000]
+ParameterName=Name
+ObjectType=7
+DataType=9
+AccessType=rw
+"""
+
+
+def dcf(text: str) -> None:
+    """A DCF of a device: the text that an object holds, and the name of the file that describes it."""
+    plain, hostile = (
+        write_dcf(
+            _DCF_OF.encode(), source, {(0x2000, 0): held}, Commissioned(source, 1, datetime(2026, 1, 2, 3, 4))
+        ).data.decode("utf-8-sig")
+        for source, held in (("x", b"x"), (text, text.encode("utf-8", "replace")))
+    )
+    assert steers(hostile.replace("\n", "")) == ""
+    assert re.findall(r"^\[.*$", hostile, re.MULTILINE) == re.findall(r"^\[.*$", plain, re.MULTILINE)
+    assert hostile.count("\n") in (plain.count("\n"), plain.count("\n") - 1), "a value that it cannot say is left out"
+
+
+def nodelist(text: str) -> None:
+    """Lines of its keys, and nothing else."""
+    plain, hostile = (nodelist_text(Nodelist(name, (ListedNode(1, name, "node1.dcf"),), name)) for name in ("x", text))
+    assert steers(hostile.replace("\n", "")) == ""
+    keys = r"^[^=\n]*(?:=|$)"
+    assert re.findall(keys, hostile, re.MULTILINE) == re.findall(keys, plain, re.MULTILINE)
+
+
+def places(text: str) -> None:
+    """Files that are named after a stranger's file, a bus or a device: none is elsewhere, and no name steers."""
+    bus, folder = text.encode("utf-8", "replace").decode(), Path("/kept")
+    identity = {"vendor": 1, "product": 2, "revision": 3, "serial": None}
+    kept = (
+        stored_place((1, 2, 3), text), ChangeHistory(folder, bus).path(1, identity), Journals(folder, bus).path(1),
+        folder / f"{file_name(bus)}.count",
+    )  # fmt: skip
+    for place in kept:
+        assert steers(str(place)) == ""
+    assert kept[0].parent == library_folder()
+    assert all(place.parent == folder for place in kept[1:])
+    with suppress(UsageError):
+        refuse_name(text)
+        assert re.fullmatch(r"[a-z0-9_-]+", text)
+
+
 SINKS: dict[str, Callable[[str], None]] = {
     sink.__name__: sink for sink in (terminal, wrapped, messages, completion, csv_cells, pages, junit, dbc, toml, names,
-    annotations, sarif, report_page, graph, menus, eds_lines)
+    annotations, sarif, report_page, graph, menus, eds_lines, dcf, nodelist, places)
 }  # fmt: skip
 
 

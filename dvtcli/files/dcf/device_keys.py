@@ -123,5 +123,5 @@ def _add_section(eds: EdsFile, text: EditedText, lines: list[str], *, before_fir
 
 
 def _fitting(text: EditedText, value: str) -> str:
-    """*value* without what would end its line, or what the file's encoding lacks."""
-    return "".join(char if char >= " " and text.can_hold(char) else "?" for char in value).strip()
+    """*value* without what would end its line or steer a terminal, or what the file's encoding lacks."""
+    return "".join(char if char.isprintable() and text.can_hold(char) else "?" for char in value).strip()

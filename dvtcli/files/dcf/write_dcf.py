@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.safe_text import safe
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.device_keys import write_device_keys
@@ -158,6 +159,8 @@ class _Writer:
         """The text for *wanted*; None, and noted, where there is none."""
         try:
             text = value_text(entry.data_type, wanted, like)
+            if safe(text) != text:
+                raise ValueError("it has characters that steer a terminal")
             if not self.text.can_hold(text):
                 raise ValueError("the file's encoding lacks some of its characters")
         except ValueError as why:

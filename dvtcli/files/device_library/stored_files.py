@@ -81,7 +81,8 @@ def stored_path(name: str) -> Path | None:
 
 def stored_place(identity: tuple[int, int, int], name: str) -> Path:
     """Where a file called *name* is kept for *identity*: vendor, product, revision (0: none)."""
-    stem, suffix = os.path.splitext(re.sub(r"[\x00-\x1f\x7f]", "_", name))  # noqa: PTH122 - a name, not a path
+    plain = "".join(char if char.isprintable() and char not in "/\\" else "_" for char in name)
+    stem, suffix = os.path.splitext(plain)  # noqa: PTH122 - a name, not a path
     return folder() / f"{identity_word(identity)}_{_shortened(stem, _LONGEST - len(suffix.encode()))}{suffix}"
 
 
