@@ -1,6 +1,6 @@
 """SDO round trips per second: our client against canopen's own, same virtual bus, same server thread.
 
-    python tests/benchmarks/bench_sdo.py [ROUNDS [REQUESTS]]
+    python -m tests.benchmarks sdo
 
 Rounds of both are interleaved; a client is on the bus only during its round. Rates depend on the machine and on
 what else it does: the ratio (median of the rounds' ratios) is what to look at; goal: at least 1.0.
@@ -8,17 +8,16 @@ what else it does: the ratio (median of the rounds' ratios) is what to look at; 
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from statistics import median
 from time import perf_counter
 
 import can
 import canopen
 
 from dvtcli.bus.python_can import CanBus
+from tests.benchmarks.figures import Figure
 
 CHANNEL, NODE = "bench-sdo", 1
 Upload = Callable[[int, int], bytes]
@@ -81,21 +80,14 @@ def rates(client: Callable[[], object], requests: int) -> tuple[float, float]:
         return requests / (between - started), requests / (perf_counter() - between)
 
 
-def main(rounds: int = 9, requests: int = 2000) -> None:
+def figures(rounds: int, requests: int = 1000) -> Iterator[Figure]:
+    """Uploads and downloads a second of both clients."""
     server = Server()
     server.start()
     results = [(rates(ours, requests), rates(stock, requests)) for _ in range(rounds)]
     server.stopping = True
     server.join()
     server.bus.shutdown()
-    print(f"{'SDO':10}{'dvtcli/s':>10}{'canopen/s':>11}{'ratio':>7}   (min-max)   {rounds} rounds of {requests}")
-    for number, name in enumerate(("upload", "download")):
-        mine = [our[number] for our, _ in results]
-        theirs = [their[number] for _, their in results]
-        ratios = [one / other for one, other in zip(mine, theirs, strict=True)]
-        spread = f"({min(ratios):.2f}-{max(ratios):.2f})"
-        print(f"{name:10}{median(mine):10.0f}{median(theirs):11.0f}{median(ratios):7.2f}   {spread}")
-
-
-if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:]))
+    for number, name in enumerate(("uploads", "downloads")):
+        own, other = ([pair[side][number] for pair in results] for side in (0, 1))
+        yield Figure(f"SDO {name} a second", "", own, "canopen's client", other, least=1)

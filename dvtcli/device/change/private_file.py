@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -32,6 +31,8 @@ def write_private(path: Path, text: str, *, newline: str | None = None) -> None:
     A link of that name is replaced, never followed. *newline* is as `open` takes it. SafetyRefusal where others can
     write its folder or the one above, which is the state folder.
     """
+    import tempfile  # brings archives and random numbers, which a command that only looks does not need
+
     private_folder(path.parent.parent)
     private_folder(path.parent)
     descriptor, temporary = tempfile.mkstemp(_UNFINISHED, f"{path.name}.", path.parent)  # 0600

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.wanted_state import FileNote, Mark
@@ -87,6 +86,8 @@ class FileLog:
 
 def nearest(key: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
     """The one of *known* that *key* may be a slip of, or the beginning of; letter case and - for _ count as slips."""
+    from difflib import get_close_matches
+
     names, typed = {spelled(name): name for name in reversed(list(known))}, spelled(key)
     words = list(reversed(names))
     edited = [word for word in words if typed == word or _one_edit_apart(typed, word)]
