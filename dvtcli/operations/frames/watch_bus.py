@@ -98,7 +98,7 @@ def stream(
                     raise
                 store = FrameStore(watched.decoder)
                 continue
-            fresh = [frame for frame in misfits.passing(taken) if store.take(frame) or not changes]
+            fresh = [frame for frame in misfits.passing(taken) if not changes or store.take(frame)]
             seen = (frame_seen(frame, watched.decoder) for frame in fresh)
             show(seen_frame.chosen(text) for seen_frame in seen if not text or seen_frame.matches(text))
     finally:

@@ -182,8 +182,11 @@ def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
 
 def physical_document(value: Value | None, meaning: Scaling) -> Document | None:
     """What *value* means, beside raw: number and unit, words, names of bits that are set; None where nobody says."""
-    if value is None or isinstance(value, str | bytes | CanopenTime) or not meaning.words(value):
+    if value is None or isinstance(value, str | bytes | CanopenTime):
+        return None
+    text = meaning.words(value)
+    if not text:
         return None
     number = json_value(meaning.number(value)) if meaning.has_number else None
     bits = () if isinstance(value, float) else meaning.set_bits(value)
-    return {"value": number, "unit": meaning.unit, "text": meaning.words(value), "bits": list(bits)}
+    return {"value": number, "unit": meaning.unit, "text": text, "bits": list(bits)}
