@@ -132,6 +132,7 @@ def test_another_client_s_answers_are_no_second_node(ours: Ours) -> None:
 
 
 def test_an_abort_of_ours_is_no_other_client(ours: Ours) -> None:
+    ours.bus.sdo(NODE).upload(0x1000, 0)  # a node that never answered gets no abort
     ours.server.script = lambda _request: []
     with pytest.raises(NoAnswer):
         ours.bus.sdo(NODE).upload(0x1000, 0)

@@ -123,7 +123,7 @@ def test_a_fault_takes_it_all_back() -> None:
 def test_all_of_the_file_is_meant_and_never_some() -> None:
     """What a node downloads is whole, and links to others are in it."""
     with Session(Options(sim=(manager(),), node=(4, 5))) as session:
-        with pytest.raises(UsageError, match="-n names some of them"):
+        with pytest.raises(UsageError, match="some of them are named"):
             planned(session, "net.yaml", manager=10)
         assert session.node(10).sdo.upload(0x1F22, 4) == b""
 
@@ -172,7 +172,7 @@ def test_who_is_silent_or_another_is_not_left_out() -> None:
     [
         ("plan net.yaml --to-manager 11", 2, "does not tell its 0x1F22:04"),
         ("plan net.yaml --to-manager 10", 2, "does not tell its 0x1F22:05"),
-        ("plan net.yaml --to-manager 10 --trust-stamp", 2, "goes with neither"),
+        ("plan net.yaml --to-manager 10 --trust-stamp", 2, "none of its stamps"),
         ("plan net.yaml --to-manager 128", 2, "a node-ID"),
         ("plan alone.yaml --to-manager 10", 2, "no node that node 10 could download"),
         ("apply plan.json --to-manager 10", 2, "a saved plan"),

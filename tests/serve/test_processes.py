@@ -227,11 +227,11 @@ def test_a_port_that_is_taken(gen4: Served) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (("nothing",), 2, "sim nothing: no such family and no such file"),
+        (("nothing",), 2, "nothing: no such family and no such file"),
         (("gen4@1", "tmcm@1"), 2, "node-ID 1 is given twice"),
         (("gen4", "--listen", "here"), 2, "--listen here: not HOST:PORT"),
         (("gen4", "--listen", "127.0.0.1:70000"), 2, "not HOST:PORT"),
-        (("gen4", "--fault", "refuse@1"), 2, "--fault refuse@1"),
+        (("gen4", "--fault", "refuse@1"), 2, "--fault: refuse@1"),
         (("gen4", "--sim", "tmcm"), 2, "nodes to serve stand behind sim"),
         (("gen4", "-i", "nothing", "-c", "x"), 5, "cannot open nothing:x"),
         ((), 2, "Missing argument"),
