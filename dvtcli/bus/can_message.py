@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+
 import can
 
 from dvtcli.domain.ports import Frame
+
+# python-can logs lines of files as they are, and what it also raises: without a handler, logging prints that on stderr.
+for _logger in ("can", "seeedbus"):
+    logging.getLogger(_logger).addHandler(logging.NullHandler())
 
 
 def frame_of(message: can.Message) -> Frame:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,9 +9,7 @@ from pathlib import Path
 import can
 from can import util
 
-# python-can logs what it also raises; without a handler, logging would print that over our own message.
-for _logger in ("can", "seeedbus"):
-    logging.getLogger(_logger).addHandler(logging.NullHandler())
+from dvtcli.bus import can_message  # noqa: F401 - keeps python-can's log from stderr
 
 _ADDRESS = re.compile(r"(.+):([0-9]{1,5})")
 #: interfaces whose frames go to hardware of this machine, or stay in it

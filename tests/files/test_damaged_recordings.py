@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import can
@@ -12,6 +14,8 @@ from hypothesis import strategies as st
 from dvtcli.errors import InputFileError
 from dvtcli.files.recording import read_recorded
 from tests.commands.bench import Bench
+from tests.process import PATIENCE_S, environment
+from tests.sample import heavy
 
 TEXT = (".asc", ".log", ".trc")
 #: what stands in the place of a frame, and is none
@@ -203,3 +207,22 @@ def test_a_start_that_no_calendar_has_is_told_with_its_line(start: str, tmp_path
     head = f";$FILEVERSION=2.1\n;$STARTTIME={start}\n;$COLUMNS=N,O,T,I,d,l,D\n"
     found, error = read(tmp_path / "a.trc", f"{head} 1 0.1 DT 0181 Rx 1 37\n".encode())
     assert (found, error is not None and error.place) == (0, f"{tmp_path / 'a.trc'}:2")
+
+
+@heavy
+def test_what_a_library_logs_of_a_file_does_not_reach_the_terminal(good: dict[str, bytes], tmp_path: Path) -> None:
+    """python-can logs lines as they are; where nothing handles that, Python prints it on stderr."""
+    comment, damage = b"; \x1b]0;x\x07\n", b"1 2 \x1b]0;x\x07 DT 0181 Rx 1 37\n"
+    short = b";$FILEVERSION=2.1\n;$STARTTIME=43008.5\n;$COLUMNS=N,O,T,I,d,l,D\n"
+    for suffix, recording in [*good.items(), (".trc", short)]:
+        lines = recording.splitlines(keepends=True)
+        for number in {0, 3, max(0, len(lines) - 20), len(lines)}:
+            path = tmp_path / f"a{suffix}"
+            path.write_bytes(b"".join([*lines[:number], comment, damage, *lines[number:]]))
+            done = subprocess.run(
+                [sys.executable, "-m", "dvtcli", "decode", path.name],
+                cwd=tmp_path, env=environment(), capture_output=True, check=False, timeout=PATIENCE_S,
+            )  # fmt: skip
+            assert b"\x1b" not in done.stdout + done.stderr
+            said = [line for line in done.stderr.decode().splitlines() if not line.startswith(" ")]
+            assert [line for line in said if line.split(":")[0] not in ("error", "note", "warning")] == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -58,6 +59,35 @@ def test_a_pipe_into_which_nobody_writes_is_given_up(tmp_path: Path) -> None:
     with ThreadPoolExecutor(len(READERS)) as pool:
         codes = dict(pool.map(ran, READERS))
     assert {line: code for line, code in codes.items() if code not in (2, 4)} == {}
+
+
+@needs_pipes
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("check net.yaml", "pipe.eds is a pipe or a device, and dcf names a file"),
+        ("plan net.yaml", "pipe.eds is a pipe or a device, and dcf names a file"),
+        ("check endless.yaml", "endless.eds is a pipe or a device, and dcf names a file"),
+        ("import new.yaml pipes", "pipes/list.cpj: nothing came from this pipe"),
+        ("import new.yaml list.cpj", "pipe.eds: nothing came from this pipe"),
+        ("import new.yaml endless.cpj", "endless.eds is a device, no file"),
+    ],
+)
+def test_what_another_file_names_is_a_file_or_refused(tmp_path: Path, line: str, said: str) -> None:
+    """A network file, a nodelist and a folder lead to files that their reader did not name."""
+    forget_pipes()
+    (tmp_path / "pipes").mkdir()
+    for pipe in ("pipe.eds", "pipes/list.cpj"):
+        os.mkfifo(tmp_path / pipe)
+    (tmp_path / "endless.eds").symlink_to("/dev/zero")
+    nodelist = "[TOPOLOGY]\nNetName=x\nNodes=1\nNode1Present=1\nNode1Name=a\nNode1DCFName={}\n"
+    for name, eds in (("net", "pipe.eds"), ("endless", "endless.eds")):
+        (tmp_path / f"{name}.yaml").write_text(f"drive:\n  node_id: 1\n  dcf: {eds}\n", "utf-8")
+        (tmp_path / f"{'list' if name == 'net' else name}.cpj").write_text(nodelist.format(eds), "utf-8")
+    ran = dvtcli("--sim", "gen4", *line.split(), cwd=tmp_path)
+    assert ran.returncode == 4, ran
+    assert said in ran.stderr
 
 
 @needs_pipes
@@ -140,6 +170,23 @@ def test_nothing_is_read_from_a_device_but_the_empty_one() -> None:
     assert read_input(os.devnull, 10, "file") == b""
     with pytest.raises(InputFileError, match="device"):
         open_input("/dev/zero").close()
+
+
+@pytest.mark.parametrize(
+    ("line", "codes"),
+    [("plot {} speed", (4,)), ("sim gen4 --signal '606C=csv({},speed)'", (4,))],
+    ids=["plot", "signal"],
+)
+def test_a_cell_larger_than_the_library_takes_is_an_error_of_the_file(
+    tmp_path: Path, line: str, codes: tuple[int, ...]
+) -> None:
+    """Python's csv refuses more than 128 KiB in a cell."""
+    file = tmp_path / "a.csv"
+    file.write_text(f"time_s,speed\n0,1\n1,{'9' * (1 << 17)}9\n", "utf-8")
+    ran = dvtcli(*shlex.split(line.format(file)))
+    assert ran.returncode in codes, ran
+    assert "field larger than field limit" in ran.stderr
+    assert str(file) in ran.stderr
 
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".trc"])

@@ -10,6 +10,7 @@ from typing import Any, BinaryIO, ClassVar, NamedTuple
 
 import can
 
+from dvtcli.bus import can_message  # noqa: F401 - keeps python-can's log from stderr
 from dvtcli.domain.ports import Frame
 
 

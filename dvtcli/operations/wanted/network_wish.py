@@ -62,8 +62,9 @@ def _why_no_dcf(folder: Path, name: str) -> str:
     beside = (
         [file.name for file in folder.iterdir() if file.suffix.lower() in DEVICE_SUFFIXES] if folder.is_dir() else []
     )
-    if path.is_dir():
-        return f"{path} is a folder, and dcf names a file: an EDS, DCF, XDD or XDC"
+    if path.exists():
+        kind = "a folder" if path.is_dir() else "a pipe or a device"
+        return f"{path} is {kind}, and dcf names a file: an EDS, DCF, XDD or XDC"
     families = family_names()
     near = nearest(name, [*beside, *families])
     meant = f"; did you mean {near!r}?" if near else f"; families are {', '.join(families)}"

@@ -37,7 +37,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "cli/prompt/redirect.py",
         "cli/view/typed_hints.py",  # how Windows takes words apart
     ),
-    "logging": ("bus/python_can_settings.py", "operations/api/told.py"),
+    "logging": ("bus/can_message.py", "operations/api/told.py"),
     "traceback": ("cli/crash.py",),
     "warnings": ("cli/passcode.py",),
     "signal": (
