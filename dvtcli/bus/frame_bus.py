@@ -89,7 +89,6 @@ class FrameBus(ReadBus[M]):
 
         SDO at full speed would keep heartbeats off the bus; where the bit rate is known its pace is kept.
         """
-        self.drain()
         running = NmtState.OPERATIONAL in self._watch.states.values() or monotonic() - self._pdo_s < QUIET_S
         paced = self.bitrate is not None or self.simulated
         return MOST_AT_ONCE if paced and not running else 1

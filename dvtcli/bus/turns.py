@@ -20,7 +20,7 @@ from dvtcli.errors import BusUnavailable
 
 T = TypeVar("T")
 Ready = Callable[[], bool]
-#: how long it may take until a Ctrl-C is seen, or an end that was not told (s)
+#: how long it may take until a Ctrl-C is seen, an end that was not told, or that more may be begun (s)
 _LOOK_S = 0.1
 
 
@@ -115,7 +115,7 @@ class _Worker:
 
 
 class Turns:
-    """*jobs* that take turns, *width* of them at most at once.
+    """*jobs* that take turns, at most *width*() of them at once, which is asked again before each begins.
 
     *until*(ready, deadline_s) reads the bus until one of them is ready, or that time of *now_s*. Who waits for an
     answer is told of it: a frame costs the same however many wait.
@@ -124,7 +124,7 @@ class Turns:
     def __init__(
         self,
         jobs: Sequence[Callable[[], None]],
-        width: int,
+        width: Callable[[], int],
         until: Callable[[Ready, float], None],
         now_s: Callable[[], float],
     ) -> None:
@@ -230,17 +230,17 @@ class Turns:
     def _run_all(self) -> None:
         waiting = list(reversed(self._workers))
         while self._going or (waiting and not self.faults):
-            while waiting and len(self._going) < self._width and not self.faults:
+            while waiting and (not self._going or len(self._going) < self._width()) and not self.faults:
                 self._take_turn(waiting.pop())
-            for worker in self._ready():
+            for worker in self._ready(self._now_s() + _LOOK_S if waiting else inf):
                 self._take_turn(worker)
 
-    def _ready(self) -> Iterable[_Worker]:
-        """Who goes on: those whose time has come once the bus was read."""
+    def _ready(self, until_s: float) -> Iterable[_Worker]:
+        """Who goes on: those whose time has come once the bus was read; nobody at *until_s* (as `now_s` tells)."""
         if not self._going:
             return ()
         try:
-            self._until(self._anybody_ready, self._first_s())
+            self._until(self._anybody_ready, min(self._first_s(), until_s))
         except BusUnavailable as failed:
             return self._throw(partial(BusUnavailable, failed.text, why=failed.why, hint=failed.hint))
         if self._torn:

@@ -83,11 +83,10 @@ class WatchedBus(HeardNodes):
 
         On return none of them goes on. Answers what went wrong, in the order of time; after that none is begun.
         """
-        alone = len(jobs) < 2 or self._turns is not None
-        width = 1 if alone else min(len(jobs), self._most_at_once())
-        if width < 2:
+        if len(jobs) < 2 or self._turns is not None or not self.carries_frames:
             return one_by_one(jobs)
-        self._turns = turns = Turns(jobs, width, self._until, self.now_s)
+        self.drain()
+        self._turns = turns = Turns(jobs, self._most_at_once, self._until, self.now_s)
         try:
             turns.run()
         finally:
@@ -110,7 +109,7 @@ class WatchedBus(HeardNodes):
             self._pace.rest()
 
     def _most_at_once(self) -> int:
-        """How many nodes may be asked at once by now."""
+        """How many nodes may be asked at once, as far as what was read of the bus tells."""
         return 1
 
     def _until(self, ready: Callable[[], bool], deadline_s: float) -> None:

@@ -12,6 +12,7 @@ import can
 import pytest
 
 from dvtcli.bus.carrier import Carrier
+from dvtcli.bus.frame_bus import MOST_AT_ONCE
 from dvtcli.bus.kernel_carrier import _SERVICES
 from dvtcli.bus.python_can import HEARD_S, CanBus
 from dvtcli.errors import BusUnavailable, NoAnswer
@@ -169,6 +170,31 @@ def test_a_machine_that_may_run_is_not_asked_side_by_side_though_its_pdos_were_n
     assert at_once(bus, 3) == 3, "nothing runs"
     ends[1].send(can.Message(arbitration_id=0x181, data=b"12", is_extended_id=False))
     assert at_once(bus) == 1
+    ends[1].shutdown()
+    bus.close()
+
+
+def test_how_many_are_asked_at_once_is_decided_as_each_begins() -> None:
+    ends = [can.Bus("begins", interface="virtual", ignore_config=True) for _ in range(2)]
+    bus = CanBus(ends[0], "begins", carrier=Filtering(ends[0]), bitrate=1_000_000)
+    going, beside, begun_s = set[int](), list[int](), list[float]()
+
+    def works(number: int, lasts_s: float) -> Callable[[], None]:
+        def work() -> None:
+            beside.append(len(going))
+            begun_s.append(bus.now_s())
+            going.add(number)
+            if len(begun_s) == MOST_AT_ONCE:
+                ends[1].send(can.Message(arbitration_id=0x181, data=b"12", is_extended_id=False))
+            bus.sleep(lasts_s)
+            going.remove(number)
+
+        return work
+
+    assert bus.side_by_side([works(number, 2 * HEARD_S) for number in range(MOST_AT_ONCE + 2)]) == []
+    assert begun_s[1] - begun_s[0] >= HEARD_S, "so long nobody knows whether a machine runs"
+    assert beside[:MOST_AT_ONCE] == list(range(MOST_AT_ONCE)), "then it is known, while the first one goes on"
+    assert beside[MOST_AT_ONCE:] == [0, 0], "a PDO was heard meanwhile"
     ends[1].shutdown()
     bus.close()
 
