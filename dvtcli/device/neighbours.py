@@ -16,11 +16,15 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.ports import SdoReader
 
 
-def producers(nodes: Iterable[KnownPdos]) -> tuple[Producer, ...]:
-    """Every enabled TPDO of *nodes*, as they say now; of a node that does not answer, as it was last known."""
-    return tuple(producer for node in nodes for producer in _producers(node))
+def producers(nodes: Iterable[KnownPdos], *, anew: bool = True) -> tuple[Producer, ...]:
+    """Every enabled TPDO of *nodes*, as they say now; of a node that does not answer, as it was last known.
+
+    Without *anew* as they said since the last thing that could have changed it.
+    """
+    return tuple(producer for node in nodes for producer in _producers(node, anew=anew))
 
 
 def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
@@ -80,27 +84,27 @@ def _same_id(one: CobId, other: CobId) -> bool:
     return (one.can_id, one.extended) == (other.can_id, other.extended)
 
 
-def _producers(node: KnownPdos) -> Iterator[Producer]:
-    for pdo, cob_id in _cob_ids(node).items():
+def _producers(node: KnownPdos, *, anew: bool) -> Iterator[Producer]:
+    for pdo, cob_id in _cob_ids(node, node.sdo if anew else node.memory).items():
         if cob_id.valid:
             yield Producer(node.node_id, pdo, cob_id)
 
 
-def _cob_ids(node: KnownPdos) -> dict[Pdo, CobId]:
-    """The COB-IDs of the TPDOs of *node*, read now: another dvtcli may have moved one since they were read last."""
+def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
+    """The COB-IDs of the TPDOs of *node*, as *sdo* tells them: another dvtcli may have moved one meanwhile."""
     known = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
     boot_ups = node.bus.boot_ups(node.node_id)
     try:
-        held = {pdo: _cob_id(node, pdo, known) for pdo in node.present() if pdo.is_tpdo}
+        held = {pdo: _cob_id(sdo, pdo, known) for pdo in node.present() if pdo.is_tpdo}
         node.sent = boot_ups, {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
     except (NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off or STOPPED hinders no change of another one
         held = {pdo: cob_id for pdo, cob_id in known.items() if pdo.is_tpdo}
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
 
 
-def _cob_id(node: KnownPdos, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
+def _cob_id(sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
     """Sub-index 1 of a TPDO; where the node does not tell it, what is *known*, or None as of one that it lacks."""
     try:
-        return read_cob_id(node.sdo, pdo)
+        return read_cob_id(sdo, pdo)
     except SdoAborted:
         return known.get(pdo)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import channels_taken, producers, services_taken
+from dvtcli.device.reached import read_side_by_side
+from dvtcli.device.read_pdos import sdo_channels, service_ids
 from dvtcli.domain.network.consumers import by_id
 from dvtcli.domain.rules.finding import Producer
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -20,9 +24,10 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Senders:
-    """The TPDOs of *nodes*; *after* has the COB-ID of each one that a plan, or a file, gives another one, by node-ID.
+    """The TPDOs of *nodes*, as they were read for this plan, and what it, or a file, makes of them.
 
-    None stands for one that will be off, or of which nobody knows yet what it will be.
+    *after* has the COB-ID of each TPDO that gets another one, by node-ID. None stands for one that will be off, or of
+    which nobody knows yet what it will be.
     """
 
     nodes: Mapping[int, KnownPdos]
@@ -31,6 +36,21 @@ class Senders:
     _sent: Mapping[Id, Sequence[Producer]] | None = None
     _heard: Mapping[Id, Sequence[Producer]] | None = None
     _channels: Mapping[tuple[int, bool], str] | None = None
+
+    def read_ahead(self, changed: Collection[int]) -> None:
+        """Read of all nodes side by side what they send, and of those that are *changed* what their services take.
+
+        What cannot be read is told where it is needed.
+        """
+        nodes = self.nodes.values()
+        read_side_by_side(nodes, [partial(self._read_ahead, node, services=node.node_id in changed) for node in nodes])
+
+    def _read_ahead(self, node: KnownPdos, *, services: bool) -> None:
+        with suppress(NoAnswer, SdoAborted, SdoProtocolError):
+            sdo_channels(node.memory, node.dictionary)
+            if services:
+                service_ids(node.memory, node.node_id, node.dictionary)
+        tuple(self._of(node))
 
     def besides(self, node_id: int) -> tuple[Producer, ...]:
         """What the other nodes will send, and nodes that were met and are not in the plan send now."""
@@ -82,7 +102,7 @@ class Senders:
 
     def _of(self, node: KnownPdos) -> Iterator[Producer]:
         if node.node_id not in self._now:
-            self._now[node.node_id] = producers([node])
+            self._now[node.node_id] = producers([node], anew=node.node_id not in self.nodes)
         after = self.after.get(node.node_id, {})
         yield from (producer for producer in self._now[node.node_id] if producer.pdo not in after)
         for pdo, cob_id in after.items():

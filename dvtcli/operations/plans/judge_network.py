@@ -64,6 +64,10 @@ def judged(
     planned = [_doubted(nodes[plan.node_id], plan, force=force) for plan in planned]
     after = {plan.node_id: _cob_ids(plan) for plan in planned}
     senders = Senders(nodes, after)
+    if any(
+        pdo.is_tpdo and cob_id is not None and cob_id.valid for ids in after.values() for pdo, cob_id in ids.items()
+    ):
+        senders.read_ahead([node_id for node_id, ids in after.items() if ids])
     sent = sent_by_id(planned)
     found = [replace(plan, findings=(*plan.findings, *_all_findings(nodes, plan, sent, senders))) for plan in planned]
     if placed is None:

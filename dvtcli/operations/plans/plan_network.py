@@ -5,14 +5,15 @@ Writes nothing. Does not know how a plan is carried out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.heard_producers import HeardIds, heard_ids, heard_producer_findings
 from dvtcli.device.proposal import proposal
+from dvtcli.device.reached import read_side_by_side
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
@@ -265,17 +266,17 @@ def plans_of(
     senders = Senders(
         nodes, {wanted_node.node_id: {pdo.pdo: _said(pdo) for pdo in wanted_node.pdos} for wanted_node in wish.nodes}
     )
-    planned: list[NodePlan] = []
     refused: list[RuleError] = []
-    for node in list(nodes.values())[:1]:
-        ahead = [partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()]
-        for fault in node.bus.side_by_side(ahead):
-            raise fault  # a Ctrl-C, or a bus that is gone
-    for node_wish in wish.nodes:
-        stamp = stamps.get(node_wish.node_id)
-        planned.append(
-            _node_plan(nodes[node_wish.node_id], node_wish, wants[node_wish.node_id], senders, stamp, refused)
-        )
+    read_side_by_side(nodes.values(), [partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()])
+    found = [_differences(nodes[node.node_id], wants[node.node_id], senders, refused) for node in wish.nodes]
+    read_side_by_side(
+        nodes.values(),
+        [partial(_look_at_stamp, nodes[one.node_id], stamps.get(one.node_id), one.changes) for one in found],
+    )
+    planned = [
+        _node_plan(nodes[node.node_id], node, wants[node.node_id], differences, stamps.get(node.node_id))
+        for node, differences in zip(wish.nodes, found, strict=True)
+    ]
     return planned, refused
 
 
@@ -286,6 +287,12 @@ def _look_ahead(node: Node, wants: NodeWants) -> None:
         node.observed(lambda: [node.known_value(*place) for place in wants.values])
 
 
+def _look_at_stamp(node: Node, stamp: Stamp | None, changes: Sequence[Change]) -> None:
+    """The same of what the stamp of *node* becomes with *changes*."""
+    with suppress(DvtcliError):
+        stamping(node, stamp, changes)
+
+
 def _said(wish: PdoWish) -> CobId | None:
     """The COB-ID that the file itself names, while it is not known yet what the others will come to."""
     if not isinstance(wish.cob_id, int) or wish.enabled is False:
@@ -293,10 +300,17 @@ def _said(wish: PdoWish) -> CobId | None:
     return CobId(wish.cob_id, extended=wish.extended)
 
 
-def _node_plan(
-    node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, stamp: Stamp | None, refused: list[RuleError]
-) -> NodePlan:
-    """The plan of *node*, without the PDOs of which *refused* gets why they cannot be made."""
+class _Differences(NamedTuple):
+    """What a node's PDOs are to be, the *changes* that make them and its values so, and what `auto` chose instead."""
+
+    node_id: int
+    wanted: Mapping[Pdo, PdoConfig]
+    changes: tuple[Change, ...]
+    instead: tuple[Finding, ...]
+
+
+def _differences(node: Node, wants: NodeWants, senders: Senders, refused: list[RuleError]) -> _Differences:
+    """What *node* is to be, without the PDOs of which *refused* gets why they cannot be made."""
     elsewhere = cache(partial(senders.besides, node.node_id))
     lengths = untyped_lengths(node, wants.pdos.values())
     now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
@@ -310,13 +324,21 @@ def _node_plan(
     held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
     values = _values(node, wants, held)
     pdos = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
-    changes: tuple[Change, ...] = (*values, *(change for change in pdos if change.steps))
-    stamped = stamping(node, stamp, changes)
     proposed = (
         (wants.pdos[pdo], proposal(node, pdo, now[pdo], want, wanted, elsewhere, senders.channels))
         for pdo, want in wanted.items()
     )
-    instead = [finding for want, pdo_proposal in proposed for finding in instead_findings(want, pdo_proposal)]
+    instead = (finding for want, pdo_proposal in proposed for finding in instead_findings(want, pdo_proposal))
+    changes = (*values, *(change for change in pdos if change.steps))
+    return _Differences(node.node_id, wanted, changes, tuple(instead))
+
+
+def _node_plan(
+    node: Node, wish: NodeWish, wants: NodeWants, differences: _Differences, stamp: Stamp | None
+) -> NodePlan:
+    """The plan of *node*, which ends its stamp or gives it *stamp*."""
+    wanted, changes = differences.wanted, differences.changes
+    stamped = stamping(node, stamp, changes)
     plan = Plan(node.node_id, (*stamped.changes, *changes))
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
@@ -324,7 +346,7 @@ def _node_plan(
         lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, object_lines=dict(wants.lines),
         names=names(node, plan.changes), understood=understood(node, plan.changes),
         unstored=_unstored(node, plan) if wish.store else (),
-        findings=(*stamped.findings, *instead, *_left_off(wish, wanted)),
+        findings=(*stamped.findings, *differences.instead, *_left_off(wish, wanted)),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from dvtcli.device.reached import read_side_by_side
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import Lacked
@@ -62,10 +63,8 @@ def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -
         for end in link.ends:
             asked[end.node_id].setdefault(end.pdo, link.mark)
     places = {wanted_node.node_id: dict(_places(nodes[wanted_node.node_id], wanted_node)) for wanted_node in wish.nodes}
-    for node in list(nodes.values())[:1]:
-        ahead = [partial(_look_ahead, nodes[node_id], pdos, places[node_id]) for node_id, pdos in asked.items()]
-        for fault in node.bus.side_by_side(ahead):
-            raise fault  # a Ctrl-C, or a bus that is gone
+    ahead = [partial(_look_ahead, nodes[node_id], pdos, places[node_id]) for node_id, pdos in asked.items()]
+    read_side_by_side(nodes.values(), ahead)
     lacked = LackedOfWish(log)
     for node_id, pdos in asked.items():
         for pdo, mark in pdos.items():
