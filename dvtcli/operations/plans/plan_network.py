@@ -304,7 +304,7 @@ class _Differences(NamedTuple):
     """What a node's PDOs are to be, the *changes* that make them and its values so, and what `auto` chose instead."""
 
     node_id: int
-    wanted: Mapping[Pdo, PdoConfig]
+    wanted: dict[Pdo, PdoConfig]
     changes: tuple[Change, ...]
     instead: tuple[Finding, ...]
 
@@ -329,7 +329,7 @@ def _differences(node: Node, wants: NodeWants, senders: Senders, refused: list[R
         for pdo, want in wanted.items()
     )
     instead = (finding for want, pdo_proposal in proposed for finding in instead_findings(want, pdo_proposal))
-    changes = (*values, *(change for change in pdos if change.steps))
+    changes: tuple[Change, ...] = (*values, *(change for change in pdos if change.steps))
     return _Differences(node.node_id, wanted, changes, tuple(instead))
 
 
