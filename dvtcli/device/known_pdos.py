@@ -16,6 +16,7 @@ from dvtcli.device.read_pdos import UNREADABLE, WHATEVER, present_pdos, read_cob
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.ports import SdoReader
 from dvtcli.errors import BusUnavailable, SdoAborted
 
 T = TypeVar("T")
@@ -75,7 +76,8 @@ class KnownPdos(Reached):
         return self._pdos
 
     def _read_pdos(self) -> dict[Pdo, PdoConfig]:
-        return self._of_present(lambda pdo: read_pdo(self.memory, pdo, WHATEVER))
+        look = self.memory.look()
+        return self._of_present(lambda pdo: read_pdo(look, pdo, WHATEVER))
 
     def _of_present(self, read: Callable[[Pdo], T]) -> dict[Pdo, T]:
         """What *read* reads of each PDO; one that the EDS lists and the node lacks is left out."""
@@ -98,7 +100,7 @@ class KnownPdos(Reached):
     def known_pdo(self, pdo: Pdo) -> PdoConfig:
         """The same, as it was read since the last thing that could have changed it."""
         try:
-            config = self.observed(lambda: read_pdo(self.memory, pdo))
+            config = self.observed(lambda: read_pdo(self.memory.look(), pdo))
         except SdoAborted as aborted:
             from dvtcli.device.missing import no_pdo
 
@@ -114,18 +116,19 @@ class KnownPdos(Reached):
         return self.observed(self._read_cob_ids)
 
     def _read_cob_ids(self) -> dict[Pdo, CobId]:
-        until_s = self.bus.now_s() + PASSING_S
-        return self._of_present(lambda pdo: self._cob_id(pdo, until_s))
+        until_s, look = self.bus.now_s() + PASSING_S, self.memory.look()
+        return self._of_present(lambda pdo: self._cob_id(look, pdo, until_s))
 
-    def _cob_id(self, pdo: Pdo, until_s: float) -> CobId:
+    def _cob_id(self, look: SdoReader, pdo: Pdo, until_s: float) -> CobId:
         while True:
             try:
-                return read_cob_id(self.memory, pdo)
+                return read_cob_id(look, pdo)
             except SdoAborted as aborted:
                 if aborted.code in UNREADABLE or self.bus.now_s() >= until_s:
                     raise
             self.bus.sleep(_AGAIN_S)
             self.memory.forget_one(pdo.communication_index, 1)
+            look = self.memory.look()
 
     @property
     def last_read(self) -> Mapping[Pdo, PdoConfig]:

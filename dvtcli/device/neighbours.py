@@ -36,7 +36,7 @@ def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
     for node in nodes:
         if node.dictionary is not None or node.last_seen:
             with suppress(NoAnswer, SdoProtocolError):
-                found |= taken_by_channels(node.node_id, sdo_channels(node.memory, node.dictionary))
+                found |= taken_by_channels(node.node_id, sdo_channels(node.memory.look(), node.dictionary))
     return found
 
 
@@ -46,7 +46,7 @@ def services_taken(nodes: Iterable[KnownPdos], *, without: int | None = None) ->
     for node in nodes:
         if node.dictionary is not None or node.last_seen:
             with suppress(NoAnswer, SdoProtocolError):
-                found |= service_ids_beside(node.memory, node.node_id, node.dictionary, without=without)
+                found |= service_ids_beside(node.memory.look(), node.node_id, node.dictionary, without=without)
     return found
 
 
@@ -85,7 +85,7 @@ def _same_id(one: CobId, other: CobId) -> bool:
 
 
 def _producers(node: KnownPdos, *, anew: bool) -> Iterator[Producer]:
-    for pdo, cob_id in _cob_ids(node, node.sdo if anew else node.memory).items():
+    for pdo, cob_id in _cob_ids(node, node.sdo if anew else node.memory.look()).items():
         if cob_id.valid:
             yield Producer(node.node_id, pdo, cob_id)
 

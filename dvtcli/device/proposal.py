@@ -53,7 +53,7 @@ def proposal(
         node.profile,
         node.dictionary,
         lengths,
-        cache(lambda: {**taken(), **service_ids(node.memory, node.node_id, node.dictionary)}),
+        cache(lambda: {**taken(), **service_ids(node.memory.look(), node.node_id, node.dictionary)}),
         cache(beside),
         cob_ids,
         absent,

@@ -98,7 +98,8 @@ class Reached:
     def identity(self) -> Identity:
         """The node's identity (0x1018) as this line read it: at a prompt another device may have taken its place."""
         names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
-        return {name: read_optional(self.memory, IDENTITY, sub_index, 4) for name, sub_index in names.items()}
+        look = self.memory.look()
+        return {name: read_optional(look, IDENTITY, sub_index, 4) for name, sub_index in names.items()}
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""

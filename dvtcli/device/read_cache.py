@@ -32,13 +32,14 @@ class ReadCache:
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
         """What the object held when it was read, now at the latest; raises as the channel does."""
-        self._drop_what_may_be_old()
-        if (index, sub_index) not in self._read:
-            self._read[index, sub_index] = self._asked(index, sub_index, timeout_s, retries)
-        held = self._read[index, sub_index]
-        if isinstance(held, SdoAborted):
-            raise SdoAborted(index, sub_index, held.code, node=self.node_id)
-        return held
+        return CacheLook(self).upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+
+    def look(self) -> CacheLook:
+        """The same for objects that are read one after the other, with no other wait between them.
+
+        The bus is asked what could have changed them at the first, and behind each exchange, not at each object.
+        """
+        return CacheLook(self)
 
     def _asked(self, index: int, sub_index: int, timeout_s: float | None, retries: int | None) -> bytes | SdoAborted:
         self.on_read(index, sub_index)
@@ -76,3 +77,28 @@ class ReadCache:
         if happened != self._seen:
             self._seen = happened
             self.clear()
+
+
+@dataclass(slots=True)
+class CacheLook:
+    """One look at *cache* (`ReadCache.look`)."""
+
+    cache: ReadCache
+    #: whether nothing was waited for since the cache dropped what may be old
+    _is_of_now: bool = False
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """What the object held when it was read, now at the latest; raises as the channel does."""
+        cache = self.cache
+        if not self._is_of_now:
+            cache._drop_what_may_be_old()
+            self._is_of_now = True
+        held = cache._read.get((index, sub_index))
+        if held is None:
+            self._is_of_now = False
+            held = cache._read[index, sub_index] = cache._asked(index, sub_index, timeout_s, retries)
+        if isinstance(held, SdoAborted):
+            raise SdoAborted(index, sub_index, held.code, node=cache.node_id)
+        return held

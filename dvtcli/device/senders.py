@@ -47,9 +47,9 @@ class Senders:
 
     def _read_ahead(self, node: KnownPdos, *, services: bool) -> None:
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):
-            sdo_channels(node.memory, node.dictionary)
+            sdo_channels(node.memory.look(), node.dictionary)
             if services:
-                service_ids(node.memory, node.node_id, node.dictionary)
+                service_ids(node.memory.look(), node.node_id, node.dictionary)
         tuple(self._of(node))
 
     def besides(self, node_id: int) -> tuple[Producer, ...]:

@@ -74,16 +74,16 @@ def node_state(node: Node, *, for_rules: bool = False, only_enabled: bool = Fals
     pdos = node.observed(lambda: _enabled(node)) if only_enabled else dict(node.known_pdos())
     places = (*TIMING, *(JUDGED if for_rules else ()))
     arrays = _ARRAYS if for_rules else {CONSUMER_HEARTBEAT: 4}
-    numbers = node.observed(lambda: dict(_numbers(node.memory, places, arrays)))
+    numbers = node.observed(lambda: dict(_numbers(node.memory.look(), places, arrays)))
     if for_rules:
-        numbers |= node.observed(lambda: sdo_channels(node.memory, node.dictionary))
+        numbers |= node.observed(lambda: sdo_channels(node.memory.look(), node.dictionary))
     downloads = node.observed(lambda: dict(_downloads(node.memory))) if numbers.get((NMT_STARTUP, 0)) else {}
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
 
 
 def _enabled(node: Node) -> dict[Pdo, PdoConfig]:
-    cob_ids = node.known_cob_ids()
-    return {pdo: read_pdo(node.memory, pdo, WHATEVER) for pdo, cob_id in cob_ids.items() if cob_id.valid}
+    cob_ids, look = node.known_cob_ids(), node.memory.look()
+    return {pdo: read_pdo(look, pdo, WHATEVER) for pdo, cob_id in cob_ids.items() if cob_id.valid}
 
 
 def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
