@@ -174,6 +174,13 @@ class HeardNodes(ABC):
         self.drain()
         return self._watch.downloads_of_others.get(node_id, 0)
 
+    def happened(self, node_id: int) -> tuple[int, int]:
+        """Its upsets, and the downloads of others to it, as far as what was read of the bus tells."""
+        return (
+            self._watch.boot_ups.get(node_id, 0) + self._repeated(node_id),
+            self._watch.downloads_of_others.get(node_id, 0),
+        )
+
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
         """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
         return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)

@@ -32,13 +32,27 @@ class ReadCache:
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
         """What the object held when it was read, now at the latest; raises as the channel does."""
-        return CacheLook(self).upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+        self.bus.drain()
+        return self.upload_known(index, sub_index, timeout_s=timeout_s, retries=retries)
+
+    def upload_known(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """The same, as far as what was read of the bus by now tells whether that may be old."""
+        self._drop_what_may_be_old()
+        if (index, sub_index) not in self._read:
+            self._read[index, sub_index] = self._asked(index, sub_index, timeout_s, retries)
+        held = self._read[index, sub_index]
+        if isinstance(held, SdoAborted):
+            raise SdoAborted(index, sub_index, held.code, node=self.node_id)
+        return held
 
     def look(self) -> CacheLook:
-        """The same for objects that are read one after the other, with no other wait between them.
+        """The same for objects that are read one after the other, and nothing else meanwhile.
 
-        The bus is asked what could have changed them at the first, and behind each exchange, not at each object.
+        What has arrived on the bus by now counts, and what an exchange meets: it is not read for each object.
         """
+        self.bus.drain()
         return CacheLook(self)
 
     def _asked(self, index: int, sub_index: int, timeout_s: float | None, retries: int | None) -> bytes | SdoAborted:
@@ -73,32 +87,20 @@ class ReadCache:
         return bool(self._read) and self._seen[0] == self.bus.upsets(self.node_id)
 
     def _drop_what_may_be_old(self) -> None:
-        happened = self.bus.upsets(self.node_id), self.bus.downloads_of_others(self.node_id)
+        happened = self.bus.happened(self.node_id)
         if happened != self._seen:
             self._seen = happened
             self.clear()
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class CacheLook:
     """One look at *cache* (`ReadCache.look`)."""
 
     cache: ReadCache
-    #: whether nothing was waited for since the cache dropped what may be old
-    _is_of_now: bool = False
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
         """What the object held when it was read, now at the latest; raises as the channel does."""
-        cache = self.cache
-        if not self._is_of_now:
-            cache._drop_what_may_be_old()
-            self._is_of_now = True
-        held = cache._read.get((index, sub_index))
-        if held is None:
-            self._is_of_now = False
-            held = cache._read[index, sub_index] = cache._asked(index, sub_index, timeout_s, retries)
-        if isinstance(held, SdoAborted):
-            raise SdoAborted(index, sub_index, held.code, node=cache.node_id)
-        return held
+        return self.cache.upload_known(index, sub_index, timeout_s=timeout_s, retries=retries)

@@ -151,6 +151,10 @@ class CanopenBus(Protocol):
         """How many downloads of other SDO clients to *node_id* were seen since its last boot-up."""
         ...
 
+    def happened(self, node_id: int) -> tuple[int, int]:
+        """What may have changed *node_id*: its `upsets`, and `downloads_of_others`; does not read the bus."""
+        ...
+
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
         """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
         ...

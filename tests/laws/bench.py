@@ -183,6 +183,9 @@ class DirectBus:
     def downloads_of_others(self, node_id: int) -> int:
         return 0
 
+    def happened(self, node_id: int) -> tuple[int, int]:
+        return self.upsets(node_id), self.downloads_of_others(node_id)
+
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
         return one_by_one(jobs)
 

@@ -130,6 +130,11 @@ class TwinBus:
         """Those to the node: nobody else meets its twin."""
         return self._wrapped.downloads_of_others(node_id)
 
+    def happened(self, node_id: int) -> tuple[int, int]:
+        """What happened to the node, and the boot-ups of its twin."""
+        upsets, downloads = self._wrapped.happened(node_id)
+        return upsets + self._twin_boot_ups(node_id), downloads
+
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
         """Wait for more than *seen* boot-ups; a twin's come at once."""
         if self.boot_ups(node_id) > seen:
