@@ -213,8 +213,9 @@ def refuse_stale(node: Node, planned: NodePlan, changes: Collection[Change], wha
     """
     if node.identity() != planned.identity:
         raise _stale(node, "is another device than the plan is for")
+    look = node.memory.look()
     for change in changes:
-        difference = first_difference(node.memory, change, wanted_before=True)  # which is empty since it was claimed
+        difference = first_difference(look, change, wanted_before=True)  # which is empty since it was claimed
         if difference:
             raise _stale(node, f"{what} since the plan was made: {change.label}", change.label, difference)
 
