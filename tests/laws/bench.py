@@ -201,6 +201,9 @@ class DirectBus:
     def now_s(self) -> float:
         return self.slept_s
 
+    def drain(self) -> None:
+        """Nothing arrives but what is asked for."""
+
     def sleep(self, duration_s: float) -> None:
         self.slept_s += max(duration_s, 0)
 
