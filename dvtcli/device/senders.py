@@ -61,6 +61,11 @@ class Senders:
             for producer in self._of(other)
         )
 
+    def besides_with(self, node_id: int, cob_id: CobId) -> Sequence[Producer]:
+        """What of `besides` has the CAN-ID of *cob_id*; as `sent`."""
+        same = self.sent().get((cob_id.can_id, cob_id.extended), ())
+        return [producer for producer in same if producer.node_id != node_id]
+
     def sent(self) -> Mapping[Id, Sequence[Producer]]:
         """What all nodes will send, by its CAN-ID; from the first call on that stays so."""
         if self._sent is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -208,11 +208,11 @@ def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:
 def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Finding]:
     together: dict[Pdo, PdoConfig] = dict(planned.wanted)
     changes = planned.plan.changes
-    elsewhere = cache(partial(senders.besides, node.node_id))
     together |= {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
     for change in changes:
         if isinstance(change, PdoChange):
-            proposed = proposal(node, change.pdo, change.before, change.after, together, elsewhere, senders.channels)
+            same = partial(senders.besides_with, node.node_id, change.after.communication.cob_id)
+            proposed = proposal(node, change.pdo, change.before, change.after, together, same, senders.channels)
             yield from check_pdo(proposed)
         else:
             step = change.step

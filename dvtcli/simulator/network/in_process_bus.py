@@ -77,6 +77,14 @@ class InProcessBus(FrameBus[Frame]):
         """How many frames were destroyed so far, since not all on the bus run at one bit rate."""
         return self._error_frames.count
 
+    def drain(self) -> None:
+        """Deliver what has already arrived; nothing has where nothing is said, and nothing is due."""
+        with self._lock:
+            nodes = self._nodes
+            is_quiet = self._said.empty() and not nodes.bus_failed and nodes.next_s() > monotonic()
+        if not is_quiet:
+            super().drain()
+
     def disturbances(self) -> list[str]:
         """What was noticed since the last call: error frames, another SDO client, a node-ID used twice."""
         odd = super().disturbances()
