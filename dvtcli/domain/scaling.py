@@ -122,10 +122,10 @@ class Scaling:
         """What *raw* means, without raw itself: `48.0 V`, `operation enabled`, `input 1, input 3`; empty: nothing."""
         if isinstance(raw, str | bytes | CanopenTime):
             return ""
-        word = "" if isinstance(raw, float) else self._word(raw)
+        word = "" if isinstance(raw, float) else self.word(raw)
         return word or (self.quantity(raw) if self.has_number else "")
 
-    def _word(self, raw: int) -> str:
+    def word(self, raw: int) -> str:
         """The word for *raw*, or the names of its bits; empty where there is neither."""
         word = self.meaning(raw)
         if not word and self.bits and not self.states and raw >= 0:
@@ -139,7 +139,7 @@ class Scaling:
         """
         if not isinstance(raw, int):
             return self.words(raw)
-        word, quantity = self._word(raw), self.quantity(raw) if self.has_number else ""
+        word, quantity = self.word(raw), self.quantity(raw) if self.has_number else ""
         words = word or quantity
         if not words or (words == quantity and not self.is_scaled):  # it has raw in it already
             return words

@@ -31,7 +31,7 @@ class Column:
 
 
 class SignalRows:
-    """Turns frames into rows of cells: those whose signals *decoder* knows and *wanted* (small letters) chooses.
+    """Turns frames into values: those whose signals *decoder* knows and *wanted* (small letters) chooses.
 
     Frames without any such signal are only counted in *other*.
     """
@@ -41,35 +41,55 @@ class SignalRows:
         self._wanted = wanted
         chosen = chosen_columns(decoder, wanted)
         self.columns = list(chosen.values())
+        #: the frame of each column
+        self.services = [decoder.layouts[address].service for address, _ in chosen]
         self._numbers = {place: number for number, place in enumerate(chosen)}
-        self._addresses = {address for address, _ in chosen}
+        self._of_frames = self._by_frame()
         self.frames = 0
         self.other = 0
+
+    def _by_frame(self) -> dict[Address, tuple[int | None, ...]]:
+        """The column of each signal of each frame that has any."""
+        return {
+            address: tuple(self._numbers.get((address, signal.key)) for signal in self.decoder.layouts[address].signals)
+            for address in {address for address, _ in self._numbers}
+        }
 
     def decode_by(self, decoder: Decoder) -> bool:
         """Take what *decoder* knows from now on; whether it knows the same signals, which the columns are for."""
         if chosen_columns(decoder, self._wanted).keys() != self._numbers.keys():
             return False
         self.decoder = decoder
+        self._of_frames = self._by_frame()
         return True
 
     def layout(self, frame: Frame) -> Layout:
         """The layout of *frame*; another one where it was decoded anew meanwhile."""
         return self.decoder.layout(frame)
 
-    def row(self, frame: Frame) -> list[Value | None] | None:
-        """The cells of one frame, None where it has none of the signals."""
+    def values(self, frame: Frame) -> list[tuple[int, Value]] | None:
+        """The raw values of one frame, each with the number of its column; None where it has none of the signals."""
         address = frame.can_id, frame.extended
-        if address not in self._addresses or frame.remote:
+        numbers = self._of_frames.get(address)
+        if numbers is None or frame.remote:
             self.other += 1
             return None
-        layout = self.decoder.layouts[address]
-        cells: list[Value | None] = [None] * len(self.columns)
-        for signal, value in zip(layout.signals, layout.read(frame.data), strict=True):
-            number = self._numbers.get((address, signal.key))
-            if number is not None and value is not None:
-                cells[number] = self.columns[number].cell(value)
         self.frames += 1
+        read = self.decoder.layouts[address].read(frame.data)
+        return [
+            (number, value)
+            for number, value in zip(numbers, read, strict=True)
+            if number is not None and value is not None
+        ]
+
+    def row(self, frame: Frame) -> list[Value | None] | None:
+        """The cells of one frame, None where it has none of the signals."""
+        values = self.values(frame)
+        if values is None:
+            return None
+        cells: list[Value | None] = [None] * len(self.columns)
+        for number, value in values:
+            cells[number] = self.columns[number].cell(value)
         return cells
 
     def title(self, frame: Frame) -> str:
@@ -98,5 +118,9 @@ def chosen_columns(decoder: Decoder, wanted: str) -> dict[Place, Column]:
 
 
 def _name(layout: Layout, signal: Signal) -> str:
-    own = "" if signal.key.startswith(signal.object) else signal.object
-    return " ".join(filter(None, [title(layout), own, signal.key]))
+    return signal_name(title(layout), signal.object, signal.key)
+
+
+def signal_name(title: str, place: str, key: str) -> str:
+    """The full name of the signal *key* in the frame *title*: with its object *place* unless it begins with that."""
+    return " ".join(filter(None, [title, "" if key.startswith(place) else place, key]))

@@ -16,7 +16,7 @@ from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import InputFileError
 from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.opened_text import opened_text
-from dvtcli.files.values.value_rows import ValueRows
+from dvtcli.files.values.value_rows import ValueRows, size_of_open
 from dvtcli.watch.table import SignalRows
 
 #: heads of the first columns: `log` and `decode` write the first two, `read --every` the third
@@ -29,10 +29,11 @@ class CsvWriter:
     def __init__(self, file: IO[str], rows: SignalRows) -> None:
         self._file = file
         self._rows = rows
+        self.size = 0
         self._csv = csv.writer(file, lineterminator="\n")
         self._csv.writerow([TIME, FRAME, *(no_formula(column.header) for column in rows.columns)])
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame: Frame, _bus: str = "") -> None:
         """Write one frame."""
         cells = self._rows.row(frame)
         if cells is not None:
@@ -41,9 +42,12 @@ class CsvWriter:
     def flush(self) -> None:
         """Hand what was written to the system."""
         self._file.flush()
+        self.size = size_of_open(self._file)
 
     def close(self) -> None:
         """Close the file."""
+        self._file.flush()
+        self.size = size_of_open(self._file)
         self._file.close()
 
 

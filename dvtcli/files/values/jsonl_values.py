@@ -13,7 +13,7 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import json_line
 from dvtcli.files.values.opened_text import opened_text
-from dvtcli.files.values.value_rows import ValueRows
+from dvtcli.files.values.value_rows import ValueRows, size_of_open
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.table import Column, SignalRows
 
@@ -26,8 +26,9 @@ class JsonlWriter:
 
     def __init__(self, file: IO[str], rows: SignalRows, document: Callable[[Frame], dict[str, Any]]) -> None:
         self._file, self._rows, self._document = file, rows, document
+        self.size = 0
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame: Frame, _bus: str = "") -> None:
         """Write one frame."""
         if self._rows.row(frame) is not None:
             self._file.write(json.dumps(self._document(frame), ensure_ascii=False, separators=(",", ":")) + "\n")
@@ -35,9 +36,12 @@ class JsonlWriter:
     def flush(self) -> None:
         """Hand what was written to the system."""
         self._file.flush()
+        self.size = size_of_open(self._file)
 
     def close(self) -> None:
         """Close the file."""
+        self._file.flush()
+        self.size = size_of_open(self._file)
         self._file.close()
 
 

@@ -1,127 +1,281 @@
-"""Values as Apache Parquet, through pyarrow, which is an optional extra: a column for each signal, with its unit.
+"""Values as Apache Parquet, through pyarrow, which is an optional extra: a row for each value, or a column a signal.
 
-Rows are written in groups; a file whose writer was killed has no end, and cannot be read. Knows no bus.
+The long layout has one schema for all devices and files, so that files of a fleet are one table; the wide one is a
+table of one recording. Texts stand in both as the device and its file have them. Knows no bus.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 from dvtcli.domain.datatypes import Kind, Value
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
 from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.csv_values import FRAME, TIME
+from dvtcli.files.values.value_file import Origin
 from dvtcli.files.values.value_rows import ValueRows
-from dvtcli.watch.table import Column, SignalRows
+from dvtcli.watch.decoder import Signal
+from dvtcli.watch.table import Column, SignalRows, signal_name
 
-#: rows that are kept back until they are written together
-_GROUP = 20_000
+#: the long layout: its columns, and their types as pyarrow calls them
+_LONG = {
+    TIME: "timestamp", "source": "string", "bus": "string", "node": "int32", "serial": "int64", "pdo": "string",
+    "object": "string", "name": "string", "unit": "string", "value": "float64", "raw": "int64", "text": "string",
+}  # fmt: skip
+#: columns of the long layout that are the same in all rows of a signal
+_OF_SIGNAL = ("node", "serial", "pdo", "object", "name", "unit")
+_INT64 = range(-(1 << 63), 1 << 63)
+#: rows of a row group, and the most cells of one in the wide layout
+ROWS, _CELLS = 65_536, 1_000_000
 
 
-def needed() -> None:
-    """UsageError where pyarrow is missing."""
-    extra("pyarrow", "parquet", "a .parquet file")
+def pyarrow(module: str = "pyarrow") -> Any:
+    """pyarrow, or its *module*; UsageError where it is missing."""
+    return extra(module, "parquet", "a .parquet file")
 
 
-class ParquetWriter:
-    """Writes the frames that *rows* knows to a new file at *path*."""
+class LongTable:
+    """Rows of the long layout, one for each value of a frame that *rows* knows."""
 
-    def __init__(self, path: Path, rows: SignalRows) -> None:
-        self._arrow = extra("pyarrow", "parquet", "a .parquet file")
+    group = ROWS
+
+    def __init__(self, rows: SignalRows, origin: Origin) -> None:
+        self._arrow = arrow = pyarrow()
+        self._rows, self._source = rows, origin.source
+        self.schema = _schema(arrow, _LONG, origin)
+        self._signals = [column.signal for column in rows.columns]
+        told = [_told(signal, service, origin) for signal, service in zip(self._signals, rows.services, strict=True)]
+        self._of_signal = {
+            name: arrow.array([signal[name] for signal in told], self.schema.field(name).type) for name in _OF_SIGNAL
+        }
+        self._clear()
+
+    def _clear(self) -> None:
+        self._times: list[int] = []
+        self._buses: list[str] = []
+        self._numbers: list[int] = []
+        self._values: list[tuple[float | None, int | None, str | None]] = []
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def add(self, frame: Frame, bus: str) -> None:
+        """Take the values of *frame*, which was on *bus*."""
+        time_us = round(frame.timestamp_s * 1_000_000)
+        for number, value in self._rows.values(frame) or ():
+            self._times.append(time_us)
+            self._buses.append(bus)
+            self._numbers.append(number)
+            self._values.append(long_cells(self._signals[number], value))
+
+    def batch(self) -> Any:
+        """The rows that were taken since the last batch."""
+        arrow = self._arrow
+        numbers = arrow.array(self._numbers, arrow.int32())
+        columns = {name: told.take(numbers) for name, told in self._of_signal.items()}
+        columns |= {TIME: self._times, "bus": [bus or None for bus in self._buses]}
+        columns["source"] = [self._source or None] * len(self)
+        for place, name in enumerate(("value", "raw", "text")):
+            columns[name] = [cells[place] for cells in self._values]
+        self._clear()
+        return arrow.RecordBatch.from_arrays(
+            [arrow.array(columns[each.name], each.type) for each in self.schema], schema=self.schema
+        )
+
+
+def _told(signal: Signal, service: Any, origin: Origin) -> dict[str, Any]:
+    """What the long layout has in each row of *signal*."""
+    node, pdo = service.node, service.label.lower() if service.kind == "pdo" else service.label
+    return {
+        "node": node, "serial": origin.serials.get(node), "pdo": text_cell(pdo), "object": signal.object or None,
+        "name": text_cell(signal.key), "unit": text_cell(signal.unit) or None,
+    }  # fmt: skip
+
+
+def long_cells(signal: Signal, raw: Value) -> tuple[float | None, int | None, str | None]:
+    """Value, raw value and text of *raw*: the number in the signal's unit, the whole number that was sent, the words.
+
+    A number that 64 bits with a sign do not hold has its digits as the text. What a DBC file gives is no raw value.
+    """
+    if not isinstance(raw, int | float):
+        return None, None, text_cell(raw)
+    meaning = signal.meaning
+    value = float(meaning.number(raw)) if meaning.has_number else float(raw)
+    if isinstance(raw, float) or not signal.object:
+        return value, None, None
+    if raw not in _INT64:
+        return value, None, str(raw)
+    return value, int(raw), text_cell(meaning.word(raw)) or None
+
+
+def text_cell(value: Value) -> str:
+    """What is no number as a cell: bytes in hex, a text as it is but for halves of surrogates, which no UTF-8 has."""
+    text = value.hex(" ").upper() if isinstance(value, bytes) else str(value)
+    return text.encode("utf-8", "replace").decode()
+
+
+class WideTable:
+    """Rows of the wide layout, one for each frame that *rows* knows, with a column for each signal.
+
+    A column's type follows from what its signal is, and not from its values: a number with a unit is a double, any
+    other whole number has a sign, so that differences are right. One of 64 bits without sign is a decimal number.
+    """
+
+    def __init__(self, rows: SignalRows, origin: Origin) -> None:
+        self._arrow = arrow = pyarrow()
         self._rows = rows
-        self._schema = self._schema_of(rows.columns)
-        self._file = extra("pyarrow.parquet", "parquet", "a .parquet file").ParquetWriter(str(path), self._schema)
+        self._kinds = [_kind(column) for column in rows.columns]
+        heads = [text_cell(column.header) for column in rows.columns]
+        about = {head: _about(column.signal) for head, column in zip(heads, rows.columns, strict=True)}
+        kinds = {TIME: "timestamp", FRAME: "string", **dict(zip(heads, self._kinds, strict=True))}
+        self.schema = _schema(arrow, kinds, origin, about)
+        self.group = max(1_000, min(ROWS, _CELLS // len(kinds)))
+        self._clear()
+
+    def _clear(self) -> None:
         self._times: list[int] = []
         self._titles: list[str] = []
-        self._cells: list[list[Value | None]] = []
+        self._cells: list[list[tuple[int, object]]] = [[] for _ in self._kinds]
 
-    def _schema_of(self, columns: list[Column]) -> Any:
-        arrow = self._arrow
-        fields = [arrow.field(TIME, arrow.timestamp("us", tz="UTC")), arrow.field(FRAME, arrow.string())]
-        for column in columns:
-            about = {"unit": column.signal.unit, "object": column.signal.object}
-            kind = getattr(arrow, _kind(column))()
-            fields.append(arrow.field(column.header, kind, metadata={key: said for key, said in about.items() if said}))
-        return arrow.schema(fields)
+    def __len__(self) -> int:
+        return len(self._times)
 
-    def write(self, frame: Frame) -> None:
-        """Write one frame."""
-        cells = self._rows.row(frame)
-        if cells is None:
+    def add(self, frame: Frame, _bus: str) -> None:
+        """Take the values of *frame*."""
+        values = self._rows.values(frame)
+        if values is None:
             return
+        at = len(self._times)
+        for number, value in values:
+            cell = self._rows.columns[number].cell(value)
+            self._cells[number].append((at, _cell(cell, self._kinds[number])))
         self._times.append(round(frame.timestamp_s * 1_000_000))
-        self._titles.append(self._rows.title(frame))
-        self._cells.append(cells)
-        if len(self._times) >= _GROUP:
-            self._write_group()
+        self._titles.append(text_cell(self._rows.title(frame)))
 
-    def _write_group(self) -> None:
-        if not self._times:
-            return
-        kinds = [_kind(column) for column in self._rows.columns]
-        columns = [[_cell(row[at], kind) for row in self._cells] for at, kind in enumerate(kinds)]
-        arrays = [
-            self._arrow.array(values, type=field.type)
-            for values, field in zip([self._times, self._titles, *columns], self._schema, strict=True)
-        ]
-        self._file.write_table(self._arrow.Table.from_arrays(arrays, schema=self._schema))
-        self._times, self._titles, self._cells = [], [], []
+    def batch(self) -> Any:
+        """The rows that were taken since the last batch."""
+        types = [each.type for each in self.schema]
+        first = [self._arrow.array(self._times, types[0]), self._arrow.array(self._titles, types[1])]
+        cells = (self._column(cells, kind) for cells, kind in zip(self._cells, types[2:], strict=True))
+        batch = self._arrow.RecordBatch.from_arrays([*first, *cells], schema=self.schema)
+        self._clear()
+        return batch
 
-    def flush(self) -> None:
-        """Nothing: rows are written in groups."""
+    def _column(self, cells: list[tuple[int, object]], kind: Any) -> Any:
+        column: list[object] = [None] * len(self)
+        for at, cell in cells:
+            column[at] = cell
+        return self._arrow.array(column, kind)
 
-    def close(self) -> None:
-        """Write what is kept back, and the end."""
-        self._write_group()
-        self._file.close()
+
+def _schema(arrow: Any, kinds: Mapping[str, str], origin: Origin, about: Mapping[str, Any] | None = None) -> Any:
+    types = {"timestamp": arrow.timestamp("us", tz="UTC"), "decimal": arrow.decimal128(20, 0)}
+    fields = [
+        arrow.field(name, types.get(kind) or getattr(arrow, kind)(), metadata=(about or {}).get(name))
+        for name, kind in kinds.items()
+    ]
+    return arrow.schema(fields, {key: text_cell(value) for key, value in origin.facts.items()})
+
+
+def _about(signal: Signal) -> dict[str, str]:
+    about = {"unit": text_cell(signal.unit), "object": signal.object}
+    return {key: said for key, said in about.items() if said}
 
 
 def _kind(column: Column) -> str:
-    """The type of a column's cells, as pyarrow calls it."""
-    signal = column.signal
-    if signal.meaning.is_scaled or not signal.object:
+    """The type of a column's cells in the wide layout, as pyarrow calls it."""
+    signal, kind = column.signal, column.signal.data_type and column.signal.data_type.kind
+    if signal.meaning.has_number or not signal.object or kind is Kind.REAL:
         return "float64"  # also of a DBC file, whose values are scaled already
-    if signal.data_type is None:
-        return "uint64" if signal.bits <= 64 else "string"
-    kinds = {Kind.BOOLEAN: "bool_", Kind.INTEGER: "int64", Kind.UNSIGNED: "uint64", Kind.REAL: "float64"}
-    return kinds.get(signal.data_type.kind, "string")
+    if kind is Kind.BOOLEAN:
+        return "bool_"
+    if kind is Kind.INTEGER:
+        return "int64"
+    if kind is Kind.UNSIGNED or (kind is None and 0 < signal.bits <= 64):
+        return "int64" if signal.bits < 64 else "decimal"
+    return "string"
 
 
-def _cell(value: Value | None, kind: str) -> object:
-    if value is None or kind == "string":
-        return None if value is None else value.hex(" ").upper() if isinstance(value, bytes) else str(value)
-    return float(value) if kind == "float64" and isinstance(value, int | float) else value
+def _cell(value: Value, kind: str) -> object:
+    if kind == "float64":
+        return float(value) if isinstance(value, int | float) else None
+    if kind == "decimal":
+        return Decimal(value) if isinstance(value, int) else None
+    return text_cell(value) if kind == "string" else value
 
 
 def read_parquet(path: Path) -> ValueRows:
-    """What `log run.parquet --decode` wrote; InputFileError where it is none of these, or has no end."""
-    arrow = extra("pyarrow", "parquet", "a .parquet file")
+    """What `log` or `decode` wrote in either layout; InputFileError where it is none of these, or has no end."""
+    arrow = pyarrow()
     if not path.is_file():
         raise UsageError(f"{path}: no such file", hint=Hint(Action.LOG_VALUES, {"file": path}, "records one"))
     try:
-        file = extra("pyarrow.parquet", "parquet", "a .parquet file").ParquetFile(str(path))
+        file = pyarrow("pyarrow.parquet").ParquetFile(str(path))
     except (arrow.ArrowException, OSError) as wrong:
         why = str(wrong).partition("\n")[0]
         raise InputFileError(f"{path.name} is no whole Parquet file", why=why, place=str(path)) from wrong
     names = file.schema_arrow.names
     if TIME not in names or not arrow.types.is_timestamp(file.schema_arrow.field(TIME).type):
         raise InputFileError(f"{path.name} has no column {TIME!r} of times", place=str(path))
+    if {"pdo", *_OF_SIGNAL, "value"} <= {*names}:
+        return _read_long(file)
     columns = [name for name in names if name not in (TIME, FRAME)]
-    return ValueRows([column_of(name) for name in columns], _rows(file, columns))
+    return ValueRows([column_of(name) for name in columns], _wide_rows(file, columns))
 
 
-def _rows(file: Any, columns: list[str]) -> Iterator[tuple[float, list[float | None]]]:
+def _wide_rows(file: Any, columns: list[str]) -> Iterator[tuple[float, list[float | None]]]:
     for batch in file.iter_batches(columns=[TIME, *columns]):
         cells = [batch.column(name).to_pylist() for name in columns]
         for number, time in enumerate(batch.column(TIME).to_pylist()):
             yield time.timestamp(), [_number(values[number]) for values in cells]
 
 
+def _read_long(file: Any) -> ValueRows:
+    """The values of a file in the long layout, which is read twice: the first time for the signals in it."""
+    numbers: dict[tuple[object, ...], int] = {}
+    columns: list[Column] = []
+    for signal in _long_rows(file, ("bus", *_OF_SIGNAL)):
+        if signal not in numbers:
+            numbers[signal] = len(numbers)
+            columns.append(_long_column(*signal))
+    return ValueRows(columns, _frames(file, numbers))
+
+
+def _long_column(_bus: object, node: Any, _serial: object, pdo: Any, place: Any, name: Any, unit: Any) -> Column:
+    title = f"{str(pdo).upper()} node {node}" if node else str(pdo or "")
+    key = str(name or place or "")
+    signal = Signal(key, key, str(place or ""), Scaling(str(unit or "")))
+    return Column(signal_name(title, signal.object, key), signal)
+
+
+def _frames(file: Any, numbers: Mapping[tuple[object, ...], int]) -> Iterator[tuple[float, list[float | None]]]:
+    """A row for each frame: what follows each other with the same time, bus, node and PDO."""
+    last: object = None
+    time_s, cells = 0.0, [None] * len(numbers)
+    for time, value, *signal in _long_rows(file, (TIME, "value", "bus", *_OF_SIGNAL)):
+        number = numbers[tuple(signal)]
+        frame = (time, *signal[:4])
+        if frame != last or cells[number] is not None:
+            if last is not None:
+                yield time_s, cells
+            last, time_s, cells = frame, time.timestamp(), [None] * len(numbers)
+        cells[number] = _number(value)
+    if last is not None:
+        yield time_s, cells
+
+
+def _long_rows(file: Any, names: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:
+    for batch in file.iter_batches(columns=list(names)):
+        yield from zip(*(batch.column(name).to_pylist() for name in names), strict=True)
+
+
 def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+    return float(value) if isinstance(value, int | float | Decimal) and math.isfinite(value) else None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,31 @@ from dvtcli.watch.table import SignalRows
 
 #: what a person reads of each form
 FORMS = {".csv": "text", ".jsonl": "one JSON document a frame", ".parquet": "for DuckDB and pandas, needs pyarrow"}
+
+#: the layouts of a .parquet file, the default first: a row for each value, a column for each signal
+LONG, WIDE = LAYOUTS = ("long", "wide")
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where values are from: *source* is who recorded them, *serials* are the serial numbers of nodes by node-ID.
+
+    *facts* are for the file's metadata, by their keys.
+    """
+
+    source: str = ""
+    bus: str = ""
+    serials: Mapping[int, int] = field(default_factory=dict)
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ParquetForm:
+    """How a .parquet file is written: in *layout*, and if it is *live* so that a power-off takes one second at most."""
+
+    layout: str = LONG
+    origin: Origin = Origin()
+    live: bool = False
 
 
 def is_value_file(path: Path) -> bool:
@@ -31,19 +57,30 @@ def checked_form(path: Path) -> str:
             hint=Hint(Action.LOG_VALUES, {"file": path.with_suffix(".csv")}, "writes values"),
         )
     if form == ".parquet":
-        from dvtcli.files.values.parquet_values import needed
+        from dvtcli.files.values.parquet_values import pyarrow
 
-        needed()
+        pyarrow()
     return form
 
 
-def write_file(path: Path, rows: SignalRows, document: Callable[[Frame], dict[str, Any]]) -> ValueWriter:
-    """The writer of a new file at *path*; *document* makes that of a frame. UsageError as `checked_form`, OSError."""
+def write_file(
+    path: Path,
+    rows: SignalRows,
+    document: Callable[[Frame], dict[str, Any]],
+    parquet: ParquetForm | None = None,
+) -> ValueWriter:
+    """The writer of a new file at *path*; *document* makes that of a frame, *parquet* says how a .parquet file is.
+
+    UsageError as `checked_form`, OSError.
+    """
     form = checked_form(path)
     if form == ".parquet":
-        from dvtcli.files.values.parquet_values import ParquetWriter
+        from dvtcli.files.values.parquet_file import ParquetWriter
+        from dvtcli.files.values.parquet_values import LongTable, WideTable
 
-        return ParquetWriter(path, rows)
+        chosen = parquet or ParquetForm()
+        table = WideTable(rows, chosen.origin) if chosen.layout == WIDE else LongTable(rows, chosen.origin)
+        return ParquetWriter(path, table, live=chosen.live)
     file = path.open("w", encoding="utf-8", newline="")
     if form == ".jsonl":
         from dvtcli.files.values.jsonl_values import JsonlWriter

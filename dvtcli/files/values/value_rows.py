@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import IO, Protocol
 
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.table import Column
+
+#: the suffix of what stands for a .parquet file until that is whole
+STREAM = ".arrows"
 
 
 class ValueWriter(Protocol):
     """A file of values that frames are written to."""
 
-    def write(self, frame: Frame) -> None:
-        """Write one frame, where it has any of the signals."""
+    @property
+    def size(self) -> int:
+        """How many bytes were written."""
+        ...
+
+    def write(self, frame: Frame, bus: str = "") -> None:
+        """Write one frame, which was on *bus*, where it has any of the signals."""
         ...
 
     def flush(self) -> None:
@@ -24,6 +33,11 @@ class ValueWriter(Protocol):
     def close(self) -> None:
         """Write the end, so that the file can be read."""
         ...
+
+
+def size_of_open(file: IO[str]) -> int:
+    """How many bytes were handed to the system."""
+    return os.fstat(file.fileno()).st_size
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,211 @@
+"""A Parquet file while it is written: it gets its name when it is whole, and can be made of what a power-off left.
+
+Parquet has its table of contents at the end. Until then the file is called `_run.parquet.part`, which is no .parquet
+for those who read a whole folder; and where its values cannot be had again, they stand in `_run.arrows`, too, an Arrow
+stream, which is on the disk to its last batch. Knows no layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import Any, Protocol
+
+from dvtcli.device.change.lock import lock_within
+from dvtcli.device.change.private_file import put_in_place, remove, sync_folder, to_disk
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import SafetyRefusal
+from dvtcli.files.values.parquet_values import ROWS, pyarrow
+from dvtcli.files.values.value_rows import STREAM
+
+#: how long a value may wait until it is on the disk (s)
+_AT_MOST_S = 1.0
+
+
+class Table(Protocol):
+    """Rows in one layout, as pyarrow has them; *group* of them make a row group."""
+
+    schema: Any
+    group: int
+
+    def __len__(self) -> int:
+        """How many rows were taken since the last batch."""
+        ...
+
+    def add(self, frame: Frame, bus: str) -> None:
+        """Take the values of *frame*, which was on *bus*."""
+        ...
+
+    def batch(self) -> Any:
+        """The rows that were taken since the last batch."""
+        ...
+
+
+class _WholeParquet:
+    """The file at *path*, written in row groups of *group* rows or more under another name until it is closed."""
+
+    def __init__(self, path: Path, schema: Any, group: int) -> None:
+        self._path, self._group = path, group
+        self._part = part_of(path)
+        self._file = self._part.open("wb")
+        self._parquet = pyarrow("pyarrow.parquet").ParquetWriter(self._file, schema)
+        self._kept: list[Any] = []
+        self._rows = 0
+
+    @property
+    def size(self) -> int:
+        """How many bytes were written."""
+        return self._file.tell()
+
+    def write(self, batch: Any) -> None:
+        """Write the rows of *batch* with those that were kept back, once they are enough."""
+        self._kept.append(batch)
+        self._rows += len(batch)
+        if self._rows >= self._group:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        if self._kept:
+            self._parquet.write_table(pyarrow().Table.from_batches(self._kept))
+            self._kept, self._rows = [], 0
+
+    def close(self) -> int:
+        """Write the rest and the end, and give the file its name; its size in bytes."""
+        with self._file:
+            self._write_group()
+            self._parquet.close()
+            self._file.flush()
+            to_disk(self._file.fileno())
+            size = self._file.tell()
+        put_in_place(self._part, self._path)
+        sync_folder(self._path.parent)
+        return size
+
+
+class ParquetWriter:
+    """Writes *table* to a new file at *path*; if it is *live*, a power-off takes the values of the last second only."""
+
+    def __init__(self, path: Path, table: Table, *, live: bool = False) -> None:
+        self._table = table
+        self._stream = None
+        if live:
+            self._stream = _Stream(stream_of(path), table.schema)
+            remove(path)  # a file of that name is this recording, whole
+        self._parquet = _WholeParquet(path, table.schema, table.group)
+        self._since_s: float | None = None
+        self.size = 0
+
+    def write(self, frame: Frame, bus: str = "") -> None:
+        """Write one frame, which was on *bus*."""
+        self._table.add(frame, bus)
+        if len(self._table) >= self._table.group:
+            self._write_batch()
+
+    def flush(self) -> None:
+        """Put on the disk what waits for longer than a second; nothing if the file is not live."""
+        if self._stream is None or not len(self._table):
+            return
+        if self._since_s is None:
+            self._since_s = monotonic()
+        elif monotonic() - self._since_s >= _AT_MOST_S:
+            self._write_batch()
+
+    def _write_batch(self) -> None:
+        self._since_s = None
+        if not len(self._table):
+            return
+        batch = self._table.batch()
+        if self._stream is not None:
+            self._stream.write(batch)
+        self._parquet.write(batch)
+        self.size = max(self._parquet.size, 0 if self._stream is None else self._stream.size)
+
+    def close(self) -> None:
+        """Write what is kept back, and the end."""
+        self._write_batch()
+        self.size = self._parquet.close()
+        if self._stream is not None:
+            self._stream.remove()
+
+
+class _Stream:
+    """An Arrow stream at *path* whose batches are on the disk when they were written."""
+
+    def __init__(self, path: Path, schema: Any) -> None:
+        arrow = pyarrow()
+        self._path = path
+        self._file = path.open("ab")
+        try:
+            lock_within(self._file, 0.0)
+        except OSError as taken:
+            raise SafetyRefusal(f"another dvtcli is writing {path}", hint="log into another file") from taken
+        self._file.truncate(0)
+        options = arrow.ipc.IpcWriteOptions(compression="zstd" if arrow.Codec.is_available("zstd") else None)
+        self._stream = arrow.ipc.new_stream(self._file, schema, options=options)
+        self._to_disk()
+        sync_folder(path.parent)
+
+    def _to_disk(self) -> None:
+        self._file.flush()
+        to_disk(self._file.fileno())
+
+    @property
+    def size(self) -> int:
+        """How many bytes were written."""
+        return self._file.tell()
+
+    def write(self, batch: Any) -> None:
+        """Write *batch*."""
+        self._stream.write_batch(batch)
+        self._to_disk()
+
+    def remove(self) -> None:
+        """Take the stream away."""
+        self._stream.close()
+        self._file.close()
+        remove(self._path)
+
+
+def part_of(path: Path) -> Path:
+    """How the .parquet file *path* is called until it is whole."""
+    return path.with_name(f"_{path.name}.part")
+
+
+def stream_of(path: Path) -> Path:
+    """Where the values of the .parquet file *path* stand until it is whole."""
+    return path.with_name(f"_{path.stem}{STREAM}")
+
+
+def finish(stream: Path, path: Path) -> int | None:
+    """Make the .parquet file *path* of the Arrow *stream* that a killed `log` left; how many rows it has.
+
+    What is torn at the end is left out. None if *stream* has no rows, or is still being written; OSError.
+    """
+    rows = 0
+    with stream.open("rb") as file:
+        try:
+            lock_within(file, 0.0)
+        except OSError:
+            return None
+        file.seek(0)
+        for batch in () if path.exists() else _whole_batches(file):
+            if not rows:
+                whole = _WholeParquet(path, batch.schema, ROWS)
+            rows += len(batch)
+            whole.write(batch)
+        if rows:
+            whole.close()
+    remove(part_of(path))
+    remove(stream)
+    return rows or None
+
+
+def _whole_batches(file: Any) -> Iterator[Any]:
+    """The batches of the Arrow stream in *file* up to the first that is torn."""
+    arrow = pyarrow()
+    with suppress(StopIteration, arrow.ArrowException, OSError):
+        reader = arrow.ipc.open_stream(file)
+        while True:
+            yield reader.read_next_batch()
