@@ -103,12 +103,13 @@ def _nothing(_data: bytes) -> list[Value | None]:
 class Decoder:
     """Knows frames by their address; what it does not know is told by the pre-defined connection set.
 
-    *names* are those of nodes, by node-ID.
+    *names* are those of nodes, by node-ID; *identities* what 0x1018 of nodes is by what the layouts are from.
     """
 
     def __init__(self, layouts: Mapping[Address, Layout] | None = None, names: Mapping[int, str] | None = None) -> None:
         self._known = dict(layouts or {})
         self.names = dict(names or {})
+        self.identities: dict[int, Mapping[str, int | None]] = {}
         self._guessed: dict[Address, Layout] = {}
 
     def __len__(self) -> int:

@@ -8,7 +8,8 @@ from typing import TypeVar
 import click
 
 from dvtcli.cli.commands._live_params import NodesType
-from dvtcli.cli.params import FILE
+from dvtcli.cli.params import FILE, TEXT
+from dvtcli.files.values.value_file import LAYOUTS
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -18,4 +19,17 @@ def decoding_options(command: F) -> F:
     nodes = click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes that sent it [the selected one].")
     return nodes(
         click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC or network file.")(command)
+    )
+
+
+def parquet_options(command: F) -> F:
+    """The options of .parquet files."""
+    layout = click.option(
+        "--layout", type=click.Choice(LAYOUTS), metavar="|".join(LAYOUTS),
+        help="Of .parquet: a row for each value, or a column for each signal [long].",
+    )  # fmt: skip
+    return layout(
+        click.option(
+            "--source", type=TEXT, metavar="TEXT", help="Of .parquet: who recorded [log: this machine; decode: FILE]."
+        )(command)
     )

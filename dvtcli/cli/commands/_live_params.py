@@ -10,6 +10,9 @@ from dvtcli.cli.params import NODE_ID, CanopenType
 
 _TIME = re.compile(r"(\d{1,9}(?:\.\d{0,9})?(?:e[+-]?\d{1,2})?|\.\d{1,9})(ms|s|min)?", re.ASCII)
 
+_ROTATION_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "kb": 1e3, "mb": 1e6, "gb": 1e9}
+_ROTATION = re.compile(rf"(\d{{1,9}}(?:\.\d{{0,9}})?)({'|'.join(_ROTATION_UNITS)})", re.ASCII)
+
 
 class DurationType(CanopenType):
     """A time in seconds, written `100ms`, `5s`, `2min`, or as a number of seconds; within *least_s*…*most_s*."""
@@ -29,6 +32,26 @@ class DurationType(CanopenType):
             least = f"{self.least_s * 1000:g} ms" if self.least_s else "0"
             raise ValueError(f"{text} is not within {least}…{self.most_s:.12g} s")
         return value
+
+
+class RotationType(CanopenType):
+    """When a new file begins: after a time, `30s`, `10min`, `1h`, or a size, `500kB`, `100MB`, `1GB`."""
+
+    name = "rotation"
+
+    def parse(self, text: str, ctx: click.Context | None) -> tuple[float, int]:
+        """Seconds and bytes, one of which is 0; ValueError where it is neither, or out of range."""
+        found = _ROTATION.fullmatch(text.lower())
+        if not found:
+            raise ValueError(f"{text!r} is neither a time nor a size: write 10min, 1h or 100MB")
+        value = float(found[1]) * _ROTATION_UNITS[found[2]]
+        if found[2].endswith("b"):
+            if not 100_000 <= value <= 1e12:
+                raise ValueError(f"{text} is not within 100 kB…1 TB")
+            return 0.0, int(value)
+        if not 1 <= value <= 1e6:
+            raise ValueError(f"{text} is not within 1…1000000 s")
+        return value, 0
 
 
 class NodesType(CanopenType):

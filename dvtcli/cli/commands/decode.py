@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._decoding_options import decoding_options
+from dvtcli.cli.commands._decoding_options import decoding_options, parquet_options
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
 @click.option("--csv", "as_csv", is_flag=True, help="As CSV: a row for each decoded frame, a column for each signal.")
 @click.option("-o", "--output", type=FILE, metavar="FILE", help="Values into FILE: .csv .parquet .jsonl.")
+@parquet_options
 @click.pass_obj
 def command(
     session: Conversation,
@@ -33,6 +35,7 @@ def command(
     wanted: str | None,
     as_csv: bool,
     output: str | None,
+    **parquet: str | None,
 ) -> Facts | None:
     """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap): by --dbc, --eds, or what the nodes hold now.
 
@@ -51,8 +54,11 @@ def command(
     text = (wanted or "").lower()
     if output is not None:
         from dvtcli.operations.frames.decode_recording import values_into_file
+        from dvtcli.operations.frames.values_origin import ValuesWish
 
-        return values_into_file(session, Path(file), Path(output), nodes, dbc, text)
+        return values_into_file(session, Path(file), Path(output), nodes, dbc, text, ValuesWish(**parquet))
+    if any(parquet.values()):
+        raise UsageError("--layout and --source are of a .parquet file", hint="give one with -o")
     if as_csv:
         write_values(session, Path(file), session.output.stdout, nodes, dbc, text)
     else:

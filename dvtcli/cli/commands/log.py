@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._live_params import DurationType, LogFilterType, NodesType
+from dvtcli.cli.commands._decoding_options import parquet_options
+from dvtcli.cli.commands._live_params import DurationType, LogFilterType, NodesType, RotationType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, NumberType
 from dvtcli.errors import UsageError
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 @click.command("log", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("-a", "--append", is_flag=True, help="Behind what is there (.blf .log).")
+@click.option("-a", "--append", is_flag=True, help="Behind what is there (.blf .log); with --decode into a new file.")
 @click.option(
     "-s", "--file_size", "--file-size", "size", type=NumberType(1000, 1 << 40, "a size in bytes"), metavar="BYTES",
     help="A new file after so many bytes (.asc .blf .log).",
@@ -30,7 +31,12 @@ if TYPE_CHECKING:
     help="Hex, repeatable; with --decode also TEXT: only signals with it in their names.",
 )  # fmt: skip
 @click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
-@click.option("--decode", is_flag=True, help="Values, one column a signal: .csv .parquet .jsonl.")
+@click.option("--decode", is_flag=True, help="Values: .csv .jsonl, .parquet for a fleet's recordings.")
+@parquet_options
+@click.option(
+    "--rotate", type=RotationType(), metavar="10min|100MB",
+    help="For --decode: a new file after that time or size; each is whole when it is closed.",
+)  # fmt: skip
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="For --decode: nodes whose mapping is read.")
 @click.option("-d", "--dbc", type=FILE, metavar="FILE", help="For --decode: a DBC or network file.")
 @click.pass_obj
@@ -43,11 +49,13 @@ def command(
     filters: tuple[tuple[int, int] | str, ...],
     duration: float | None,
     decode: bool,
-    **sources: Any,
+    **values: Any,
 ) -> Facts:
     """Record every frame into FILE until Ctrl-C; its suffix says the format: .asc .blf .log .trc .mf4 .pcapng.
 
-    Sends nothing; with --decode SDO uploads, once, at the start.
+    Sends nothing; with --decode SDO uploads, once, at the start. A .parquet file is long, a row for each value, with
+    the same columns whatever the devices are: recordings of a fleet are one table. What a killed log left of it, all
+    but the last second, becomes a whole file when the next one begins.
 
     \b
     log run.asc
@@ -55,14 +63,21 @@ def command(
     log run.blf --file_size 5000000
     log speed.csv --decode --nodes 5
     log speed.csv --decode --filter velocity
+    log run.parquet --decode -a --rotate 10min
     """
-    if decode and (append or size):
-        raise UsageError("--decode writes a new file", hint="log run.csv --decode; leave --append and -s out")
+    if decode and size:
+        raise UsageError("-s is of recorded frames", hint="with --decode: --rotate 100MB")
+    rotate, layout, source = (values.pop(name) for name in ("rotate", "layout", "source"))
+    if not decode and (layout or source or rotate):
+        raise UsageError("--layout, --rotate and --source are of values", hint="with --decode; frames: -s BYTES")
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
     if decode:
+        from dvtcli.files.values.value_parts import Rotation
         from dvtcli.operations.frames.record_values import record_values
+        from dvtcli.operations.frames.values_origin import ValuesWish
 
-        return record_values(session, path, masks, duration, **sources, text=text)
+        wish = ValuesWish(layout, source, Rotation(*rotate or ()), append)
+        return record_values(session, path, masks, duration, **values, text=text, wish=wish)
     from dvtcli.operations.frames.record_frames import record_frames
 
     return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)

@@ -7,7 +7,7 @@ table of one recording. Texts stand in both as the device and its file have them
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -259,17 +259,21 @@ def _long_column(_bus: object, node: Any, _serial: object, pdo: Any, place: Any,
 def _frames(file: Any, numbers: Mapping[tuple[object, ...], int]) -> Iterator[tuple[float, list[float | None]]]:
     """A row for each frame: what follows each other with the same time, bus, node and PDO."""
     last: object = None
-    time_s, cells = 0.0, [None] * len(numbers)
+    time_s, cells = 0.0, _no_cells(numbers)
     for time, value, *signal in _long_rows(file, (TIME, "value", "bus", *_OF_SIGNAL)):
         number = numbers[tuple(signal)]
         frame = (time, *signal[:4])
         if frame != last or cells[number] is not None:
             if last is not None:
                 yield time_s, cells
-            last, time_s, cells = frame, time.timestamp(), [None] * len(numbers)
+            last, time_s, cells = frame, time.timestamp(), _no_cells(numbers)
         cells[number] = _number(value)
     if last is not None:
         yield time_s, cells
+
+
+def _no_cells(numbers: Sized) -> list[float | None]:
+    return [None] * len(numbers)
 
 
 def _long_rows(file: Any, names: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:

@@ -28,7 +28,6 @@ class Origin:
     """
 
     source: str = ""
-    bus: str = ""
     serials: Mapping[int, int] = field(default_factory=dict)
     facts: Mapping[str, str] = field(default_factory=dict)
 

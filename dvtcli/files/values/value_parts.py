@@ -23,6 +23,9 @@ class Rotation:
     size_bytes: int = 0
 
 
+NEVER = Rotation()
+
+
 class ValueParts:
     """Writes frames into files that *opened* opens, the first at *path*, the next ones by *rotation*."""
 

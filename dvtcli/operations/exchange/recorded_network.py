@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import WHATEVER, read_identity, read_pdo
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.network.network_state import (
+    IDENTITY,
+    IDENTITY_NAMES,
+    Identifier,
+    NetworkState,
+    NodeState,
+    identifier_of,
+)
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
@@ -189,7 +196,11 @@ def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig
         )
     title = "" if dictionary is None else dictionary.info.product_name
     profile = _profile(session, values, dictionary)
-    return NodeState(values.node_id, "", pdos, timing_numbers(values), dictionary, profile, title or profile.title)
+    numbers = timing_numbers(values)
+    for sub_index in range(1, len(IDENTITY_NAMES) + 1):
+        if (number := read_identity(values, sub_index)) is not None:
+            numbers[IDENTITY, sub_index] = number
+    return NodeState(values.node_id, "", pdos, numbers, dictionary, profile, title or profile.title)
 
 
 def _dictionary(session: Session, values: HeardValues) -> ObjectDictionary | None:

@@ -9,15 +9,18 @@ from typing import TYPE_CHECKING, TextIO
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, UsageError
-from dvtcli.files.recording import check_readable, read_recording
+from dvtcli.files.recording import check_readable, read_recorded, read_recording
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.operations.frames.values_origin import ANY, ValuesWish, parquet_form
 from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
+    from dvtcli.files.values.value_file import ParquetForm
     from dvtcli.operations.results import Facts, FrameSeen
+    from dvtcli.operations.results.documents import Document
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
 
@@ -43,11 +46,13 @@ def write_values(
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
     text: str = "",
+    wish: ValuesWish = ANY,
 ) -> SignalRows:
     """Write the values in the recording at *path* to *target*: to a text as CSV, to a file in the form of its suffix.
 
-    A row for each frame, a column for each signal that has *text* (small letters) in its name. UsageError where no
-    such signal is known; else as `decode_recording`.
+    A row for each frame, a column for each signal that has *text* (small letters) in its name. *wish* says
+    how a .parquet file is; who recorded is the recording's name if it does not say it. UsageError where no such signal
+    is known; else as `decode_recording`.
     """
     check_readable(path)
     rows = SignalRows(decoder_for(session, nodes, dbc, path), text)
@@ -61,8 +66,12 @@ def write_values(
             + Hint(Action.GIVE, {"node_id": None}, ", {}")
             + Hint(Action.GIVE, {"nodes": None}, " or {}"),
         )
-    misfits = Misfits(rows.decoder.layout, session.tell.warning)
-    _write(rows, misfits.passing(read_recording(path)), target, text)
+    form = None
+    if isinstance(target, Path):
+        is_live = dbc is None and session.base.eds is None and not rows.decoder.identities
+        asked = tuple(range(1, 128)) if is_live else ()
+        form = parquet_form(session, target, rows.decoder, wish, path.name, asked=asked, dbc=dbc)
+    _write(rows, _seen(session, path, rows), target, text, form)
     if rows.other:
         session.tell.note(f"{rows.other} frames without known signals were left out")
     return rows
@@ -75,6 +84,7 @@ def values_into_file(
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
     text: str = "",
+    wish: ValuesWish = ANY,
 ) -> Facts:
     """Write the values in the recording at *path* into *target*, a .csv, .parquet or .jsonl; else as `write_values`."""
     from dvtcli.files.values.value_file import checked_form
@@ -83,31 +93,46 @@ def values_into_file(
 
     checked_form(target)
     ask_before_overwriting(session, target)
-    rows = write_values(session, path, target, nodes, dbc, text)
+    rows = write_values(session, path, target, nodes, dbc, text, wish)
     session.made.append(str(target))
     names = [column.header for column in rows.columns]
     said = (("file", str(target)), ("frames", rows.frames), ("columns", names))
     return Facts("decode", said, (f"{target}: {rows.frames} rows, {len(names)} signals",))
 
 
-def _write(rows: SignalRows, frames: Iterable[Frame], target: TextIO | Path, text: str) -> None:
+def _seen(session: Session, path: Path, rows: SignalRows) -> Iterator[tuple[Frame, str]]:
+    """The frames of the recording at *path*, each with its channel; it is said which do not fit their layout."""
+    misfits = Misfits(rows.decoder.layout, session.tell.warning)
+    for recorded in read_recorded(path):
+        if not recorded.error:
+            misfits.look(recorded.frame)
+            yield recorded.frame, recorded.channel
+
+
+def _write(
+    rows: SignalRows,
+    frames: Iterable[tuple[Frame, str]],
+    target: TextIO | Path,
+    text: str,
+    form: ParquetForm | None,
+) -> None:
     if not isinstance(target, Path):
         from dvtcli.files.values.csv_values import CsvWriter
 
         writer = CsvWriter(target, rows)
-        for frame in frames:
+        for frame, _ in frames:
             writer.write(frame)
         return
     from dvtcli.files.values.value_file import write_file
 
     try:
-        with closing(
-            write_file(
-                target, rows, lambda recorded_frame: frame_seen(recorded_frame, rows.decoder).chosen(text).document()
-            )
-        ) as to:
-            for frame in frames:
-                to.write(frame)
+
+        def document(frame: Frame) -> Document:
+            return frame_seen(frame, rows.decoder).chosen(text).document()
+
+        with closing(write_file(target, rows, document, form)) as to:
+            for frame, bus in frames:
+                to.write(frame, bus)
     except OSError as failed:
         raise DvtcliError(f"{target}: {failed.strerror or failed}", place=str(target)) from failed
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from socket import gethostname
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.files.values.value_parts import ValueParts, finish_parts, next_part
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.frames.running_recording import Filters, RunningRecording
+from dvtcli.operations.frames.values_origin import ANY, ValuesWish, is_parquet, parquet_form
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.steady_listener import SteadyListener
 from dvtcli.watch.layout_fit import Misfits
@@ -19,6 +22,7 @@ from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
+    from dvtcli.operations.results.documents import Document
     from dvtcli.operations.results.files import Facts
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
@@ -32,17 +36,20 @@ def record_values(
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
     text: str = "",
+    wish: ValuesWish = ANY,
 ) -> Facts:
     """Record the values of known frames into *path*, a .csv, .parquet or .jsonl; *nodes* and *dbc* say what is known.
 
     Only signals with *text* (small letters) in their names. It ends after *duration_s* seconds, None for never, or
-    when the session is cancelled. UsageError where no such signal is known, DvtcliError where the file cannot be
-    written; SafetyRefusal where the bus is back and carries other values.
+    when the session is cancelled. *wish* says how the file is; who recorded is this machine if it does not say it.
+
+    UsageError where no such signal is known, DvtcliError where the file cannot be written; SafetyRefusal where the bus
+    is back and carries other values.
     """
     from dvtcli.files.values.value_file import checked_form, write_file
 
     checked_form(path)
-    ask_before_overwriting(session, path)
+    path = _first_file(session, path, append=wish.append)
     open_wire(session)
     listening = SteadyListener(session)
 
@@ -51,21 +58,39 @@ def record_values(
 
     rows = _rows(known(), text)
     misfits = Misfits(rows.layout, session.tell.warning)
+    asked = nodes or (tuple(range(1, 128)) if dbc is None else ())
+    form = parquet_form(session, path, rows.decoder, wish, gethostname(), asked=asked, dbc=dbc, live=True)
+
+    def document(frame: Frame) -> Document:
+        return frame_seen(frame, rows.decoder).chosen(text).document()
+
     with _refused_writes(path):
-        written = write_file(
-            path, rows, lambda recorded_frame: frame_seen(recorded_frame, rows.decoder).chosen(text).document()
-        )
-        with closing(written) as file, listening as listener:
+        parts = ValueParts(path, lambda part: write_file(part, rows, document, form), wish.rotation)
+        with closing(parts) as file, listening as listener:
+            bus = session.wire.name
 
             def write(frame: Frame) -> None:
                 misfits.look(frame)
-                file.write(frame)
+                file.write(frame, bus)
 
             recording = RunningRecording(session, listener, filters, write, file.flush, _the_same(path, rows, known))
             seconds = recording.run(duration_s)
-        size = path.stat().st_size
-    more = f", {rows.other} others left out" if rows.other else ""
-    return recording.facts(path, rows.frames, seconds, size, more)
+    more = f", in {len(parts.files)} files" if len(parts.files) > 1 else ""
+    more += f", {rows.other} others left out" if rows.other else ""
+    session.made += [str(part) for part in parts.files[1:]]
+    return recording.facts(path, rows.frames, seconds, parts.size, more)
+
+
+def _first_file(session: Session, path: Path, *, append: bool) -> Path:
+    """Where the recording begins, when what killed ones left is whole: *path*, with *append* a file behind it."""
+    with _refused_writes(path):
+        if is_parquet(path):
+            for whole, count in finish_parts(path):
+                session.tell.note(f"{whole}: {count} rows of a recording that was killed")
+        if append:
+            return next_part(path)
+    ask_before_overwriting(session, path)
+    return path
 
 
 def _rows(decoder: Decoder, text: str) -> SignalRows:

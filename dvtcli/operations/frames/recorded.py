@@ -42,6 +42,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
 def _own_decoder(session: Session, path: Path) -> Decoder:
     """The mapping that the SDO transfers in the recording at *path* carry; it knows nothing where there are none."""
+    from dvtcli.domain.network.network_state import IDENTITY, IDENTITY_NAMES
     from dvtcli.domain.several import join_some
     from dvtcli.operations.exchange.recorded_network import recorded_network
     from dvtcli.operations.meanings.physical_meanings import meanings_of
@@ -55,6 +56,9 @@ def _own_decoder(session: Session, path: Path) -> Decoder:
     for node in state.nodes:
         meanings = meanings_of(node.profile, node.dictionary)
         decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings, f"what {path.name} itself tells"))
+        decoder.identities[node.node_id] = {
+            name: node.number(IDENTITY, sub_index) for sub_index, name in enumerate(IDENTITY_NAMES, 1)
+        }
     names = join_some(f"{pdo.label} of node {node.node_id}" for node in state.nodes for pdo in node.pdos)
     left = f"; not {join_some(missing)}" if missing else ""
     session.tell.note(f"by the SDO transfers in {path.name} itself: {names}{left}")
@@ -68,6 +72,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Dec
     """
     from dvtcli.device.described_node import FileValues
     from dvtcli.device.read_pdos import present_pdos, read_pdo
+    from dvtcli.domain.network.network_state import IDENTITY_NAMES
     from dvtcli.files.profile.library import load_profile, profile_of
     from dvtcli.operations.meanings.physical_meanings import meanings_of
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
@@ -81,4 +86,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Dec
         values = FileValues(dictionary, node_id)
         configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
         decoder.add(pdo_layouts(node_id, configs, dictionary, meanings, f"the mapping in {path.name}"))
+        info = dictionary.info
+        numbers = (info.vendor_id, info.product_code, info.revision_number, info.commissioning.lss_serial_number)
+        decoder.identities[node_id] = dict(zip(IDENTITY_NAMES, numbers, strict=True))
     return decoder

@@ -1,0 +1,121 @@
+"""Where recorded values are from: who recorded them, which nodes sent them, and by what they are decoded."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+from dvtcli.files.values.value_file import LONG, Origin, ParquetForm
+from dvtcli.files.values.value_parts import NEVER, Rotation
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.operations.session.session import Session
+    from dvtcli.watch.decoder import Decoder
+
+#: the largest file whose hash is told
+_MOST_BYTES = 64 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesWish:
+    """How values are written: a .parquet file in *layout*, with *source* for who recorded; None: long, who it was.
+
+    A new file begins by *rotation*, and with *append* where there is one already.
+    """
+
+    layout: str | None = None
+    source: str | None = None
+    rotation: Rotation = NEVER
+    append: bool = False
+
+
+ANY = ValuesWish()
+
+
+def parquet_form(
+    session: Session,
+    path: Path,
+    decoder: Decoder,
+    wish: ValuesWish,
+    recorder: str,
+    *,
+    asked: tuple[int, ...] = (),
+    dbc: str | None = None,
+    live: bool = False,
+) -> ParquetForm | None:
+    """How *path* is written as *wish* says if it is a .parquet file, *live* or not; None for other forms.
+
+    *recorder* is who recorded if *wish* does not say it. Nodes of *decoder* that are in *asked* are asked for their
+    identity (0x1018); of others it is what the network file *dbc* says, or what *decoder* was made from.
+    """
+    if not is_parquet(path):
+        if wish.layout or wish.source:
+            raise UsageError(f"{path.name}: --layout and --source are of a .parquet file", hint="leave them out")
+        return None
+    layout, source = wish.layout or LONG, wish.source or recorder
+    nodes = sorted({each.service.node for each in decoder.layouts.values() if each.service.node})
+    identities = dict(decoder.identities)
+    identities.update(_of_file(dbc))
+    identities.update({node_id: _of_node(session, node_id) for node_id in nodes if node_id in asked})
+    serials = {
+        node_id: serial for node_id in nodes if (serial := identities.get(node_id, {}).get("serial")) is not None
+    }
+    facts = {"layout": layout, "source": source, **_of_bus(session), **_of_files(session, dbc)}
+    facts["nodes"] = json.dumps([{"node": node_id, **identities.get(node_id, {})} for node_id in nodes])
+    told = {f"dvtcli.{key}": said for key, said in facts.items()}
+    return ParquetForm(layout, Origin(source, serials, told), live)
+
+
+def is_parquet(path: Path) -> bool:
+    """Whether *path* is a .parquet file by its suffix."""
+    return path.suffix.lower() == ".parquet"
+
+
+def _of_bus(session: Session) -> dict[str, str]:
+    from dvtcli.version import __version__
+
+    facts = {"version": __version__}
+    wire = session.wire if session.is_open else None
+    bit_rate = session.base.bitrate if wire is None else None if wire.simulated else wire.bitrate
+    if wire is not None:
+        facts["bus"] = wire.name
+    if bit_rate is not None:
+        facts["bitrate"] = str(bit_rate)
+    return facts
+
+
+def _of_files(session: Session, dbc: str | None) -> dict[str, str]:
+    """The file that says what frames carry, and its SHA-256."""
+    from hashlib import sha256
+
+    from dvtcli.files.input_file import read_input
+    from dvtcli.operations.opening.simulated_nodes import file_or_family
+
+    key, file = ("network_file", Path(dbc)) if dbc is not None else ("eds", None)
+    if file is None and session.base.eds is not None:
+        file = file_or_family(session.base.eds)
+    if file is None:
+        return {}
+    return {key: file.name, f"{key}_sha256": sha256(read_input(file, _MOST_BYTES, "file of a network")).hexdigest()}
+
+
+def _of_file(dbc: str | None) -> dict[int, Mapping[str, int | None]]:
+    """The identities that the network file *dbc* says of its nodes."""
+    if dbc is None or Path(dbc).suffix.lower() not in (".yaml", ".yml"):
+        return {}
+    from dvtcli.operations.wanted.network_wish import read_wish
+
+    return {node.node_id: asdict(node.identity) for node in read_wish(dbc).nodes}
+
+
+def _of_node(session: Session, node_id: int) -> Mapping[str, int | None]:
+    from dvtcli.device.read_pdos import read_identity
+    from dvtcli.domain.network.network_state import IDENTITY_NAMES
+
+    sdo = session.node(node_id).sdo
+    return {name: read_identity(sdo, sub_index) for sub_index, name in enumerate(IDENTITY_NAMES, 1)}
