@@ -56,7 +56,9 @@ def command(
         from dvtcli.operations.frames.decode_recording import values_into_file
         from dvtcli.operations.frames.values_origin import ValuesWish
 
-        return values_into_file(session, Path(file), Path(output), nodes, dbc, text, ValuesWish(**parquet))
+        return values_into_file(
+            session, Path(file), Path(output), nodes, dbc, text, ValuesWish(parquet["layout"], parquet["source"])
+        )
     if any(parquet.values()):
         raise UsageError("--layout and --source are of a .parquet file", hint="give one with -o")
     if as_csv:
