@@ -25,9 +25,10 @@ _AT_MOST_S = 1.0
 
 
 class Table(Protocol):
-    """Rows in one layout, as pyarrow has them; *group* of them make a row group."""
+    """Rows in one layout, as pyarrow has them; *batch_rows* make a batch, *group* a row group."""
 
     schema: Any
+    batch_rows: int
     group: int
 
     def __len__(self) -> int:
@@ -100,7 +101,7 @@ class ParquetWriter:
     def write(self, frame: Frame, bus: str = "") -> None:
         """Write one frame, which was on *bus*."""
         self._table.add(frame, bus)
-        if len(self._table) >= self._table.group:
+        if len(self._table) >= self._table.batch_rows:
             self._write_batch()
 
     def flush(self) -> None:

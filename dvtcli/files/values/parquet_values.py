@@ -7,8 +7,11 @@ table of one recording. Texts stand in both as the device and its file have them
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sized
+import sys
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from decimal import Decimal
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +36,12 @@ _LONG = {
 #: columns of the long layout that are the same in all rows of a signal
 _OF_SIGNAL = ("node", "serial", "pdo", "object", "name", "unit")
 _INT64 = range(-(1 << 63), 1 << 63)
-#: rows of a row group, and the most cells of one in the wide layout
-ROWS, _CELLS = 65_536, 1_000_000
+#: rows of a batch and of a row group; in the wide layout, which has a column for each signal, both are the same
+BATCH, ROWS, _WIDE_ROWS = 8_192, 65_536, 8_192
+#: the most signals of the wide layout: each takes 0.2 MB where a recording has 1,000,000 frames
+MOST_COLUMNS = 250
+#: how Python's arrays call the types of cells
+_CODES = {"int32": "i", "int64": "q", "double": "d", "timestamp[us, tz=UTC]": "q"}
 
 
 def pyarrow(module: str = "pyarrow") -> Any:
@@ -45,7 +52,7 @@ def pyarrow(module: str = "pyarrow") -> Any:
 class LongTable:
     """Rows of the long layout, one for each value of a frame that *rows* knows."""
 
-    group = ROWS
+    batch_rows, group = BATCH, ROWS
 
     def __init__(self, rows: SignalRows, origin: Origin) -> None:
         self._arrow = arrow = pyarrow()
@@ -54,13 +61,14 @@ class LongTable:
         self._signals = [column.signal for column in rows.columns]
         told = [_told(signal, service, origin) for signal, service in zip(self._signals, rows.services, strict=True)]
         self._of_signal = {
-            name: arrow.array([signal[name] for signal in told], self.schema.field(name).type) for name in _OF_SIGNAL
+            name: cells_array(arrow, self.schema.field(name).type, [signal[name] for signal in told])
+            for name in _OF_SIGNAL
         }
         self._clear()
 
     def _clear(self) -> None:
         self._times: list[int] = []
-        self._buses: list[str] = []
+        self._buses: list[str | None] = []
         self._numbers: list[int] = []
         self._values: list[tuple[float | None, int | None, str | None]] = []
 
@@ -72,23 +80,20 @@ class LongTable:
         time_us = round(frame.timestamp_s * 1_000_000)
         for number, value in self._rows.values(frame) or ():
             self._times.append(time_us)
-            self._buses.append(bus)
+            self._buses.append(bus or None)
             self._numbers.append(number)
             self._values.append(long_cells(self._signals[number], value))
 
     def batch(self) -> Any:
         """The rows that were taken since the last batch."""
         arrow = self._arrow
-        numbers = arrow.array(self._numbers, arrow.int32())
-        columns = {name: told.take(numbers) for name, told in self._of_signal.items()}
-        columns |= {TIME: self._times, "bus": [bus or None for bus in self._buses]}
-        columns["source"] = [self._source or None] * len(self)
-        for place, name in enumerate(("value", "raw", "text")):
-            columns[name] = [cells[place] for cells in self._values]
+        numbers = cells_array(arrow, arrow.int32(), self._numbers)
+        columns: dict[str, Any] = {name: told.take(numbers) for name, told in self._of_signal.items()}
+        cells = {TIME: self._times, "bus": self._buses, "source": [self._source or None] * len(self)}
+        cells |= {name: [row[place] for row in self._values] for place, name in enumerate(("value", "raw", "text"))}
+        columns |= {name: cells_array(arrow, self.schema.field(name).type, column) for name, column in cells.items()}
         self._clear()
-        return arrow.RecordBatch.from_arrays(
-            [arrow.array(columns[each.name], each.type) for each in self.schema], schema=self.schema
-        )
+        return arrow.RecordBatch.from_arrays([columns[name] for name in self.schema.names], schema=self.schema)
 
 
 def _told(signal: Signal, service: Any, origin: Origin) -> dict[str, Any]:
@@ -129,7 +134,14 @@ class WideTable:
     other whole number has a sign, so that differences are right. One of 64 bits without sign is a decimal number.
     """
 
+    batch_rows = group = _WIDE_ROWS
+
     def __init__(self, rows: SignalRows, origin: Origin) -> None:
+        if len(rows.columns) > MOST_COLUMNS:
+            raise UsageError(
+                f"the wide layout takes {MOST_COLUMNS} signals, and there are {len(rows.columns)}",
+                hint=Hint(Action.GIVE, {"filter": "TEXT"}, "{} chooses some; the long layout takes all"),
+            )
         self._arrow = arrow = pyarrow()
         self._rows = rows
         self._kinds = [_kind(column) for column in rows.columns]
@@ -137,13 +149,14 @@ class WideTable:
         about = {head: _about(column.signal) for head, column in zip(heads, rows.columns, strict=True)}
         kinds = {TIME: "timestamp", FRAME: "string", **dict(zip(heads, self._kinds, strict=True))}
         self.schema = _schema(arrow, kinds, origin, about)
-        self.group = max(1_000, min(ROWS, _CELLS // len(kinds)))
         self._clear()
 
     def _clear(self) -> None:
         self._times: list[int] = []
         self._titles: list[str] = []
-        self._cells: list[list[tuple[int, object]]] = [[] for _ in self._kinds]
+        #: of each column the rows that have a cell, and these
+        self._places = [array("i") for _ in self._kinds]
+        self._cells: list[list[object]] = [[] for _ in self._kinds]
 
     def __len__(self) -> int:
         return len(self._times)
@@ -156,24 +169,53 @@ class WideTable:
         at = len(self._times)
         for number, value in values:
             cell = self._rows.columns[number].cell(value)
-            self._cells[number].append((at, _cell(cell, self._kinds[number])))
+            self._places[number].append(at)
+            self._cells[number].append(_cell(cell, self._kinds[number]))
         self._times.append(round(frame.timestamp_s * 1_000_000))
         self._titles.append(text_cell(self._rows.title(frame)))
 
     def batch(self) -> Any:
         """The rows that were taken since the last batch."""
-        types = [each.type for each in self.schema]
-        first = [self._arrow.array(self._times, types[0]), self._arrow.array(self._titles, types[1])]
-        cells = (self._column(cells, kind) for cells, kind in zip(self._cells, types[2:], strict=True))
-        batch = self._arrow.RecordBatch.from_arrays([*first, *cells], schema=self.schema)
+        kinds = (each.type for each in self.schema)
+        columns = (self._times, self._titles, *map(self._column, self._places, self._cells))
+        arrays = [cells_array(self._arrow, kind, column) for kind, column in zip(kinds, columns, strict=True)]
         self._clear()
-        return batch
+        return self._arrow.RecordBatch.from_arrays(arrays, schema=self.schema)
 
-    def _column(self, cells: list[tuple[int, object]], kind: Any) -> Any:
+    def _column(self, places: Iterable[int], cells: Iterable[object]) -> list[object]:
         column: list[object] = [None] * len(self)
-        for at, cell in cells:
+        for at, cell in zip(places, cells, strict=True):
             column[at] = cell
-        return self._arrow.array(column, kind)
+        return column
+
+
+def cells_array(arrow: Any, kind: Any, cells: Sequence[Any]) -> Any:
+    """*cells*, with None for none, as an array of pyarrow's *kind*.
+
+    `pyarrow.array` imports pandas to look at a list, where that is installed: 50 MB, and a second.
+    """
+    valid = _bits(arrow, [cell is not None for cell in cells]) if None in cells else None
+    if kind == arrow.string():
+        data = [b"" if cell is None else cell.encode() for cell in cells]
+        ends = array("i", accumulate(map(len, data), initial=0))
+        buffers = [arrow.py_buffer(ends), arrow.py_buffer(b"".join(data))]
+    elif kind == arrow.bool_():
+        buffers = [_bits(arrow, cells)]
+    elif arrow.types.is_decimal(kind):
+        buffers = [arrow.py_buffer(b"".join((cell or 0).to_bytes(16, sys.byteorder, signed=True) for cell in cells))]
+    else:
+        buffers = [arrow.py_buffer(array(_CODES[str(kind)], [0 if cell is None else cell for cell in cells]))]
+    return arrow.Array.from_buffers(kind, len(cells), [valid, *buffers])
+
+
+def _bits(arrow: Any, cells: Iterable[object]) -> Any:
+    """A buffer with a bit for each of *cells*, set if that is true."""
+    each = bytes(map(bool, cells))
+    return (
+        arrow.Array.from_buffers(arrow.uint8(), len(each), [None, arrow.py_buffer(each)])
+        .cast(arrow.bool_())
+        .buffers()[1]
+    )
 
 
 def _schema(arrow: Any, kinds: Mapping[str, str], origin: Origin, about: Mapping[str, Any] | None = None) -> Any:
@@ -208,7 +250,7 @@ def _cell(value: Value, kind: str) -> object:
     if kind == "float64":
         return float(value) if isinstance(value, int | float) else None
     if kind == "decimal":
-        return Decimal(value) if isinstance(value, int) else None
+        return value if isinstance(value, int) else None
     return text_cell(value) if kind == "string" else value
 
 
