@@ -11,7 +11,7 @@ import sys
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from decimal import Decimal
-from itertools import accumulate
+from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ _INT64 = range(-(1 << 63), 1 << 63)
 #: rows of a batch and of a row group; in the wide layout, which has a column for each signal, both are the same
 BATCH, ROWS, _WIDE_ROWS = 8_192, 65_536, 8_192
 #: the most signals of the wide layout: each takes 0.2 MB where a recording has 1,000,000 frames
-MOST_COLUMNS = 250
+MOST_COLUMNS = 200
 #: how Python's arrays call the types of cells
 _CODES = {"int32": "i", "int64": "q", "double": "d", "timestamp[us, tz=UTC]": "q"}
 
@@ -177,7 +177,7 @@ class WideTable:
     def batch(self) -> Any:
         """The rows that were taken since the last batch."""
         kinds = (each.type for each in self.schema)
-        columns = (self._times, self._titles, *map(self._column, self._places, self._cells))
+        columns = chain((self._times, self._titles), map(self._column, self._places, self._cells))
         arrays = [cells_array(self._arrow, kind, column) for kind, column in zip(kinds, columns, strict=True)]
         self._clear()
         return self._arrow.RecordBatch.from_arrays(arrays, schema=self.schema)
