@@ -9,7 +9,6 @@ import click
 
 from dvtcli.cli.commands._live_params import NodesType
 from dvtcli.cli.params import FILE, TEXT
-from dvtcli.files.values.value_file import LAYOUTS
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -25,7 +24,7 @@ def decoding_options(command: F) -> F:
 def parquet_options(command: F) -> F:
     """The options of .parquet files."""
     layout = click.option(
-        "--layout", type=click.Choice(LAYOUTS), metavar="|".join(LAYOUTS),
+        "--layout", type=click.Choice(["long", "wide"]), metavar="long|wide",
         help="Of .parquet: a row for each value, or a column for each signal [long].",
     )  # fmt: skip
     return layout(

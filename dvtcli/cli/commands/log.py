@@ -72,11 +72,10 @@ def command(
         raise UsageError("--layout, --rotate and --source are of values", hint="with --decode; frames: -s BYTES")
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
     if decode:
-        from dvtcli.files.values.value_parts import Rotation
         from dvtcli.operations.frames.record_values import record_values
         from dvtcli.operations.frames.values_origin import ValuesWish
 
-        wish = ValuesWish(layout, source, Rotation(*rotate or ()), append)
+        wish = ValuesWish(layout, source, rotate or (0.0, 0), append)
         return record_values(session, path, masks, duration, **values, text=text, wish=wish)
     from dvtcli.operations.frames.record_frames import record_frames
 

@@ -89,7 +89,11 @@ class LongTable:
         arrow = self._arrow
         numbers = cells_array(arrow, arrow.int32(), self._numbers)
         columns: dict[str, Any] = {name: told.take(numbers) for name, told in self._of_signal.items()}
-        cells = {TIME: self._times, "bus": self._buses, "source": [self._source or None] * len(self)}
+        cells: dict[str, Sequence[Any]] = {
+            TIME: self._times,
+            "bus": self._buses,
+            "source": [self._source or None] * len(self),
+        }
         cells |= {name: [row[place] for row in self._values] for place, name in enumerate(("value", "raw", "text"))}
         columns |= {name: cells_array(arrow, self.schema.field(name).type, column) for name, column in cells.items()}
         self._clear()
@@ -177,7 +181,9 @@ class WideTable:
     def batch(self) -> Any:
         """The rows that were taken since the last batch."""
         kinds = (each.type for each in self.schema)
-        columns = chain((self._times, self._titles), map(self._column, self._places, self._cells))
+        columns: Iterable[Sequence[Any]] = chain(
+            (self._times, self._titles), map(self._column, self._places, self._cells)
+        )
         arrays = [cells_array(self._arrow, kind, column) for kind, column in zip(kinds, columns, strict=True)]
         self._clear()
         return self._arrow.RecordBatch.from_arrays(arrays, schema=self.schema)

@@ -17,7 +17,7 @@ from dvtcli.watch.table import SignalRows
 FORMS = {".csv": "text", ".jsonl": "one JSON document a frame", ".parquet": "for DuckDB and pandas, needs pyarrow"}
 
 #: the layouts of a .parquet file, the default first: a row for each value, a column for each signal
-LONG, WIDE = LAYOUTS = ("long", "wide")
+LONG, WIDE = "long", "wide"
 
 
 @dataclass(frozen=True, slots=True)

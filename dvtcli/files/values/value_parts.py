@@ -23,9 +23,6 @@ class Rotation:
     size_bytes: int = 0
 
 
-NEVER = Rotation()
-
-
 class ValueParts:
     """Writes frames into files that *opened* opens, the first at *path*, the next ones by *rotation*."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
-from dvtcli.files.values.value_parts import ValueParts, finish_parts, next_part
+from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.frames.running_recording import Filters, RunningRecording
@@ -65,7 +65,7 @@ def record_values(
         return frame_seen(frame, rows.decoder).chosen(text).document()
 
     with _refused_writes(path):
-        parts = ValueParts(path, lambda part: write_file(part, rows, document, form), wish.rotation)
+        parts = ValueParts(path, lambda part: write_file(part, rows, document, form), Rotation(*wish.rotation))
         with closing(parts) as file, listening as listener:
             bus = session.wire.name
 

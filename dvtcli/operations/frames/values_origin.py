@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
 from dvtcli.files.values.value_file import LONG, Origin, ParquetForm
-from dvtcli.files.values.value_parts import NEVER, Rotation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,12 +24,12 @@ _MOST_BYTES = 64 << 20
 class ValuesWish:
     """How values are written: a .parquet file in *layout*, with *source* for who recorded; None: long, who it was.
 
-    A new file begins by *rotation*, and with *append* where there is one already.
+    A new file begins by *rotation* (seconds, bytes; 0: never), and with *append* where there is one already.
     """
 
     layout: str | None = None
     source: str | None = None
-    rotation: Rotation = NEVER
+    rotation: tuple[float, int] = (0.0, 0)
     append: bool = False
 
 
