@@ -5,6 +5,7 @@ Values stay as they are written, with the type that YAML 1.2 gives them. Knows n
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -71,8 +72,6 @@ def overlaid(base: Branch, own: Branch, instead: dict[str, str]) -> Branch:
 
 def read_tree(text: str, log: FileLog) -> Tree | None:
     """The tree of *text*; None where it is empty, or no YAML, which *log* hears."""
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
-
     if len(text) > MOST_CHARACTERS:
         log.complain(Mark(1, 1), f"{len(text)} characters are no network file")
         return None
@@ -82,6 +81,25 @@ def read_tree(text: str, log: FileLog) -> Tree | None:
             Mark(1, 1), f"{entries} lines, commas and brackets are no network file: it has at most {MOST_ENTRIES}"
         )
         return None
+    from dvtcli.files.network.plain_yaml import OtherYamlError, PlainYaml
+
+    with suppress(OtherYamlError):
+        plain = PlainYaml(text)
+        tree = plain.tree()
+        for name, first in plain.twice:
+            _complain_twice(log, name, first)
+        return tree
+    return _general_tree(text, log)
+
+
+def _complain_twice(log: FileLog, name: Leaf, first: int) -> None:
+    log.complain(name.mark, f"{name.text[:40]!r} stands twice (first at line {first})")
+
+
+def _general_tree(text: str, log: FileLog) -> Tree | None:
+    """The tree of *text*, whatever YAML it is."""
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
     try:
         root = _composed(text)
         return None if root is None else _Grower(log).tree(root)
@@ -156,8 +174,7 @@ class _Grower:
                 continue
             name = self._leaf(key)
             if name.text in own:
-                first = own[name.text][0].mark.line
-                self.log.complain(name.mark, f"{name.text[:40]!r} stands twice (first at line {first})")
+                _complain_twice(self.log, name, own[name.text][0].mark.line)
             own.setdefault(name.text, (name, self.tree(value)))
         items: dict[str, tuple[Leaf, Tree]] = {}
         for branch in reversed(merged):  # the first one wins, and what is written here wins over all
