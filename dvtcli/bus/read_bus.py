@@ -74,6 +74,10 @@ class ReadBus(WatchedBus, Generic[M]):
         """The time that deadlines are measured in (time.monotonic)."""
         return monotonic()
 
+    def delay_s(self) -> float:
+        """How long in all this machine, and no node, kept answers from being read (SdoLink), in seconds."""
+        return self._receiver.delay_s(anew=len(self._transfers) < 2)
+
     def sleep(self, duration_s: float) -> None:
         """Wait *duration_s*, reading the bus meanwhile unless another thread does; raises BusUnavailable."""
         if duration_s > 0 and not self._gave_turn_until(monotonic() + duration_s):

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable
 from math import inf
 from queue import Empty, SimpleQueue
-from time import monotonic
+from time import monotonic, process_time
 from typing import Any, Generic, TypeVar
 
 from dvtcli.errors import BusUnavailable
@@ -24,6 +24,9 @@ BACKLOG = 4096
 #: how long past its deadline (s) an answer that is there already may take to be read: on a machine that is too busy to
 #: read the bus, or a bus that is never quiet
 GRACE_S = 1.0
+
+#: a shorter delay of the thread that reads is usual (s)
+LATE_S = 0.02
 
 M = TypeVar("M")
 T = TypeVar("T")
@@ -65,6 +68,10 @@ class Receiver(Generic[M]):
         self._closing = threading.Event()
         self._closed = False
         self._last_wait_s = 0.0
+        #: how long in all this machine kept the bus from being read (s), and until when that is known, with the
+        #: processor time by then
+        self._delay_s = 0.0
+        self._seen_s, self._seen_cpu_s = monotonic(), process_time()
 
     def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
         """The next item that was delivered into *inbox*; None at *deadline_s* (of time.monotonic).
@@ -125,6 +132,22 @@ class Receiver(Generic[M]):
         self.fail(bus_closed())
         with self._no_leader:
             self._no_leader.wait_for(lambda: self._leader is None, timeout=0.1)
+
+    def delay_s(self, *, anew: bool) -> float:
+        """How long in all this machine kept the bus from being read while somebody waited, in seconds.
+
+        It ran something else, or stood still. With *anew* nobody has waited until now.
+        """
+        self._note_delay(counts=not anew)
+        return self._delay_s
+
+    def _note_delay(self, waited_s: float = 0.0, *, counts: bool = True) -> None:
+        """Count the time that went by since it was noted last, less *waited_s* and what this process computed."""
+        now_s, cpu_s = monotonic(), process_time()
+        delay_s = now_s - self._seen_s - waited_s - (cpu_s - self._seen_cpu_s)
+        self._seen_s, self._seen_cpu_s = now_s, cpu_s
+        if counts and delay_s >= LATE_S:
+            self._delay_s += delay_s
 
     def _join(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> bool:
         """Wait for *inbox* from now on, until *deadline_s*; whether as the leader."""
@@ -206,8 +229,10 @@ class Receiver(Generic[M]):
                 self._no_leader.notify_all()
 
     def _read_one(self, wait_s: float) -> None:
+        self._note_delay()
         began_s = monotonic()
         message = self._read(wait_s)
+        self._note_delay(wait_s)
         if message is not None:
             self._deliver(message)
             self._end_times(began_s - GRACE_S)  # of a bus that is never quiet

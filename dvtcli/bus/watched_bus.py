@@ -182,6 +182,10 @@ class WatchedBus(HeardNodes):
                 self._pace = KeptPace(self)
         self._pace.wait(bit_rate)
 
+    def delay_s(self) -> float:
+        """How long in all this machine, and no node, kept answers from being read (SdoLink), in seconds."""
+        return 0.0
+
     def takes_bursts(self) -> bool:
         """Whether the bus may be filled for a moment (SdoLink): nothing runs, or all of it was allowed to us."""
         return self._percent >= 100 or not self._may_run()

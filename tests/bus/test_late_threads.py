@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import islice
-from time import sleep
+from time import monotonic, sleep
 
 import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from dvtcli.bus.python_can import CanBus
+from dvtcli.bus.python_can import HEARD_S, CanBus
 from dvtcli.bus.receiver import BACKLOG
 from dvtcli.errors import NoAnswer
 from tests.bus.scripted import Lockstep, Server, well_behaved
+from tests.posix import needs_signals
 
 NODES = (4, 5, 6, 7)
 
@@ -104,6 +108,39 @@ def test_a_bus_that_is_never_quiet_does_not_hold_anyone_for_ever(bus: CanBus, ch
 def test_the_time_begins_when_the_request_is_on_its_way(bus: CanBus, driver: Preempted) -> None:
     driver.send_s = 0.1
     assert asked(bus, 4) != [None]
+
+
+@needs_signals
+@pytest.mark.parametrize("nodes", [(4,), NODES])
+def test_a_machine_that_stood_still_is_no_silent_node(channel: str, nodes: tuple[int, ...]) -> None:
+    """The node is of this machine, too, or what carries its frames is: neither went on, and a write is never repeated.
+
+    A program of its own stops this process, between a request and its answer, for longer than an answer may take.
+    """
+    script = f"read go; kill -STOP {os.getpid()}; sleep 1.2; kill -CONT {os.getpid()}"
+    with subprocess.Popen(["sh", "-c", script], stdin=subprocess.PIPE, text=True) as stopper:
+
+        def answers(request: bytes) -> list[bytes]:
+            assert stopper.stdin is not None
+            if not stopper.stdin.closed:
+                before_s = monotonic()
+                stopper.stdin.write("go\n")
+                stopper.stdin.close()
+                while (now_s := monotonic()) - before_s < 0.2:
+                    before_s = now_s
+                    sleep(0.001)
+                sleep(0.05)
+            return well_behaved(request)
+
+        bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), "virtual", timeout_s=0.6, bitrate=10**6)
+        server = Server(channel, answers)
+        bus.receive(0)
+        bus.sleep(HEARD_S)
+        faults = bus.side_by_side([partial(bus.sdo(node).download, 0x1017, 0, b"\x01\x00") for node in nodes])
+        bus.close()
+        server.stop()
+    assert faults == []
+    assert len(server.requests) == len(nodes)
 
 
 class Chattering(VirtualBus):

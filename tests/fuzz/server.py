@@ -83,6 +83,9 @@ class HostileLink:
         item = inbox.get_nowait()
         return None if isinstance(item, Wake) else item
 
+    def delay_s(self) -> float:
+        return 0.0
+
     def now_s(self) -> float:
         return self.now
 

@@ -33,6 +33,43 @@ _ABORT_BYTE = 0x80
 #: reads the device type, which every node has (CiA 301, 7.5.2.1)
 _FENCE = bytes.fromhex("40 00 10 00 00 00 00 00")
 
+#: how much longer an answer is waited for at most (s) if this machine did not read the bus meanwhile
+_MOST_DELAY_S = 2.0
+
+
+class _Wait:
+    """A wait of *timeout_s* (s) for what comes over *link*, that begins with the first `take`.
+
+    As long as this machine kept the bus from being read meanwhile it goes on: so long nobody could see an answer, and a
+    node, or an adapter, that this machine drives could not send one.
+    """
+
+    def __init__(self, link: SdoLink, timeout_s: float) -> None:
+        self._link, self._timeout_s = link, timeout_s
+        self._deadline_s: float | None = None
+        self._delay_s, self._left_s = link.delay_s(), _MOST_DELAY_S
+
+    def take(self, inbox: Inbox) -> bytes | None:
+        """The next of *inbox*; None where nothing came in time."""
+        link = self._link
+        if self._deadline_s is None:
+            self._deadline_s = link.now_s() + self._timeout_s
+        while (item := link.take(inbox, self._deadline_s)) is None:
+            delay_s = link.delay_s()
+            more_s, self._delay_s = min(delay_s - self._delay_s, self._left_s), delay_s
+            if more_s <= 0:
+                return None
+            self._left_s -= more_s
+            self._deadline_s = link.now_s() + more_s
+        return item
+
+    def shorten(self, timeout_s: float) -> None:
+        """Wait *timeout_s* (s) from now on at most."""
+        now_s = self._link.now_s()
+        self._deadline_s = min(
+            now_s + self._timeout_s if self._deadline_s is None else self._deadline_s, now_s + timeout_s
+        )
+
 
 class Dialogue:
     """One node's default SDO channel, request by request; raises only errors of dvtcli.
@@ -129,8 +166,8 @@ class Dialogue:
 
         SdoAborted where it aborts the transfer, NoAnswer where it restarted.
         """
-        deadline_s = self.link.now_s() + (self.timeout_s if timeout_s is None else timeout_s)
-        while (frame := self.link.take(self.inbox, deadline_s)) is not None:
+        wait = _Wait(self.link, self.timeout_s if timeout_s is None else timeout_s)
+        while (frame := wait.take(self.inbox)) is not None:
             if self._is_of_block(frame):
                 return frame
         return None
@@ -217,14 +254,13 @@ class Dialogue:
         However it ends without one, by Ctrl-C too, the answer is expected late.
         """
         unsettled_before, self._unsettled = self._unsettled, True
-        take, inbox = self.link.take, self.inbox
+        wait, inbox = _Wait(self.link, self.timeout_s), self.inbox
         answered = False
         try:
             self._send_request(request)
-            deadline_s = self.link.now_s() + self.timeout_s
-            while (answer := take(inbox, deadline_s)) is not None:
+            while (answer := wait.take(inbox)) is not None:
                 if answer is RESTARTED:  # unless it had answered, it will not: a store need not be waited for any more
-                    deadline_s = min(deadline_s, self.link.now_s() + self.settings.timeout_s)
+                    wait.shorten(self.settings.timeout_s)
                 elif self._fits(request, answer):
                     answered = True
                     break

@@ -73,6 +73,10 @@ class SdoLink(Protocol):
         """Give *turn* back: the transfer has ended."""
         ...
 
+    def delay_s(self) -> float:
+        """How long in all this machine, and no node, kept answers from being read, in seconds."""
+        ...
+
     def now_s(self) -> float:
         """The time that deadlines are measured in, in seconds."""
         ...
