@@ -14,23 +14,34 @@ from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule
 from dvtcli.operations.results.checked_networks import NetworksChecked
 from dvtcli.operations.results.comparisons import Compared
-from dvtcli.operations.results.device_profiles import ProfileListing, ProfileRow, ProfileShown
 from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
-from dvtcli.operations.results.library_files import AddedFile, LibraryAdded, LibraryListing, LibraryRow
+from dvtcli.operations.results.library_files import (
+    AddedFile,
+    LibraryAdded,
+    LibraryListing,
+    LibraryRow,
+    ProfileListing,
+    ProfileRow,
+    ProfileShown,
+)
 from dvtcli.operations.results.loads import NetworkLoad
-from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven, LssNode
 from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 from dvtcli.operations.results.node_errors import FaultRow, Faults
-from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
-from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
-from dvtcli.operations.results.programs import ProgramLoaded
-from dvtcli.operations.results.records import EntryUnread, RecordRead
+from dvtcli.operations.results.nodes import (
+    Commanded,
+    LoggedIn,
+    NodeListing,
+    NodeRow,
+    ProgramLoaded,
+    SyncCheck,
+    Synced,
+    SyncSource,
+)
+from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow, PinRow, VpdoListing, VpdoRow
 from dvtcli.operations.results.sent import FramesSent, Replayed
 from dvtcli.operations.results.stores import Stored
-from dvtcli.operations.results.sync_producers import SyncCheck, SyncSource
-from dvtcli.operations.results.values import ObjectListing, ObjectRow, ValueRead
-from dvtcli.operations.results.vpdos import PinRow, VpdoListing, VpdoRow
+from dvtcli.operations.results.values import EntryUnread, ObjectListing, ObjectRow, RecordRead, ValueRead
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 
 __all__ = [

@@ -16,7 +16,7 @@ from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
+from dvtcli.simulator.network.in_process_bus import NodesOnABus
 
 if TYPE_CHECKING:
     from dvtcli.simulator.network.signals import SimulatedSignal

@@ -13,14 +13,13 @@ from queue import SimpleQueue
 from threading import RLock
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.acts import act_of
+from dvtcli.bus.frame_bus import SdoChannels
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.receiver import Wake, bus_closed
-from dvtcli.bus.sdo.channel import SdoChannel
-from dvtcli.bus.sdo.channels import SdoChannels
+from dvtcli.bus.sdo.client import SdoChannel
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers, Inbox
 from dvtcli.bus.traffic import Tap, Traffic
-from dvtcli.bus.watched_bus import WatchedBus
+from dvtcli.bus.watched_bus import WatchedBus, act_of
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable

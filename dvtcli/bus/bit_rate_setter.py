@@ -5,14 +5,33 @@ Does not know what goes over it.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.resources import files
 
 import can
 
 from dvtcli.bus.kernel_links import kernel_link
-from dvtcli.bus.listen_only import is_silent, silent_settings
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, SafetyRefusal
+
+
+@cache
+def silent_settings() -> Mapping[str, Mapping[str, object]]:
+    """The settings of each interface that can listen without a word, by its name."""
+    told = tomllib.loads((files("dvtcli.bus") / "listen_only.toml").read_text("utf-8"))
+    states = {state.name: state for state in can.BusState}
+    return {
+        name: {key: states[value] if key == "state" else value for key, value in settings.items()}
+        for name, settings in told.items()
+    }
+
+
+def is_silent(bus: can.BusABC, settings: Mapping[str, object]) -> bool:
+    """Whether *bus* says that it listens only, where its driver can say that; it was opened with *settings*."""
+    return settings.get("state") in (None, bus.state)
+
 
 #: interfaces whose bit rate is a setting of their own when they are opened, besides those that can only listen
 _SETTABLE = {

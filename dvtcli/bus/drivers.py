@@ -9,9 +9,92 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Mapping
 
 import can
 from can.interfaces import BACKENDS
+
+from dvtcli.bus.carrier import Carrier
+from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.errors import BusUnavailable
+
+#: what is to be installed for each interface, besides python-can
+_LIBRARIES = {
+    "pcan": "PEAK's PCAN-Basic",
+    "kvaser": "Kvaser's CANlib",
+    "ixxat": "HMS's VCI driver (Windows)",
+    "vector": "Vector's XL Driver Library (Windows)",
+    "nican": "NI-CAN (Windows)",
+    "nixnet": "NI-XNET (Windows)",
+    "etas": "ETAS' BOA (Windows)",
+    "usb2can": "8devices' USB2CAN driver and pywin32 (Windows)",
+    "iscan": "Thorsis' isCAN driver (Windows)",
+    "neousys": "Neousys' WDT_DIO library",
+    "gs_usb": "libusb (Debian: libusb-1.0-0)",
+}
+#: what Linux's own kernel drives as well, so that nothing is to be installed
+_KERNEL_KNOWS = frozenset({"pcan", "kvaser", "gs_usb", "usb2can"})
+_MISSING = (
+    "library not found",
+    "could not be loaded",
+    "could not load",
+    "driver missing",
+    "only supported on",
+    "no backend",
+)
+_PCAN_USUAL = 500_000
+
+
+def is_missing(error: Exception) -> bool:
+    """Whether *error* of opening says that a library is not there, and not that its adapter is not."""
+    # python-can could not import its module, or calls functions of a library that it could not load
+    if isinstance(error, NameError | ImportError | AttributeError | can.CanInterfaceNotImplementedError):
+        return True
+    return any(words in str(error).lower() for words in _MISSING)
+
+
+def what_to_install(interface: str) -> Hint | None:
+    """The next step where the library of *interface* is missing; None where none is known."""
+    library = _LIBRARIES.get(interface)
+    if library is None:
+        return None
+    install = as_hint(f"install {library}")
+    if sys.platform != "linux" or interface not in _KERNEL_KNOWS:
+        return install
+    kernels = Hint(Action.GIVE_INTERFACE, {"interface": "socketcan"}, "or let Linux drive the adapter: {}")
+    return install + kernels + Hint(Action.GIVE_CHANNEL, {"channel": "can0"}, " {}")
+
+
+def why_missing(interface: str) -> str:
+    """What a library that is not there is told as, where its own words are names of functions."""
+    return f"{_LIBRARIES.get(interface, 'its library')} is not installed"
+
+
+def check_bit_rate(config: Mapping[str, object], bit_rate: int | None) -> None:
+    """Raise BusUnavailable where *bit_rate* (bit/s) is none of PCAN's: python-can takes 500,000 then, in silence."""
+    from can.interfaces.pcan.basic import PCAN_BITRATES
+
+    if bit_rate is not None and bit_rate not in PCAN_BITRATES and not ({"timing", "fd", "f_clock"} & set(config)):
+        known = ", ".join(map(str, sorted(PCAN_BITRATES)))
+        raise BusUnavailable(
+            f"cannot open pcan:{config.get('channel')}",
+            why=f"it cannot run at {bit_rate} bit/s",
+            hint=Hint(Action.GIVE_BIT_RATE, why=f"{{}}: {known}"),
+        )
+
+
+class PcanCarrier(Carrier):
+    """An adapter of PEAK; *asked* is the bit rate (bit/s) that the user wants, None where none was given."""
+
+    def __init__(self, asked: int | None) -> None:
+        self.bit_rate = asked or _PCAN_USUAL
+        self._news = [] if asked else [f"no bit rate is given: pcan runs at {_PCAN_USUAL} bit/s"]
+
+    def news(self) -> list[str]:
+        """A bit rate that was not given."""
+        news, self._news = self._news, []
+        return news
+
 
 #: networks, made-up channels, what `discover` finds by itself, and a driver that loads a library from this folder
 NOT_ASKED = frozenset({"virtual", "udp_multicast", "socketcand", "socketcan", "serial", "slcan", "robotell", "neousys"})

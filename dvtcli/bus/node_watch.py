@@ -6,8 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.node_events import BootUp, Emergency, HeardEmergency, NodeEvent, StateChange
-from dvtcli.domain.ports import Frame
+from dvtcli.domain.ports import BootUp, Emergency, Frame, HeardEmergency, NodeEvent, StateChange
 
 HEARTBEAT = 0x700
 #: No node starts twice within this time, in seconds.

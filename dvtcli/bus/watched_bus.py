@@ -7,17 +7,26 @@ CAN library, no socket and no clock.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from math import inf
 from threading import Lock
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import HeardNodes
-from dvtcli.bus.oddities import Oddities
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.traffic import Tap
 from dvtcli.bus.turns import Turns, one_by_one
+from dvtcli.domain.lss_services import (
+    ACTIVATE_BIT_TIMING,
+    CONFIGURE_BIT_TIMING,
+    CONFIGURE_NODE_ID,
+    REQUEST_ID,
+    STORE_CONFIGURATION,
+)
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
@@ -25,6 +34,110 @@ from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 if TYPE_CHECKING:
     from dvtcli.bus.bus_share import KeptShare
     from dvtcli.bus.wire_pace import KeptPace
+
+
+_NMT_CAN_ID = 0x000
+#: what an LSS master asks that changes a slave (CiA 305); to find and to select slaves changes none
+_LSS = {
+    CONFIGURE_NODE_ID: "LSS configure node-ID",
+    CONFIGURE_BIT_TIMING: "LSS configure bit timing",
+    ACTIVATE_BIT_TIMING: "LSS activate bit timing",
+    STORE_CONFIGURATION: "LSS store configuration",
+}
+
+
+def act_of(frame: Frame) -> str | None:
+    """What *frame* makes nodes do, None where it only asks."""
+    if frame.remote:
+        return None
+    if frame.can_id == REQUEST_ID:
+        return _LSS.get(frame.data[0]) if frame.data else None
+    if frame.can_id == _NMT_CAN_ID and len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
+        return command_text(NmtCommand(frame.data[0]), frame.data[1])
+    return f"frame 0x{frame.can_id:03X}"
+
+
+def command_text(command: NmtCommand, node_id: int) -> str:
+    """An NMT *command* to *node_id*, or to all nodes with 0."""
+    return f"NMT {command.word} to {f'node {node_id}' if node_id else 'all nodes'}"
+
+
+#: One doubled answer may be the bus's; from this many on they mean a second node.
+SECOND_ANSWERS = 3
+#: How long after a reset boot-ups may be its answers, in seconds.
+_RESETTING_S = 5.0
+
+
+@dataclass(slots=True)
+class Oddities:
+    """What was told already, so that each sign is told once; *now_s* tells the bus's time in seconds."""
+
+    now_s: Callable[[], float] = monotonic
+    _dropped: dict[int, DroppedAnswers] = field(default_factory=dict)
+    _boot_ups: Counter[int] = field(default_factory=Counter)
+    _resets: Counter[int] = field(default_factory=Counter)
+    _doubled: Counter[int] = field(default_factory=Counter)
+    _double_boot_ups: Counter[int] = field(default_factory=Counter)
+    _reset_s: dict[int, float] = field(default_factory=dict)
+
+    def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
+        """An NMT command is sent, or heard of another master: a reset makes a boot-up expected of *node_id* (0: all).
+
+        *boot_ups* were seen before it, and are no answer to it.
+        """
+        if command.is_reset:
+            if not self._resets:
+                self._boot_ups = Counter(boot_ups)
+            elif not (self._resets[node_id] or self._resets[0]):
+                self._boot_ups[node_id] = boot_ups.get(node_id, 0)
+            self._resets[node_id] += 1
+            self._reset_s[node_id] = self.now_s()
+
+    def news(
+        self, dropped: Mapping[int, DroppedAnswers], boot_ups: Mapping[int, int], double_boot_ups: Mapping[int, int]
+    ) -> list[str]:
+        """What is new since the last call, in words; *double_boot_ups* came right after another one."""
+        found = [text for node_id, now in dropped.items() for text in self._of_channel(node_id, now)]
+        found += [text for node_id, count in dict(boot_ups).items() for text in self._of_boot_ups(node_id, count)]
+        found += [text for node_id, count in dict(double_boot_ups).items() for text in self._of_doubles(node_id, count)]
+        self._resets.clear()
+        return found
+
+    def _of_channel(self, node_id: int, now: DroppedAnswers) -> Iterator[str]:
+        before = self._dropped.get(node_id)
+        self._dropped[node_id] = replace(now)
+        others = now.other_client - (before.other_client if before else 0)
+        if others > 0:
+            yield (
+                f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours; a "
+                "dvtcli beside this one is such a client, too, also if it only monitors"
+            )
+            self._doubled[node_id] = now.doubled  # the answers to what it asked may look like second ones to us
+        doubled = now.doubled - self._doubled[node_id]
+        if doubled >= SECOND_ANSWERS:
+            self._doubled[node_id] = now.doubled
+            yield f"{doubled} answers came twice: are there two nodes with node-ID {node_id}?"
+
+    def _of_boot_ups(self, node_id: int, count: int) -> Iterator[str]:
+        new = count - self._boot_ups[node_id]
+        self._boot_ups[node_id] = count
+        expected = self._resets[node_id] + self._resets[0]
+        if expected and new > expected:
+            yield (
+                f"{new} boot-ups after {expected} reset{'' if expected == 1 else 's'}: are there two nodes with "
+                f"node-ID {node_id}, or does it restart by itself?"
+            )
+
+    def _of_doubles(self, node_id: int, count: int) -> Iterator[str]:
+        new = count - self._double_boot_ups[node_id]
+        self._double_boot_ups[node_id] = count
+        reset_s = max((self._reset_s[key] for key in (0, node_id) if key in self._reset_s), default=None)
+        if new > 0 and (reset_s is None or self.now_s() - reset_s > _RESETTING_S):
+            yield (
+                f"two boot-ups within a second, and no reset was seen: are there two nodes with node-ID {node_id}, "
+                "or does it restart by itself?"
+            )
+
 
 NMT_CAN_ID = 0x000
 #: how long after a reset was sent a boot-up is its answer (s)
@@ -215,8 +328,6 @@ class WatchedBus(HeardNodes):
             self._watch.order_restart(node_id, RESTART_S)
         self._oddities.commanded(command, node_id, self._watch.boot_ups)
         if not self.carries_frames:  # else its frame is noted
-            from dvtcli.bus.acts import command_text
-
             self.note_act(command_text(command, node_id))
         self._command(command, node_id)
 

@@ -98,7 +98,7 @@ def _traced_by(session: Conversation) -> str:
     """What shows the frames of what has just failed; what ends with this run is kept for another one."""
     if session.at_prompt:
         return "trace last"
-    from dvtcli.operations.frames.kept_exchange import keep_exchange
+    from dvtcli.operations.frames.last_exchange import keep_exchange
 
     return "dvtcli trace last" if keep_exchange(_last_exchange(session)) else ""
 

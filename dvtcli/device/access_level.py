@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.rules.finding import Finding, error
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.finding import ERROR, Finding, Rule, error
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, SdoAborted, UsageError
 
 if TYPE_CHECKING:

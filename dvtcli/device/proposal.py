@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
-from dvtcli.device.lazy_pdos import LazyMapping
 from dvtcli.device.neighbours import producers, producers_of, services_taken
 from dvtcli.device.read_pdos import learnt_objects, service_ids
 from dvtcli.domain.cob_id import CobId
@@ -16,6 +15,26 @@ from dvtcli.domain.rules import Proposal
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.domain.rules.finding import Producer
+
+
+T = TypeVar("T")
+
+
+class LazyMapping(Mapping[Pdo, T], Generic[T]):
+    """Something about each of the PDOs that *which* tells, by *load*: an event timer needs none of that traffic."""
+
+    def __init__(self, which: Callable[[], Iterable[Pdo]], load: Callable[[Pdo], T]) -> None:
+        self._which, self._load = which, load
+
+    def __getitem__(self, pdo: Pdo) -> T:
+        return self._load(pdo)
+
+    def __iter__(self) -> Iterator[Pdo]:
+        return iter(self._which())
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
 
 #: What other nodes send, asked for when a rule first looks at it.
 Elsewhere = Callable[[], "Collection[Producer]"]

@@ -5,7 +5,7 @@ Does not know its PDOs, what was read before, or what was changed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
@@ -126,10 +126,3 @@ class Reached:
             return 8 * len(self.memory.upload(index, sub_index))
         except SdoAborted:
             return None
-
-
-def read_side_by_side(nodes: Iterable[Reached], jobs: Sequence[Callable[[], None]]) -> None:
-    """Do *jobs*, each of which reads one of *nodes*, which are on one bus; raises a Ctrl-C, or that the bus is gone."""
-    for node in list(nodes)[:1]:
-        for fault in node.bus.side_by_side(jobs):
-            raise fault

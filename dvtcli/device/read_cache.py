@@ -7,12 +7,28 @@ lets others write, has to empty it. Never for reading back, which is done on the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from dvtcli.device.read_pdos import IDENTITY
 from dvtcli.domain.ports import CanopenBus, SdoReader
 from dvtcli.errors import SdoAborted
+
+
+class OnBus(Protocol):
+    """Something, such as a node, that is reached over a bus."""
+
+    @property
+    def bus(self) -> CanopenBus:
+        """The bus."""
+
+
+def read_side_by_side(nodes: Iterable[OnBus], jobs: Sequence[Callable[[], None]]) -> None:
+    """Do *jobs*, each of which reads one of *nodes*, which are on one bus; raises a Ctrl-C, or that the bus is gone."""
+    for node in list(nodes)[:1]:
+        for fault in node.bus.side_by_side(jobs):
+            raise fault
 
 
 @dataclass(slots=True)

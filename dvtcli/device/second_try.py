@@ -20,8 +20,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
 from dvtcli.domain.rules import Finding, check_pdo, errors_in
-from dvtcli.domain.rules.finding import note
-from dvtcli.domain.rules.rule import NOTE, Rule
+from dvtcli.domain.rules.finding import NOTE, Rule, note
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import channels_taken, producers, services_taken
-from dvtcli.device.reached import read_side_by_side
+from dvtcli.device.read_cache import read_side_by_side
 from dvtcli.device.read_pdos import sdo_channels, service_ids
 from dvtcli.domain.network.consumers import by_id
 from dvtcli.domain.rules.finding import Producer

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import NodeAccess
@@ -17,6 +18,10 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import StorePolicy
 from dvtcli.errors import BusUnavailable, DeviceRefused, Interrupted, NoAnswer, SdoAborted
+
+if TYPE_CHECKING:
+    pass
+
 
 STORE, RESTORE = 0x1010, 0x1011
 SIGNATURES = {STORE: b"save", RESTORE: b"load"}

@@ -5,7 +5,25 @@ Knows numbers of the standards, and what a file says can be mapped. Does not kno
 
 from __future__ import annotations
 
-from dvtcli.domain.object_dictionary import OdEntry
+from dvtcli.domain.object_dictionary import Access, OdEntry
+
+
+def rpdo_may_take(entry: OdEntry) -> bool:
+    """Whether an RPDO can take it (CiA 306, 4.6.3.2); where PDOMapping is left out it is 0, but not for rww."""
+    if entry.access is Access.RWW:
+        return entry.pdo_mapping is not False
+    return bool(entry.pdo_mapping) and entry.access in (Access.RW, Access.WO)
+
+
+def pdo_may_carry(entry: OdEntry) -> bool:
+    """Whether an RPDO can take it, or a TPDO send it."""
+    return bool(entry.pdo_mapping) or rpdo_may_take(entry)
+
+
+def may_be_commanded(entry: OdEntry) -> bool:
+    """Whether a PDO can carry it, and a master write it."""
+    return pdo_may_carry(entry) and entry.access.writable
+
 
 #: How far the objects of one axis, or logical device, are from those of the next (CiA 402-2, 7)
 _AXIS, _LAST = 0x800, 0x9FFF
@@ -28,7 +46,6 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
 
     Of a maker's own objects those are it that a PDO can carry, as far as the file says so.
     """
-    from dvtcli.domain.carried import may_be_commanded  # nobody asks it of a PDO's own parameters
 
     if not 0x6000 <= index <= _LAST:
         return index in _MAKERS and entry is not None and may_be_commanded(entry)

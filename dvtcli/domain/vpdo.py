@@ -13,8 +13,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.plan import Step, ValueChange
 from dvtcli.domain.profile import VpdoGroup
-from dvtcli.domain.rules.finding import Finding, error
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.finding import ERROR, Finding, Rule, error
 
 RULES = (
     Rule("vpdo-range", ERROR, "a virtual PDO names an object outside its group's published range", "the family",

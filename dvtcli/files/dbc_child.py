@@ -9,14 +9,166 @@ from __future__ import annotations
 import gc
 import json
 import os
+import re
 import sys
 import types
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from typing import Any
 
 from dvtcli.files.bounded_child import die_of, limit
-from dvtcli.files.dbc_plain import in_order, without_plain
+
+_STRING, _NUMBER, _NAME = r'"(?:\\"|[^"])*+"', r"[-+]?\d{1,15}(?:\.\d{0,15})?(?:[eE][-+]?\d{1,3})?", r"[A-Za-z_]\w*+"
+#: Where something may begin that need not be read, and what may have anything in it: a string, which goes to the end of
+#: the text if nothing closes it, and a comment. The list behind `NS_:` has nothing in the line of a keyword.
+_PART = re.compile(
+    r'^[ \t]*+(?P<keyword>BO_|CM_|VAL_|VAL_TABLE_|BA_|BO_TX_BU_)[ \t]|"(?:\\"|[^"])*+(?:"|\Z)|//[^\n]*+', re.MULTILINE
+)
+#: statements that are not used, by their keyword
+_OBJECT = r"(?:(?:SG_\s++\d++\s++\w++|BO_\s++\d++|(?:BU_|EV_)\s++\w++)\s*+)?"
+_NAMES_OF_VALUES = rf"(?:[-+]?\d[\d.]*+\s*+{_STRING}\s*+)*+;"
+_UNUSED = {
+    "CM_": re.compile(rf"CM_[ \t]++{_OBJECT}{_STRING}\s*+;", re.ASCII),
+    "VAL_": re.compile(rf"VAL_[ \t]++(?:\d++[ \t]++)?{_NAME}\s++{_NAMES_OF_VALUES}", re.ASCII),
+    "VAL_TABLE_": re.compile(rf"VAL_TABLE_[ \t]++{_NAME}\s++{_NAMES_OF_VALUES}", re.ASCII),
+    "BA_": re.compile(
+        rf'BA_[ \t]++(?!"System(?:Message|Signal)LongSymbol"){_STRING}\s*+{_OBJECT}'
+        rf"(?:[-+]?[\d.][\w.+-]*+|{_STRING})\s*+;",
+        re.ASCII,
+    ),
+    "BO_TX_BU_": re.compile(r"BO_TX_BU_[ \t]++\d++\s*+:\s*+\w++\s*+(?:,\s*+\w++\s*+)*+;", re.ASCII),
+}
+#: what follows `BO_` of a message, and a signal that is always in it: each is a line
+_MESSAGE = re.compile(
+    rf"[ \t]*+(\d{{1,10}})[ \t]++({_NAME})[ \t]*+:[ \t]*+(\d{{1,4}})[ \t]++({_NAME})[ \t]*+\r?\n", re.ASCII
+)
+_SIGNAL = re.compile(
+    rf"[ \t]*+SG_[ \t]++({_NAME})[ \t]*+:[ \t]*+(\d{{1,5}})\|(\d{{1,5}})@([01])([-+])[ \t]*+"
+    rf"\(({_NUMBER}),({_NUMBER})\)[ \t]*+\[{_NUMBER}\|{_NUMBER}\][ \t]*+"
+    rf'"([^"\\\n]*+)"[ \t]*+({_NAME}(?:[ \t]*+,[ \t]*+{_NAME})*+)[ \t]*+\r?\n',
+    re.ASCII,
+)
+#: what the line behind a message's last one may not begin with
+_GOES_ON = re.compile(r"\s*+(?:SG_|//|,)")
+#: the numbers of messages, and of those of which something is said elsewhere: how signals are chosen, their type, names
+_BEGINNING = re.compile(r"\bBO_\s++(\d{1,15})")
+_GAP = r"\s*+(?://[^\n]{0,99}\n\s*+){0,3}"
+_ELSEWHERE = re.compile(
+    rf'(?:SG_MUL_VAL_|SIG_VALTYPE_|"System(?:Message|Signal)LongSymbol"{_GAP}(?:BO_|SG_)){_GAP}[-+]?(\d{{1,15}})'
+)
+#: words of the format, which cantools takes for no name, and what is no message
+_NO_NAME = re.compile(r"[A-Z_]*_|FILTER|VERSION|VECTOR__INDEPENDENT_SIG_MSG")
+_COMMENT = re.compile(r"//[^\n]*+")
+_EXTENDED, _ID_BITS, _EXTENDED_ID_BITS = 1 << 31, 11, 29
+
+
+def without_plain(text: str) -> tuple[list[dict[str, Any]], str]:
+    """The plain messages of *text*, and the rest of it, in which lines have the numbers that they had.
+
+    The rest is empty if there are but comments in it.
+    """
+    plain: list[dict[str, Any]] = []
+    rest: list[str] = []
+    kept = place = 0
+    said_of = _said_of(text)
+    while found := _PART.search(text, place):
+        place = found.end()
+        keyword = found["keyword"]
+        if keyword is None:
+            continue
+        if keyword == "BO_":
+            message, end = _plain_message(text, place, said_of)
+            if message is not None:
+                plain.append(message)
+        else:
+            unused = _UNUSED[keyword].match(text, found.start("keyword"))
+            end = unused.end() if unused else 0
+        if end:
+            rest += (text[kept : found.start()], "\n" * text.count("\n", found.start(), end))
+            place = kept = end
+    rest.append(text[kept:])
+    is_empty = not any(_COMMENT.sub("", part).strip() for part in rest)
+    return plain, "" if is_empty else "".join(rest)
+
+
+def in_order(text: str, messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The *messages* in the order in which *text* has them."""
+    places: dict[int, int] = {}
+    for found in _BEGINNING.finditer(text):
+        places.setdefault(int(found[1]), found.start())
+    return sorted(messages, key=lambda said: places.get(said["id"] | _EXTENDED * said["extended"], len(text)))
+
+
+def _said_of(text: str) -> frozenset[int]:
+    """The numbers of messages that are described twice, or of which something is said elsewhere."""
+    described = Counter(int(number) for number in _BEGINNING.findall(text))
+    twice = (number for number, count in described.items() if count > 1)
+    return frozenset((*twice, *(int(number) for number in _ELSEWHERE.findall(text))))
+
+
+def _plain_message(text: str, place: int, said_of: frozenset[int]) -> tuple[dict[str, Any] | None, int]:
+    """The message whose number is at *place*, and where it ends; None, 0 if it is not plain."""
+    found = _MESSAGE.match(text, place)
+    if not found or int(found[1]) in said_of:
+        return None, 0
+    end, lines = found.end(), []
+    while line := _SIGNAL.match(text, end):
+        lines.append(line.groups())
+        end = line.end()
+    number, length, signals = int(found[1]), int(found[3]), [_plain_signal(line) for line in lines]
+    extended, can_id = bool(number & _EXTENDED), number & ~_EXTENDED
+    names = {found[2], found[4]}.union(*((line[0], *line[8].replace(",", " ").split()) for line in lines))
+    if (
+        can_id >> (_EXTENDED_ID_BITS if extended else _ID_BITS)
+        or any(_NO_NAME.fullmatch(name) for name in names)
+        or not _lie_apart(signals, length)
+        or _GOES_ON.match(text, end)
+    ):
+        return None, 0
+    signals.sort(key=_begin)
+    return {"id": can_id, "extended": extended, "name": found[2], "length": length, "signals": signals}, end
+
+
+def _plain_signal(line: tuple[str, ...]) -> dict[str, Any]:
+    name, start, bits, order, sign, scale, offset, unit, _ = line
+    return {
+        "name": name, "start": int(start), "bits": int(bits), "big_endian": order == "0", "signed": sign == "-",
+        "real": False, "scale": _number(scale), "offset": _number(offset), "unit": unit, "multiplexor": None,
+        "chosen_by": [],
+    }  # fmt: skip
+
+
+def _number(text: str) -> float:
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
+def _begin(signal: Mapping[str, Any]) -> int:
+    """The bit that a signal begins with, of the order in which its bytes count."""
+    start: int = signal["start"]
+    return 8 * (start // 8) + 7 - start % 8 if signal["big_endian"] else start
+
+
+def _lie_apart(signals: list[dict[str, Any]], length: int) -> bool:
+    """Whether each of *signals* has a name and a place of its own in a message of *length* bytes."""
+    used = 0
+    for begin, signal in ((_begin(signal), signal) for signal in signals):
+        bits = signal["bits"]
+        if bits < 1 or begin + bits > 8 * length:
+            return False
+        mask = (1 << bits) - 1
+        if signal["big_endian"]:
+            mask = int.from_bytes((mask << 8 * length - begin - bits).to_bytes(length, "big"), "little")
+        else:
+            mask <<= begin
+        if used & mask:
+            return False
+        used |= mask
+    return len({signal["name"] for signal in signals}) == len(signals)
+
 
 #: what it may take: memory (bytes) and time (s)
 MOST_MEMORY, MOST_CPU_S = 480 << 20, 7

@@ -13,9 +13,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout
 from dvtcli.watch.heartbeats import HEARTBEATS, HeartbeatTimes
 from dvtcli.watch.layout_fit import guess, misfit
-from dvtcli.watch.recent_load import BusLoad
 from dvtcli.watch.service import Service, event_of, state_in
-from dvtcli.watch.statistics import Rhythm, ValueHistory
+from dvtcli.watch.statistics import BusLoad, Rhythm, ValueHistory
 
 #: events that are kept
 EVENTS = 100

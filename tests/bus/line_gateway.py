@@ -16,10 +16,10 @@ from itertools import count
 from select import select
 from threading import Lock
 
-from dvtcli.bus.read_bus import ReadBus
+from dvtcli.bus.frame_bus import ReadBus
 from dvtcli.bus.receiver import bus_closed
+from dvtcli.bus.sdo.dialogue import no_answer
 from dvtcli.bus.sdo.sdo_link import Inbox
-from dvtcli.bus.sdo.silence import no_answer
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError

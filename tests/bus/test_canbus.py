@@ -12,8 +12,7 @@ import pytest
 
 from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent, StateChange
-from dvtcli.domain.ports import Frame
+from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent, StateChange
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
 from tests.bus.scripted import NODE, Server, Steps, frame, message, well_behaved
 from tests.process import PATIENCE_S

@@ -12,8 +12,7 @@ import pytest
 
 from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.node_events import BootUp, NodeEvent
-from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.domain.ports import BootUp, CanopenBus, Frame, NodeEvent
 from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate

@@ -17,10 +17,9 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.domain.node_events import BootUp, NodeEvent
 from dvtcli.domain.object_syntax import MappedObject
 from dvtcli.domain.pdo import Direction, Pdo
-from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.domain.ports import BootUp, CanopenBus, Frame, NodeEvent
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.changes.change import configure_pdo

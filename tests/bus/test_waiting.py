@@ -7,7 +7,7 @@ import pytest
 from dvtcli.bus.opening import open_bus
 from dvtcli.bus.waiting import wait_for_bus
 from dvtcli.errors import BusUnavailable
-from dvtcli.operations.session.slept import Sleeps, asleep_s
+from dvtcli.operations.session.steady_listener import Sleeps, asleep_s
 
 
 def test_it_is_tried_until_it_opens() -> None:

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from dvtcli.device.lazy_pdos import LazyMapping
 from dvtcli.device.node import Node
-from dvtcli.device.proposal import proposal
+from dvtcli.device.proposal import LazyMapping, proposal
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo

@@ -9,9 +9,8 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.canary import choose_canary
-from dvtcli.device.change.proven import prepare_proof, prove_store
+from dvtcli.device.change.proven import Restart, prepare_proof, prove_store
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
-from dvtcli.device.change.proving import Restart
 from dvtcli.device.node import Node
 from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.store_parameters import RESTORE, STORE, Signed

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.acting_objects import DeviceTypes
-from dvtcli.domain.configuration import Configuration, configuration_of
+from dvtcli.domain.configuration import Configuration, DeviceTypes, configuration_of
 from dvtcli.domain.configuration import NotWritten as Why
 from dvtcli.domain.datatypes import U8, U32
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject

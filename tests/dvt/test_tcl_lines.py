@@ -122,7 +122,7 @@ def test_tcl_begins_anew_after_it_was_stopped(bench: Bench, tcl: TclMode) -> Non
 
 
 def test_a_line_without_end_is_stopped_by_its_own_time(bench: Bench) -> None:
-    from dvtcli.cli.dvt.tcl_lines import TclLines
+    from dvtcli.cli.dvt.tcl_mode import TclLines
     from dvtcli.cli.dvt.tcl_run import LIMITS
     from dvtcli.errors import InputFileError
 
@@ -138,7 +138,7 @@ def test_a_line_without_end_is_stopped_by_its_own_time(bench: Bench) -> None:
 
 
 def test_a_line_may_run_so_many_commands_however_many_ran_before(bench: Bench) -> None:
-    from dvtcli.cli.dvt.tcl_lines import TclLines
+    from dvtcli.cli.dvt.tcl_mode import TclLines
     from dvtcli.cli.dvt.tcl_run import LIMITS
     from dvtcli.errors import InputFileError
 

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.dbc import read_dbc
-from dvtcli.files.dbc_child import _message
-from dvtcli.files.dbc_plain import in_order, without_plain
+from dvtcli.files.dbc_child import _message, in_order, without_plain
 from dvtcli.watch.decoder import Decoder
 
 #: what Vector's editor writes at the beginning of each file: the keywords that it may have

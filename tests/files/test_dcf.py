@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.datatypes import DATA_TYPES, Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.errors import InputFileError
-from dvtcli.files.dcf.value_text import value_text
-from dvtcli.files.dcf.write_dcf import Commissioned, Place, write_dcf
+from dvtcli.files.dcf.write_dcf import Commissioned, Place, value_text, write_dcf
 from dvtcli.files.eds.numbers import encode_value
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.files.eds.written_values import same_value

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.settings_toml import save_settings, with_settings
+from dvtcli.files.settings_file import save_settings, with_settings
 
 
 def test_what_is_there_stays() -> None:

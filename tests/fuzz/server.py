@@ -13,8 +13,7 @@ from heapq import heappop, heappush
 from threading import Lock
 
 from dvtcli.bus.receiver import Wake
-from dvtcli.bus.sdo.channel import SdoChannel
-from dvtcli.bus.sdo.client import StrictSdoClient
+from dvtcli.bus.sdo.client import SdoChannel, StrictSdoClient
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError
 

@@ -27,7 +27,7 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.object_params import ENTRY, OBJECT, DataTypeParam
 from dvtcli.cli.params import NODE_ID, CanopenType, MillisecondsType
 from dvtcli.cli.pdo_params import COB_ID, PDO
-from dvtcli.cli.prompt.history import KeptHistory
+from dvtcli.cli.prompt.full_line import KeptHistory
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary, parse, run_words
 from dvtcli.cli.scripts.script_lines import script_lines
@@ -38,9 +38,9 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
-from dvtcli.domain.gateway.error_numbers import GatewayRequestError
-from dvtcli.domain.gateway.format import format_request
+from dvtcli.domain.gateway.gateway_answers import GatewayRequestError
 from dvtcli.domain.gateway.parse import parse_request, sequence_of
+from dvtcli.domain.gateway.plan_lines import format_request
 from dvtcli.domain.network.concise_dcf import concise_bytes, concise_entries
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary

@@ -46,7 +46,7 @@ from dvtcli.domain.network.picture import (
 )
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files import dbc_text, family_toml
+from dvtcli.files import dbc_text, learnt_folder
 from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
 from dvtcli.files.device_library.stored_files import folder as library_folder
 from dvtcli.files.device_library.stored_files import stored_place
@@ -138,7 +138,7 @@ def dbc(text: str) -> None:
 
 
 def toml(text: str) -> None:
-    quoted = family_toml.quoted(text)
+    quoted = learnt_folder.quoted(text)
     assert steers(quoted) == ""
     assert isinstance(tomllib.loads(f"a = {quoted}")["a"], str)
 

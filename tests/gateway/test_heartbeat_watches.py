@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.error_numbers import GatewayError
-from dvtcli.operations.gateway.heartbeat_watches import LATE_S, Watch
+from dvtcli.domain.gateway.gateway_answers import GatewayError
+from dvtcli.operations.gateway.gateway_work import LATE_S, Watch
 
 STARTED, LOST = GatewayError.HEARTBEAT_STARTED, GatewayError.HEARTBEAT_LOST
 #: how often a gateway reads the bus (s), which is also how late it hears

@@ -44,20 +44,20 @@ def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
 
 #: files that open others than `files/input_file.py` does -> what they open
 MAY_OPEN = {
-    "files/settings_toml.py": "the user's own settings, to change them",
+    "files/settings_file.py": "the user's own settings, to change them",
     "files/family_folder.py": "the package's own data",
     "files/device_library/file_notes.py": "dvtcli's own notes",
     "files/device_library/match.py": "dvtcli's own library, whose files were read when they were added",
     "files/picture/page.py": "the package's own templates",
     "files/picture/svg.py": "the package's own templates",
-    "files/profile/standards.py": "the package's own data",
+    "files/profile/library.py": "the package's own data",
     "files/profile/toml.py": "the package's own data",
     "files/read_back.py": "what was just written, by its own reader",
     "files/sim_state.py": "writes the state of a simulated node",
     "files/recordings/captures.py": "writes a recording",
     "files/values/value_file.py": "writes values",
     "operations/eds_library/add_files.py": "compares with dvtcli's own library",
-    "operations/frames/kept_exchange.py": "dvtcli's own last exchange",
+    "operations/frames/last_exchange.py": "dvtcli's own last exchange",
     "operations/objects/watch_objects.py": "writes values",
     "operations/session/whole_file.py": "writes a file",
     "operations/user/settings_search.py": "settings, which it refuses if they are no file",

@@ -28,7 +28,7 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import BusUnavailable
-from dvtcli.files.profile.standards import standards
+from dvtcli.files.profile.library import standards
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore

@@ -17,12 +17,12 @@ from dvtcli.cli.view.typed_hints import TypedCall, TypedHints, typed
 from dvtcli.device.change.journal import read_journal
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.domain.who_stored import WhoStored
+from dvtcli.domain.stamp import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.undo_changes import undo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
-from dvtcli.operations.recover.stores_begun import furthest, stores_of
+from dvtcli.operations.recover.waiting_journals import furthest, stores_of
 from dvtcli.operations.results import Changed, Facts
 from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.simulator.device.refusal import Refusal

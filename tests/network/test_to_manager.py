@@ -8,8 +8,13 @@ from pathlib import Path
 import pytest
 
 import dvtcli
-from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, read_concise_dcf
-from dvtcli.domain.network.concise_difference import download_lines
+from dvtcli.domain.network.concise_dcf import (
+    ConciseEntry,
+    concise_bytes,
+    concise_entries,
+    download_lines,
+    read_concise_dcf,
+)
 from dvtcli.errors import RuleError, UsageError
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.operations.network.concise_network import concise_dcf

@@ -33,9 +33,8 @@ from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.files.picture.frame_cards import frame_cards
 from dvtcli.files.picture.graphviz import graphviz
-from dvtcli.files.picture.page import page
+from dvtcli.files.picture.page import frame_cards, page
 from dvtcli.files.picture.svg import alone, clipped_name
 from dvtcli.files.picture.wiring import wiring
 from tests.commands.bench import Bench

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.cli.prompt.fitting import StatusPart, fitted
+from dvtcli.cli.prompt.status import StatusPart, fitted
 
 PARTS = [
     StatusPart(3, "", ("socketcan:can0", "can0")),

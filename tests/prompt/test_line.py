@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.cli.prompt.line import Destination, checked, cut, expanded
-from dvtcli.cli.prompt.syntax import syntax
+from dvtcli.cli.prompt.status import syntax
 from dvtcli.errors import UsageError
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.recent_load import BusLoad
+from dvtcli.watch.statistics import BusLoad
 
 FRAME = Frame(0x181, bytes(range(8)))
 

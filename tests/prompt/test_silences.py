@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.cli.prompt.silences import MOST, WITHIN_S, Silences
+from dvtcli.cli.prompt.bus_watch import MOST, WITHIN_S, Silences
 
 
 def test_a_missing_heartbeat_is_said_once_and_once_that_it_is_back() -> None:

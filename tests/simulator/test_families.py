@@ -13,8 +13,7 @@ from dvtcli.files.profile.library import load_profile
 from dvtcli.files.profile.toml import builtin_names
 from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.family_file import family_eds, family_names, load_family, read_family
-from dvtcli.simulator.network.family_keys import FAMILY_KEYS
+from dvtcli.simulator.network.family_file import FAMILY_KEYS, family_eds, family_names, load_family, read_family
 from tests.simulator.bench import Aborted, Client, booted
 
 SAVE, LOAD = 0x65766173, 0x64616F6C

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.simulated_faults import Fault
-from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
+from dvtcli.simulator.network.in_process_bus import NodesOnABus
 from tests.simulator.bench import booted
 
 START_NODES = Frame(0x000, b"\x01\x00")

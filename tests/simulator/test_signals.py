@@ -12,8 +12,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError
 from dvtcli.simulator.device.plant import DriveState, Plant, is_drive, next_state, state_of
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.signal_shapes import RowsError
-from dvtcli.simulator.network.signals import SimulatedSignal
+from dvtcli.simulator.network.signals import RowsError, SimulatedSignal
 from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import Client, booted
 from tests.virtual_time import VirtualTimeBus

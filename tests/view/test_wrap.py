@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.cli.view.lines import Cell
-from dvtcli.cli.view.wrap import wrapped
+from dvtcli.cli.view.paint import wrapped
 
 
 def texts(cells: list[Cell], width: int) -> list[str]:

@@ -13,9 +13,52 @@ from contextlib import contextmanager, suppress
 
 from dvtcli.bus.receiver import Wake
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
-from dvtcli.bus.sdo.silence import no_answer
 from dvtcli.domain.abort import Abort
-from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.errors import (
+    BusUnavailable,
+    DvtcliError,
+    NoAnswer,
+    SafetyRefusal,
+    SdoAborted,
+    SdoProtocolError,
+    stopped_node,
+)
+
+_NEVER = Hint(Action.FIND_NODES, why="power, node-ID, bit rate? A node in STOPPED answers no SDO; {} shows who does")
+_BEFORE = Hint(
+    Action.GIVE_TIMEOUT,
+    why="it answered before, and one lost frame is enough for this: try again; where that repeats, a longer {}, "
+    "or look at its supply, the wiring and the bus load",
+)
+
+
+def no_answer(
+    node_id: int,
+    place: str,
+    timeout_s: float,
+    why: str | None = None,
+    *,
+    answered: bool = False,
+    is_stopped: bool = False,
+) -> NoAnswer:
+    """Node *node_id* did not answer for the object at *place* (`1018:01`) within *timeout_s* (s).
+
+    *answered* says whether it ever did before, *is_stopped* whether it was heard to be STOPPED.
+    """
+    if is_stopped:
+        refused, silent = stopped_node(node_id), f"it did not answer for 0x{place} within {timeout_s:g} s"
+        stopped = NoAnswer(refused.text, node=node_id, place=place, why=silent, hint=refused.hint)
+        stopped.exit_code, stopped.slug = SafetyRefusal.exit_code, SafetyRefusal.slug  # CiA 301, 7.3.2.2: no SDO then
+        return stopped
+    return NoAnswer(
+        f"node {node_id} did not answer for 0x{place} within {timeout_s:g} s",
+        node=node_id,
+        place=place,
+        why=why,
+        hint=_BEFORE if answered else _NEVER,
+    )
+
 
 # Command specifiers, bits 7..5 of the first byte (CiA 301, 7.2.4.3.3 to 7.2.4.3.17).
 _DOWNLOAD_SEGMENT, _DOWNLOAD, _UPLOAD, _UPLOAD_SEGMENT, _ABORT, _BLOCK_UPLOAD, _BLOCK_DOWNLOAD = range(7)

@@ -4,7 +4,23 @@ from __future__ import annotations
 
 import click
 
-from dvtcli.cli.params import TEXT
+from dvtcli.cli.params import NODE_ID, TEXT
+
+trust_stamp = click.option(
+    "--trust-stamp",
+    is_flag=True,
+    help="Do not read nodes whose 0x1020 has the stamp of this file (stamp: true); they are named.",
+)
+
+
+to_manager = click.option(
+    "--to-manager",
+    "manager",
+    type=NODE_ID,
+    metavar="NODE",
+    help="Not the nodes: NODE, a CANopen manager, downloads it to each of them that boots (0x1F22).",
+)
+
 
 include = click.option(
     "--include",

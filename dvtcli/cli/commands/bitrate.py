@@ -11,7 +11,7 @@ from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.bit_rates import BitRateFound
+    from dvtcli.operations.results.lss_nodes import BitRateFound
     from dvtcli.operations.session.session import Session
 
 

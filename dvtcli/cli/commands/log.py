@@ -77,7 +77,7 @@ def command(
 
         wish = ValuesWish(layout, source, rotate or (0.0, 0), append)
         return record_values(session, path, masks, duration, **values, text=text, wish=wish)
-    from dvtcli.operations.frames.record_frames import record_frames
+    from dvtcli.operations.frames.running_recording import record_frames
 
     return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)
 

@@ -31,6 +31,6 @@ def command(session: Session, /, node_id: int | None) -> NodeListing:
     node
     node 5
     """
-    from dvtcli.operations.nodes.identify import identify
+    from dvtcli.operations.nodes.find_nodes import identify
 
     return identify(session, node_id)

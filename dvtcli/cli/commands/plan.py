@@ -8,8 +8,8 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._include import include as include_option
-from dvtcli.cli.commands._to_manager import to_manager
-from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
+from dvtcli.cli.commands._include import to_manager
+from dvtcli.cli.commands._include import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 from dvtcli.operations.user.options import CASE_FORMATS

@@ -33,7 +33,7 @@ def command(session: Session, /, period: int | None, count: int | None, check: b
     if check:
         if period is not None or count is not None:
             raise click.UsageError("--check sends no SYNC: leave --period and --count out")
-        from dvtcli.operations.sync.sync_check import check_sync
+        from dvtcli.operations.sync.unknown_sync import check_sync
 
         return check_sync(session)
     from dvtcli.operations.sync.produce_sync import produce_sync

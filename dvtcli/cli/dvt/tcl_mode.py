@@ -2,14 +2,85 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.cli.dvt.tcl_lines import LineEnd, TclLines
-from dvtcli.errors import UsageError
+from dvtcli.cli.dvt.tcl_calls import Ended, TclCalls
+from dvtcli.cli.dvt.tcl_process import TclProcess
+from dvtcli.cli.dvt.tcl_run import LIMITS, TclRun
+from dvtcli.cli.dvt.tcl_safe import Exit
+from dvtcli.cli.dvt.tcl_wire import Call, CallResult, Frame, Limits, TclLine
+from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.typed_tcl import TypedTcl
+
+
+_OVER = CallResult(True, "the line ended at the command before this one")
+
+
+class LineEnd(NamedTuple):
+    """How a line ended: its exit *code*; whether it is *open*, so that more must follow; whether it called `exit`."""
+
+    code: int = 0
+    open: bool = False
+    leaves: bool = False
+
+
+class TclLines(TclRun):
+    """Tcl with what the lines so far have set, until `close`; started with the first line, and again where it died."""
+
+    def __init__(self, session: Conversation, limits: Limits = LIMITS) -> None:
+        self._calls = TclCalls(session, "tcl", Path.cwd())
+        self._began = False
+        super().__init__(session, "tcl", TclProcess(), self._calls, limits)
+        #: whether Tcl waits for a line: not where it was stopped from outside while it ran one
+        self.waits = True
+        #: the first thing that ended the line that runs: nothing is done for it any more
+        self._end: Ended | Exit | DvtcliError | None = None
+
+    def close(self) -> None:
+        """End Tcl's process; what the lines have set is gone."""
+        self._process.__exit__()
+
+    def line(self, text: str) -> LineEnd:
+        """Run *text* and print what it results in; raises what a word raises, UsageError where Tcl refuses it."""
+        self._computed_s, self._last, self._end, self.waits = 0.0, None, None, False
+        self._calls.failures.clear()
+        if not self._began:
+            self._begin("")
+            self._began = True
+        said: Frame = TclLine(text)
+        try:
+            while isinstance(heard := self._next(said), Call):
+                said = self._served(heard)
+        finally:
+            self._calls.flush()
+        self.waits = True
+        match self._end:
+            case Exit(code=code):
+                return LineEnd(code, leaves=True)
+            case Ended(code=code):
+                return LineEnd(code)
+            case DvtcliError():
+                raise self._end
+        if heard.how == "open":
+            return LineEnd(open=True)
+        if heard.how != "done":
+            raise self._placed(self._failure(heard, self._source))
+        if heard.message:
+            self._session.output.said(heard.message.splitlines(), error=False)
+        return LineEnd(self._calls.failures[0][1].exit_code if self._calls.failures else 0)
+
+    def _served(self, call: Call) -> CallResult:
+        """The answer to a call; where it ends the line, a refusal to this call and to all behind it."""
+        if self._end is None:
+            try:
+                return self._answered(call)
+            except (Ended, Exit, DvtcliError) as ended:
+                self._end = ended
+        return _OVER
 
 
 class TclMode:

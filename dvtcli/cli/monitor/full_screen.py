@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.glyphs import ascii_only
+from dvtcli.errors import BusUnavailable, DvtcliError
 
 if TYPE_CHECKING:
     from prompt_toolkit import Application
@@ -19,6 +21,108 @@ if TYPE_CHECKING:
 
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.view.lines import Cell
+    from dvtcli.operations.frames.watch_bus import Watched
+    from dvtcli.operations.session.steady_listener import SteadyListener
+    from dvtcli.watch.decoder import Decoder
+
+
+#: how long leaving waits for the answer that is under way (s)
+LEAVE_S = 2.0
+
+
+class MappingReader:
+    """Reads what *watched* is to know, once, in a thread; `news` is what it knows so far."""
+
+    def __init__(self, watched: Watched) -> None:
+        self._watched = watched
+        #: the node that is being read, None where none is
+        self.node: int | None = None
+        #: what ended it, None where nothing did; a bus that is gone is the listener's to say
+        self.failure: BaseException | None = None
+        #: whether there is more to come
+        self.is_reading = True
+        self._news: Decoder | None = None
+        self._stopping = False
+        self._thread = threading.Thread(target=self._read, name="reading mappings", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        try:
+            for node, known in self._watched.decoders():
+                self.node, self._news = node, known
+                if self._stopping:
+                    break
+        except BusUnavailable:
+            pass
+        except BaseException as failed:  # noqa: BLE001 - nobody sees what ends a thread: `news` raises it
+            self.failure = failed
+        finally:  # in this order: who sees that no node is being read may ask for the next reading at once
+            self.is_reading, self.node = False, None
+
+    def news(self) -> Decoder | None:
+        """What is known by now, None where that is no more than the last time; raises what the reading failed with."""
+        news, self._news = self._news, None
+        if self.failure is not None:
+            raise self.failure
+        return news
+
+    def stop(self) -> None:
+        """Read no other node."""
+        self._stopping = True
+        self._thread.join(LEAVE_S)
+
+
+#: how long leaving may take where the bus is being opened (s)
+_LEAVE_S = 0.2
+
+
+class GoneBus:
+    """Waits in a thread for the bus that *listener* listens to."""
+
+    def __init__(self, listener: SteadyListener) -> None:
+        self._listener = listener
+        self._thread: threading.Thread | None = None
+        self._since_s = 0.0
+        self._failure: DvtcliError | None = None
+        self._leaving = threading.Event()
+
+    @property
+    def gone_s(self) -> float | None:
+        """How long it is gone (s), None while it is there."""
+        return None if self._thread is None else monotonic() - self._since_s
+
+    def wait(self, failed: BusUnavailable) -> None:
+        """The bus *failed*: wait for it from now on."""
+
+        def wait() -> None:
+            try:
+                self._listener.come_back(failed, self._leaving.is_set)
+            except DvtcliError as ended:
+                self._failure = ended
+
+        self._since_s = monotonic()
+        self._thread = threading.Thread(target=wait, name="waiting for the bus", daemon=True)
+        self._thread.start()
+
+    def is_waiting(self) -> bool:
+        """Whether it is gone still."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def back_after_s(self) -> float | None:
+        """How long it was gone, once, when it is back; else None. DvtcliError where it is not waited for."""
+        if self._thread is None or self._thread.is_alive():
+            return None
+        gone_s, self._thread = monotonic() - self._since_s, None
+        if self._failure is not None:
+            raise self._failure
+        return gone_s
+
+    def leave(self) -> None:
+        """Wait for it no longer."""
+        self._leaving.set()
+        if self._thread is not None:
+            self._thread.join(_LEAVE_S)
+
 
 #: the screen is drawn anew this often (s)
 REDRAW_S = 0.1

@@ -104,7 +104,7 @@ def _answer(session: Conversation, question: str) -> str | None:
 
 def _keep(session: Conversation, choice: Choice) -> None:
     """Write *choice* into the settings file where the user wants that; what cannot be kept is used all the same."""
-    from dvtcli.files.settings_toml import save_settings
+    from dvtcli.files.settings_file import save_settings
 
     project = session.settings.project
     path = Path(project.path if project is not None and Path(project.path).is_file() else NAME)

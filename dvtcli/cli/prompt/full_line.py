@@ -5,29 +5,196 @@ Knows prompt_toolkit. Does not know where a line goes, nor when the next one is 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
 from prompt_toolkit import PromptSession
 from prompt_toolkit.application import get_app
 from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
+from prompt_toolkit.document import Document
+from prompt_toolkit.formatted_text import StyleAndTextTuples
+from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 from prompt_toolkit.layout.processors import AfterInput
+from prompt_toolkit.lexers import Lexer
 from prompt_toolkit.output import ColorDepth
 from prompt_toolkit.shortcuts import CompleteStyle
 from prompt_toolkit.styles import Style
+from prompt_toolkit.validation import ValidationError, Validator
 
-from dvtcli.cli.prompt.checking import LineValidator
-from dvtcli.cli.prompt.colours import LineLexer
+from dvtcli.cli.boundary import usage_error
+from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.lexer import split
 from dvtcli.cli.prompt.completer import LineCompleter
-from dvtcli.cli.prompt.history import open_history
 from dvtcli.cli.prompt.key_bindings import bindings
-from dvtcli.cli.prompt.line import CONTINUED, expanded
+from dvtcli.cli.prompt.line import CONTINUED, checked, expanded, taken_apart, tcl_line
+from dvtcli.cli.run_line import parse
+from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.output import Output
+from dvtcli.cli.view.paint import wrapped
+from dvtcli.cli.view.typed_hints import error_text, typed
+from dvtcli.device.trust import open_private, private_folder
+from dvtcli.domain.safe_text import safe
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
-    from prompt_toolkit.formatted_text import StyleAndTextTuples
-
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.prompt.status import Status
+
+
+#: What click puts before the message of a parameter's type, which says it better.
+_INVALID = re.compile(r"^Invalid value for [^:]*: ")
+#: These print and end while a line is parsed.
+_ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
+
+
+class Refused(ValidationError):
+    """A line that no command takes; *rest* is what the one row that prompt_toolkit has for it cannot hold."""
+
+    def __init__(self, place: int, text: str, columns: int) -> None:
+        first, *more = wrapped([Cell(safe(text))], columns)
+        super().__init__(place, _text(first).rstrip())
+        self.rest = " ".join(_text(line) for line in more)
+
+
+def _text(cells: list[Cell]) -> str:
+    return "".join(cell.text for cell in cells)
+
+
+class LineValidator(Validator):
+    """Refuses a line of *session* that no command takes, with the cursor at the word that is wrong.
+
+    *columns* tells the terminal's width.
+    """
+
+    def __init__(self, session: Conversation, columns: Callable[[], int]) -> None:
+        self._session = session
+        self._columns = columns
+
+    def validate(self, document: Document) -> None:
+        """Raise ValidationError for the first of the typed lines that cannot be parsed.
+
+        An unclosed quote, a wrong option, a name that the known EDS lacks are found; what only the device can tell
+        is not.
+        """
+        for line in document.text.replace("\\\n", " ").splitlines():
+            wrong = self._wrong(line)
+            if wrong is not None:
+                raise Refused(_place(document.text, wrong), wrong, self._columns())
+
+    def _wrong(self, line: str) -> str | None:
+        tcl = self._session.tcl
+        if (tcl is not None and tcl.on) or tcl_line(line, self._session.aliases) is not None:
+            return None  # Tcl says itself what is wrong
+        try:
+            command, destination = taken_apart(line, self._session.aliases)
+            if destination is not None:
+                checked(destination, programs=not self._session.options.no_shell)
+            words = split(command)
+            if words and not _ANSWERED_AT_ONCE & set(words):
+                parse(words, self._session).close()
+        except click.ClickException as wrong:
+            return _INVALID.sub("", usage_error(wrong).text)
+        except UsageError as wrong:
+            return "; ".join(filter(None, (error_text(wrong), typed(wrong.hint))))
+        except DvtcliError:
+            return None  # a file that cannot be read is no fault of the line: running it says which
+        return None
+
+
+def _place(text: str, wrong: str) -> int:
+    """Where the longest word that the message quotes stands in *text*; its end where none does."""
+    for word in sorted(re.findall(r"'([^']+)'", wrong), key=len, reverse=True):
+        if word in text:
+            return text.rindex(word) + len(word)
+    return len(text)
+
+
+class KeptHistory(FileHistory):
+    """A history file; where the disk refuses a line, the session goes on with what is in memory."""
+
+    def __init__(self, filename: str, is_secret: Callable[[str], bool]) -> None:
+        super().__init__(filename)
+        self._is_secret = is_secret
+
+    def append_string(self, string: str) -> None:
+        """Remember *string*, unless it may hold what is nobody's business."""
+        if not self._is_secret(string):
+            super().append_string(string)
+
+    def store_string(self, string: str) -> None:
+        """Append *string* to the file, if that is possible."""
+        try:
+            super().store_string(string)
+        except OSError:
+            return  # a full disk must not take the prompt away
+
+
+def open_history(output: Output, is_secret: Callable[[str], bool]) -> History:
+    """The history file, made where there is none; memory only, with a note, where it cannot be.
+
+    Lines that *is_secret* says may hold a passcode are not kept.
+    """
+    path = user_folder("state") / "history"
+    try:
+        _prepare(path)
+    except OSError as failed:
+        output.note(f"this session's lines are not kept: {path}: {failed.strerror or failed}")
+        return InMemoryHistory()
+    except SafetyRefusal as refused:
+        output.warning(f"this session's lines are not kept: {refused.text}; {typed(refused.hint)}")
+        return InMemoryHistory()
+    return KeptHistory(str(path), is_secret)
+
+
+def _prepare(path: Path) -> None:
+    """Make the file and its folder with the user's rights only; SafetyRefusal where they are others' as well."""
+    private_folder(path.parent)
+    os.close(open_private(path, os.O_RDWR | os.O_CREAT | os.O_APPEND))
+
+
+_WORDS = re.compile(r"\s+|\S+")
+_HEXADECIMAL = re.compile(r"0x[0-9a-f]+(:[0-9a-fx]+)?|[0-9a-f]{4}(:[0-9a-f]{1,2})?", re.IGNORECASE)
+
+
+class LineLexer(Lexer):
+    """Styles the words of a line; *aliases* are known as commands are. While *is_plain*() nothing is styled."""
+
+    def __init__(self, aliases: Iterable[str], is_plain: Callable[[], bool] = lambda: False) -> None:
+        self._is_plain = is_plain
+        self._commands = frozenset({*command_names(), *aliases})
+
+    def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
+        """The styled words of each line of *document*."""
+        lines = document.lines
+
+        def styled(number: int) -> StyleAndTextTuples:
+            if self._is_plain():
+                return [("", lines[number])]
+            return self._styled(lines[number], first=not number or not lines[number - 1].endswith("\\"))
+
+        return styled
+
+    def _styled(self, line: str, *, first: bool) -> StyleAndTextTuples:
+        styled: StyleAndTextTuples = []
+        for word in _WORDS.findall(line):
+            styled.append((self._style(word, first=first), word))
+            first = first and word.isspace()
+        return styled
+
+    def _style(self, word: str, *, first: bool) -> str:
+        if word.isspace():
+            return ""
+        if first:
+            return "class:command" if word in self._commands else "class:unknown"
+        if word.startswith("--") or word in ("|", ">", ">>"):
+            return "class:option"
+        return "class:number" if _HEXADECIMAL.fullmatch(word) else ""
+
 
 STYLE = {
     "bottom-toolbar": "noreverse bg:#303030 #e0e0e0",

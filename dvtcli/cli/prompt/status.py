@@ -5,16 +5,22 @@ Does not know how a terminal draws it: answers are (style, text) pairs.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.prompt.fitting import BETWEEN, StatusPart, fitted
-from dvtcli.cli.prompt.syntax import syntax
+import click
+
+from dvtcli.cli.prompt.line import cut, expanded
+from dvtcli.cli.prompt.typed import last_line, typed
+from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.glyphs import ascii_only
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.safe_text import safe
 from dvtcli.errors import DvtcliError
-from dvtcli.watch.recent_load import HIGH_LOAD
+from dvtcli.watch.statistics import HIGH_LOAD
 
 if TYPE_CHECKING:
     from prompt_toolkit.formatted_text import StyleAndTextTuples
@@ -22,6 +28,93 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.prompt.bus_watch import Life
     from dvtcli.device.node import Node
+
+
+def syntax(text: str, width: int, aliases: Mapping[str, str]) -> tuple[str, str] | None:
+    """The command that *text* begins with and its parameters, in at most *width* columns; None where there is none.
+
+    Options that were typed already give way to those that were not.
+    """
+    command = cut(last_line(text))[0]
+    if not (before := typed(command)) or not before.words:
+        return None
+    line = typed(expanded(command, aliases))
+    if line is None or not line.words:
+        return None
+    name = line.words[0].lower()
+    arguments, options = _parts(name)
+    if arguments is None:
+        return None
+    shown, left = list(arguments), [part for part in options if not set(part[1]) & set(line.words)]
+    for number, (part, _) in enumerate(left):
+        more = " …" if number < len(left) - 1 else ""
+        if len(" ".join([name, *shown, part])) + len(more) > width:
+            shown.append("…")
+            break
+        shown.append(part)
+    return name, " ".join(shown)[: max(0, width - len(name) - 1)]
+
+
+@lru_cache(maxsize=64)
+def _parts(name: str) -> tuple[tuple[str, ...] | None, tuple[tuple[str, tuple[str, ...]], ...]]:
+    """A command's arguments as they are typed, and its options: `[--cob-id ID]` with the words that give it."""
+    command = REGISTRY.get_command(click.Context(REGISTRY), name)
+    if command is None:
+        return None, ()
+    ctx = click.Context(command, info_name=name)
+    arguments = tuple(
+        piece
+        for parameter in command.get_params(ctx)
+        if isinstance(parameter, click.Argument)
+        for piece in parameter.get_usage_pieces(ctx)
+    )
+    options = tuple(
+        (_option(option, ctx), (*option.opts, *option.secondary_opts))
+        for option in command.get_params(ctx)
+        if isinstance(option, click.Option) and not option.hidden and "--help" not in option.opts
+    )
+    return arguments, options
+
+
+def _option(option: click.Option, ctx: click.Context) -> str:
+    words = "|".join([max(option.opts, key=len), *option.secondary_opts])
+    takes = "" if option.is_flag or option.count else f" {option.make_metavar(ctx)}"
+    return f"[{words}{takes}]"
+
+
+#: What stands between two parts.
+BETWEEN = " │ "
+
+
+@dataclass(frozen=True, slots=True)
+class StatusPart:
+    """A piece of a status line: *forms* from the longest to the shortest, `""` where it may be left out.
+
+    Of two parts the one with the lower *weight* becomes shorter first.
+    """
+
+    weight: int
+    style: str
+    forms: tuple[str, ...]
+
+
+def fitted(parts: Sequence[StatusPart], width: int) -> list[tuple[str, str]]:
+    """(style, text) of the parts that fit *width* columns, each in the longest form that does."""
+    forms = [0] * len(parts)
+
+    def texts() -> list[tuple[str, str]]:
+        chosen = [(part.style, part.forms[form]) for part, form in zip(parts, forms, strict=True)]
+        return [(style, text) for style, text in chosen if text]
+
+    for number in sorted(range(len(parts)), key=lambda number: parts[number].weight):
+        while _columns(texts()) > width and forms[number] < len(parts[number].forms) - 1:
+            forms[number] += 1
+    return texts()
+
+
+def _columns(texts: Sequence[tuple[str, str]]) -> int:
+    return 1 + sum(len(text) for _, text in texts) + len(BETWEEN) * max(0, len(texts) - 1)
+
 
 _STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
 #: PDOs of a simulated node that are read before a prompt is shown, so that the menu can say what they are set to.

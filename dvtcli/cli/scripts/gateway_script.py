@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.gateway.error_numbers import GatewayRequestError
+from dvtcli.domain.gateway.gateway_answers import GatewayRequestError
 from dvtcli.domain.gateway.parse import parse_request
 from dvtcli.domain.gateway.plan_lines import REQUIRED
 from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write

@@ -12,6 +12,7 @@ from dvtcli.domain.safe_text import safe
 if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
 
+
 #: Screens are at most this wide, whatever the terminal.
 MAX_WIDTH = 100
 #: A column that gives way keeps as many signs.

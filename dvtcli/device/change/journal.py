@@ -11,6 +11,7 @@ import errno
 import json
 import os
 import re
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -18,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.device.change.change_group import GroupMember, Storing
-from dvtcli.device.change.in_place import HEAD_BYTES, content_of, create, replace_content
 from dvtcli.device.change.plan_document import (
     MOST_CHANGES,
     Identity,
@@ -28,11 +28,79 @@ from dvtcli.device.change.plan_document import (
     read_number,
     read_plan,
 )
-from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
-from dvtcli.device.trust import stranger
+from dvtcli.device.change.private_file import file_name, remove, sync_folder, to_disk, write_private
+from dvtcli.device.trust import open_private, stranger
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
+
+#: the checksum (CRC-32), the number, and a space behind each
+_HEAD = re.compile(rb"([0-9a-f]{8}) ([0-9]{10}) ")
+HEAD_BYTES = 20
+#: what a disk that takes nothing more says
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+def create(path: Path, content: str, size: int) -> None:
+    """Write a new file of *content*, in ASCII, with room for *size* bytes, on the disk when this returns.
+
+    OSError and SafetyRefusal as `write_private`: a file of that name is as it was then.
+    """
+    size = max(size, len(content))
+    write_private(path, _line(content, 1, size) + " " * (size + HEAD_BYTES) + "\n", newline="\n")
+
+
+def replace_content(path: Path, content: str, room: int = 0) -> bool:
+    """Make *content*, in ASCII, that of the file at *path*, which takes no more space; False if it has no room for it.
+
+    *room* is how many bytes more it is to have room for. OSError if the disk does not take it all the same, as on a
+    file system that copies on write: the content is as it was then.
+    """
+    try:
+        descriptor = open_private(path, os.O_RDWR)
+    except FileNotFoundError:
+        return False
+    with os.fdopen(descriptor, "rb+", buffering=0) as file:
+        lines = file.read().splitlines(keepends=True)
+        is_ours = len(lines) == 2 and len(lines[0]) == len(lines[1])
+        size = len(lines[0]) - HEAD_BYTES - 1 if is_ours else -1
+        if len(content) + room > size:
+            return False
+        numbers = [_number(line) for line in lines]
+        file.seek(numbers.index(min(numbers)) * len(lines[0]))
+        try:
+            left = memoryview(_line(content, max(numbers) + 1, size).encode())
+            while left:
+                left = left[file.write(left) :]
+            to_disk(file.fileno())
+        except OSError as failed:
+            if failed.errno not in _FULL:
+                raise
+            why = f"{failed.strerror} for what has its space: this file system copies on write"
+            raise OSError(failed.errno, why, str(path)) from failed
+    return True
+
+
+def content_of(data: bytes) -> bytes:
+    """The content of a file that holds *data*; *data* itself if it has no such lines. ValueError if none is valid."""
+    if not _HEAD.match(data):
+        return data
+    newest = max(data.split(b"\n")[:2], key=_number)
+    if not _number(newest):
+        raise ValueError("it was not written to its end")
+    return newest[HEAD_BYTES:]
+
+
+def _line(content: str, number: int, size: int) -> str:
+    numbered = f"{number:010d} {content:{size}}"
+    return f"{zlib.crc32(numbered.encode()):08x} {numbered}\n"
+
+
+def _number(line: bytes) -> int:
+    """The number of a valid *line*, else 0."""
+    head, line = _HEAD.match(line), line.rstrip(b"\n")
+    return int(head[2]) if head and int(head[1], 16) == zlib.crc32(line[9:]) else 0
+
 
 SCHEMA = "dvtcli.journal/1"
 #: A journal is no larger than what `MOST_CHANGES` fill; anything larger is something else.

@@ -5,22 +5,128 @@ Does not know screens, and asks nobody.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.proving import AGAIN, RESTORE_ALL, Restart, acknowledged, uncovered_group, unread_of
-from dvtcli.device.eds_defaults import differing_from_defaults, values_unlike_defaults
+from dvtcli.device.change.proven import AGAIN, RESTORE_ALL, Restart, acknowledged, uncovered_group, unread_of
+from dvtcli.device.described_node import Defaults
+from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.store_parameters import Signed
 from dvtcli.device.wish import Says, value_in_hex
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+from dvtcli.domain.ports import SdoTransport
+from dvtcli.domain.profile import DeviceProfile
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.several import join_some
+from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.object_dictionary import ObjectDictionary
+
+
+@dataclass(frozen=True, slots=True)
+class AgainstDefaults:
+    """How many PDOs or objects have a default in the file, every value that is not its default, in words, and *untold*.
+
+    That are whole PDOs and single objects that were not compared, since the file tells no default of them, or the node
+    no value of what has one.
+    """
+
+    compared: int
+    differences: tuple[str, ...]
+    untold: tuple[str, ...]
+
+
+def differing_from_defaults(
+    dictionary: ObjectDictionary, profile: DeviceProfile, node_id: int, held: Mapping[Pdo, PdoConfig]
+) -> AgainstDefaults:
+    """The *held* PDOs beside the defaults that the file tells of them."""
+    channel = in_standard_order(Defaults(dictionary, node_id), profile)
+    compared = 0
+    differences: list[str] = []
+    untold: list[str] = []
+    for pdo, config in held.items():
+        rows = list(_rows(channel, pdo, config))
+        both = [(place, value, data) for place, value, data in rows if value is not None and data is not None]
+        compared += bool(both)
+        differences += (text for place, value, data in both if (text := _unlike(f"{pdo.label}: {place}", value, data)))
+        differences += _lacking(channel, pdo, config)
+        lacking = {f"0x{index:04X}:{sub:02X}" for index, sub in config.lacking}
+        alone = [place for place, value, data in rows if (value is None) != (data is None) and place not in lacking]
+        untold += alone if both else [pdo.label]
+    return AgainstDefaults(compared, tuple(differences), tuple(untold))
+
+
+def _rows(channel: SdoTransport, pdo: Pdo, config: PdoConfig) -> Iterator[tuple[str, int | None, bytes | None]]:
+    """Every parameter of a PDO: its object, what the node holds, and its default; None where that is not told."""
+    for index, sub_index, value in _values(pdo, config):
+        yield f"0x{index:04X}:{sub_index:02X}", value, _default(channel, index, sub_index)
+
+
+def _default(channel: SdoTransport, index: int, sub_index: int) -> bytes | None:
+    try:
+        return channel.upload(index, sub_index)
+    except SdoAborted:
+        return None
+
+
+def _lacking(channel: SdoTransport, pdo: Pdo, config: PdoConfig) -> Iterator[str]:
+    """What makes it no whole PDO: its COB-ID or its mapping's count cannot be read, and has a default."""
+    for index, sub_index in config.lacking:
+        default = _default(channel, index, sub_index)
+        if default is not None:
+            text = f"cannot be read, its default is 0x{default[::-1].hex().upper()}"
+            yield f"{pdo.label}: 0x{index:04X}:{sub_index:02X} {text}"
+
+
+def _unlike(place: str, value: int, default: bytes) -> str:
+    """How a parameter differs from its default, empty where it does not."""
+    if int.from_bytes(default, "little") == value:
+        return ""
+    return f"{place} is 0x{value:0{2 * len(default)}X}, its default is 0x{default[::-1].hex().upper()}"
+
+
+def values_unlike_defaults(
+    dictionary: ObjectDictionary, node_id: int, held: Mapping[tuple[int, int], bytes], says: Says = value_in_hex
+) -> AgainstDefaults:
+    """The single objects in *held* beside the defaults that the file tells of them, with values as *says* says them."""
+    channel = Defaults(dictionary, node_id)
+    compared = 0
+    differences: list[str] = []
+    untold: list[str] = []
+    for (index, sub_index), data in held.items():
+        place, default = f"{index:04X}:{sub_index:02X}", _default(channel, index, sub_index)
+        if default is None:
+            untold.append(f"0x{place}")
+            continue
+        compared += 1
+        if data != default:
+            differences.append(
+                f"{place}: is {says(index, sub_index, data)}, its default is {says(index, sub_index, default)}"
+            )
+    return AgainstDefaults(compared, tuple(differences), tuple(untold))
+
+
+def _values(pdo: Pdo, config: PdoConfig) -> Iterator[tuple[int, int, int | None]]:
+    """Index, sub-index and value of every parameter of a PDO; None where the node tells none."""
+    held = config.communication
+    rows = (
+        (1, held.cob_id.raw if config.has_cob_id else None),
+        (TRANSMISSION_TYPE, held.transmission_type),
+        (INHIBIT_TIME, held.inhibit_time),
+        (EVENT_TIMER, held.event_timer),
+        (SYNC_START, held.sync_start_value),
+    )
+    yield from ((pdo.communication_index, sub_index, value) for sub_index, value in rows)
+    yield pdo.mapping_index, 0, config.count if config.has_mapping else None
+    for number, entry in enumerate(config.mapping, 1):
+        yield pdo.mapping_index, number, entry.raw
+
 
 #: What to do where the EDS tells no defaults.
 _MANUAL = Hint(Action.SHOW_PDOS, why="shows what it holds; its manual may tell the defaults")

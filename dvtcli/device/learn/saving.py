@@ -19,6 +19,7 @@ from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
 
+
 #: The sub-indices of CiA 301: all, communication, application; the first of the maker's own.
 _SUB_INDICES = (1, 2, 3, 4)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 from dvtcli.domain.datatypes import parse_number
-from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
+from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
 
 #: the longest line (characters): an object of 48 kB as base64
 LONGEST_LINE = 65_536

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
+from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.line_words import number_of, words_of, wrong
 from dvtcli.domain.gateway.requests import (
     ORDERS,

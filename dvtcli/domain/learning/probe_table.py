@@ -10,11 +10,34 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dvtcli.domain.learning.file_limits import limit_probes
-from dvtcli.domain.learning.highest_time import next_time
 from dvtcli.domain.learning.operational import IN_OPERATIONAL, IN_PRE_OPERATIONAL, while_operational
 from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+
+#: An event timer and an inhibit time that no device refuses for its size.
+_SHORT = 10
+
+
+def next_time(answers: Mapping[str, ProbeAnswer], name: str) -> int | None:
+    """The time that is to be asked next; None where the highest is known, or cannot be found."""
+    values = {
+        int(one.rpartition(" ")[2]): answer
+        for one, answer in answers.items()
+        if one.startswith(f"{name} ") and one.rpartition(" ")[2].isdecimal()
+    }
+    if any(answer.code is None for answer in values.values()):
+        return None
+    taken = max((value for value, answer in values.items() if answer.kept), default=-1)
+    above = min((value for value, answer in values.items() if value > taken and not answer.kept), default=None)
+    if above is None:
+        return None if taken == 0xFFFF else 0xFFFF
+    if taken < 0:
+        return _SHORT if _SHORT not in values else None
+    if above - taken <= 1:
+        return None
+    return 0x7FFF if 0x7FFF not in values and taken < 0x7FFF < above else (taken + above) // 2
+
 
 #: Transmission types that are asked: the ends of the standard's ranges, and what lies between.
 TYPES = (0, 1, 2, 120, 239, 240, 241, 246, 251, 252, 253, 254, 255)

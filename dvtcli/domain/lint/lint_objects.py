@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
-from dvtcli.domain.datatypes import U8
+from dvtcli.domain.datatypes import U8, Kind
 from dvtcli.domain.lint.described import OF_MANY, DescribedDevice, Found, Spot, at
-from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
-from dvtcli.domain.object_dictionary import ObjectType, OdObject, normalised
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry, OdObject, normalised
+from dvtcli.domain.rules.described_step import leave_a_choice
 from dvtcli.domain.standard_objects import is_pdo_mapping
 
 _SHAPE = "CiA 301, 7.4.3"
@@ -99,3 +102,169 @@ def object_flags(device: DescribedDevice) -> Found:
 def _of_many(device: DescribedDevice) -> list[OdObject]:
     """The objects that are an ARRAY or a RECORD and have something."""
     return [found for found in device.objects if found.object_type in OF_MANY and found.entries]
+
+
+_SOURCE = "CiA 306, 4.6.3: PDOMapping"
+#: Store, restore, and the parameters of SDOs and PDOs.
+_PARAMETERS = ((0x1010, 0x1011), (0x1200, 0x1BFF))
+
+
+@check("mappability-unknown", WARNING, "the file has PDOs and no PDOMapping: what they may carry is not known", _SOURCE)
+def mappability_unknown(device: DescribedDevice) -> Found:
+    """Tools offer everything, or nothing."""
+    if device.pdos and not device.dictionary.tells_mappability:
+        yield Spot(), "no object has PDOMapping: what a PDO may carry is not known"
+
+
+@check("unmappable-type", WARNING, "PDOMapping=1 on what fits no PDO: of varying length, or more than 64 bits",
+       "CiA 301, 7.5.2.36")  # fmt: skip
+def unmappable_type(device: DescribedDevice) -> Found:
+    """A mapping entry has a length of 1 to 64 bits."""
+    for entry in device.entries:
+        if entry.pdo_mapping and entry.data_type is not None and not 1 <= (entry.bits or 0) <= MAX_PDO_BITS:
+            yield at(entry, "pdomapping"), f"PDOMapping=1, but a PDO cannot carry a {entry.data_type.name}"
+
+
+@check("mappable-parameter", WARNING, "PDOMapping=1 on a parameter of SDOs or PDOs, or on store or restore",
+       "CiA 301, 7.5.2")  # fmt: skip
+def mappable_parameter(device: DescribedDevice) -> Found:
+    """A PDO that changes PDOs."""
+    for entry in device.entries:
+        if entry.pdo_mapping and any(first <= entry.index <= last for first, last in _PARAMETERS):
+            yield at(entry, "pdomapping"), "PDOMapping=1 on a communication parameter"
+
+
+@check("mappable-count", NOTE, "PDOMapping=1 on a sub-index 0 that counts", "CiA 301, 7.4.3")
+def mappable_count(device: DescribedDevice) -> Found:
+    """Hardly meant."""
+    for found in device.objects:
+        first = found.entries.get(0)
+        if found.object_type in OF_MANY and len(found.entries) > 1 and first is not None and first.pdo_mapping:
+            yield at(first, "pdomapping"), "PDOMapping=1 on the number of sub-indices"
+
+
+@check("mappable-constant", NOTE, "PDOMapping=1 on what never changes (const)", _SOURCE)
+def mappable_constant(device: DescribedDevice) -> Found:
+    """It would take room in every frame."""
+    for entry in device.entries:
+        if entry.pdo_mapping and entry.access is Access.CONST:
+            yield at(entry, "pdomapping"), "PDOMapping=1, and the object is const"
+
+
+@check("process-access", NOTE, "AccessType rwr or rww, which are about PDOs, on what no PDO may carry",
+       "CiA 306, 4.6.3: AccessType")  # fmt: skip
+def process_access(device: DescribedDevice) -> Found:
+    """One of AccessType and PDOMapping is wrong."""
+    for entry in device.entries:
+        if entry.access in (Access.RWR, Access.RWW) and entry.pdo_mapping is False:
+            yield at(entry, "accesstype"), f"AccessType={entry.access}, but PDOMapping=0"
+
+
+@check("bits-below-granularity", NOTE, "PDOMapping=1 on an object whose length is no multiple of Granularity",
+       "CiA 306, DeviceInfo: Granularity")  # fmt: skip
+def bits_below_granularity(device: DescribedDevice) -> Found:
+    """`map` refuses it."""
+    if device.dictionary.info.granularity != 8:
+        return
+    for entry in device.entries:
+        if entry.pdo_mapping and entry.bits and entry.bits % 8:
+            yield at(entry, "pdomapping"), f"PDOMapping=1 with {entry.bits} bits, but Granularity=8"
+
+
+_LIMITS = "CiA 306, 4.6.3: LowLimit, HighLimit"
+_HIGHEST_NODE_ID = 127
+#: Store and restore: what is read there (what the device can) is not what is written (a signature).
+_SIGNED = (0x1010, 0x1011)
+
+
+@check("default-outside-limits", ERROR, "DefaultValue is below LowLimit or above HighLimit", _LIMITS)
+def default_outside_limits(device: DescribedDevice) -> Found:
+    """The object would come up with what may not be written to it."""
+    for entry in device.entries:
+        if entry.default is not None and (text := _outside(entry, entry.default, relative=entry.default_relative)):
+            yield at(entry, "defaultvalue"), f"DefaultValue {text}"
+
+
+@check("value-outside-limits", ERROR, "ParameterValue is below LowLimit or above HighLimit", _LIMITS)
+def value_outside_limits(device: DescribedDevice) -> Found:
+    """The device would refuse what the file sets."""
+    for entry in device.entries:
+        if entry.value is None or not entry.access.writable or entry.index in _SIGNED:
+            continue
+        if text := _outside(entry, entry.value, relative=entry.value_relative):
+            yield at(entry, "parametervalue"), f"ParameterValue {text}"
+
+
+@check("value-of-read-only", NOTE, "ParameterValue is not the default of an object that cannot be written",
+       "CiA 306, 5: ParameterValue")  # fmt: skip
+def value_of_read_only(device: DescribedDevice) -> Found:
+    """No tool can bring it into the device."""
+    for entry in device.entries:
+        if entry.value is None or entry.default is None or entry.access.writable:
+            continue
+        default = replace(entry, value=None)
+        if all(entry.initial(node_id) != default.initial(node_id) for node_id in device.node_ids):
+            yield at(entry, "parametervalue"), f"ParameterValue is not DefaultValue, and the object is {entry.access}"
+
+
+@check("one-limit", NOTE, "only one of LowLimit and HighLimit is given", _LIMITS)
+def one_limit(device: DescribedDevice) -> Found:
+    """The other one is the data type's."""
+    for entry in device.entries:
+        if (entry.low is None) != (entry.high is None):
+            given, missing = ("lowlimit", "HighLimit") if entry.high is None else ("highlimit", "LowLimit")
+            yield at(entry, given), f"no {missing}: the data type's counts"
+
+
+@check("node-id-overflow", WARNING, "a value with $NODEID does not fit the data type for every node-ID",
+       "CiA 306, 4.6.3: $NODEID")  # fmt: skip
+def node_id_overflow(device: DescribedDevice) -> Found:
+    """It would wrap round on nodes with a high number."""
+    for entry in device.entries:
+        for data, relative, key in (
+            (entry.default, entry.default_relative, "DefaultValue"),
+            (entry.value, entry.value_relative, "ParameterValue"),
+        ):
+            if data is not None and relative and _most(entry) < _unsigned(data) + _HIGHEST_NODE_ID:
+                yield at(entry, key.lower()), f"{key} is beyond the data type for node {_HIGHEST_NODE_ID}"
+
+
+@check("constant-without-value", NOTE, "a const object has no DefaultValue", "CiA 306, 4.6.3: AccessType const")
+def constant_without_value(device: DescribedDevice) -> Found:
+    """The file could say what it always holds."""
+    for entry in device.entries:
+        if entry.access is Access.CONST and entry.default is None and entry.value is None:
+            yield at(entry), "const, and no DefaultValue says what it holds"
+
+
+def _outside(entry: OdEntry, data: bytes, *, relative: bool) -> str:
+    """What is wrong with *data* against the limits, empty where nothing is, or where they leave no choice."""
+    if not leave_a_choice(entry, entry.low, entry.high):
+        return ""
+    if entry.data_type is None or entry.data_type.kind not in (Kind.INTEGER, Kind.UNSIGNED, Kind.REAL, Kind.BOOLEAN):
+        return ""
+    value = entry.data_type.decode(data)
+    if not isinstance(value, int | float):
+        return ""
+    for limit, limit_relative, name, beyond in (
+        (entry.low, entry.low_relative, "LowLimit", -1),
+        (entry.high, entry.high_relative, "HighLimit", 1),
+    ):
+        # With $NODEID on one side only it depends on the node.
+        if limit is not None and relative == limit_relative and (value - limit) * beyond > 0:
+            return f"{_shown(value)} is {'below' if beyond < 0 else 'above'} {name} {_shown(limit)}"
+    return ""
+
+
+def _shown(value: float) -> str:
+    """A whole number beyond a few as the field writes it, too: `512 (0x200)`."""
+    return f"{value} (0x{value:X})" if isinstance(value, int) and value > 9 else str(value)
+
+
+def _most(entry: OdEntry) -> int:
+    limits = None if entry.data_type is None else entry.data_type.limits
+    return 0xFFFF_FFFF if limits is None else limits[1]
+
+
+def _unsigned(data: bytes) -> int:
+    return int.from_bytes(data, "little")

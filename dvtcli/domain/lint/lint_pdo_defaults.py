@@ -12,7 +12,7 @@ from dvtcli.domain.lint.described import HELD, DescribedDevice, Found, Spot
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule, RuleCheck
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import can_id, communication, entry_length, mappable, mapped_object
-from dvtcli.domain.rules.rule import Rule
+from dvtcli.domain.rules.finding import Rule
 
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _DECLARED: dict[str, Rule] = {

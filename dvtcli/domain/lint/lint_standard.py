@@ -5,9 +5,12 @@ Does not know PDOs beyond the shape of their parameters (`lint_pdos`).
 
 from __future__ import annotations
 
-from dvtcli.domain.lint.described import OF_MANY, DescribedDevice, Found, Spot, at
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.lint.described import HELD, OF_MANY, DescribedDevice, Found, Spot, at
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
-from dvtcli.domain.object_dictionary import Access, ObjectType
+from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.rules.can_id import restricted_use
 from dvtcli.domain.standard_objects import reserved, standard_entry, standard_object_type
 
 _NAMES = {0x1000: "device type", 0x1001: "error register", 0x1018: "identity object"}
@@ -110,3 +113,99 @@ def _other_types(device: DescribedDevice, *, of_same_length: bool) -> Found:
 def _object_type(code: int) -> str:
     known = next((object_type.name for object_type in ObjectType if object_type == code), "")
     return known or f"0x{code:X}"
+
+
+#: COB-IDs of services, with what each is for.
+_SERVICES = {0x1005: "SYNC", 0x1012: "TIME", 0x1014: "EMCY"}
+_SYNC, _PERIOD, _COUNTER, _MOST_COUNTED = 0x1005, 0x1006, 0x1019, 240
+#: Sub-indices of 0x1200 with their pre-defined CAN-ID for node 0.
+_SDO = {1: 0x600, 2: 0x580}
+_DRIVE, _INPUTS_AND_OUTPUTS = 402, 401
+_CONTROLWORD_AND_STATUSWORD = (0x6040, 0x6041)
+_FIRST_PROFILE_INDEX, _LAST_PROFILE_INDEX = 0x6000, 0x67FF
+
+
+@check("service-can-id", WARNING, "SYNC, TIME or EMCY comes up with a CAN-ID that CiA 301 restricts",
+       "CiA 301, 7.3.5")  # fmt: skip
+def service_can_id(device: DescribedDevice) -> Found:
+    """It would meet NMT, SDO or heartbeat."""
+    for index, service in _SERVICES.items():
+        number = device.number(index)
+        if number is None:
+            continue
+        cob_id = CobId.from_raw(number & 0xFFFF_FFFF)
+        use = None if cob_id.extended or not cob_id.fits_frame else restricted_use(cob_id.can_id)
+        if use and not (index == 0x1014 and number >> 31):
+            yield Spot(index, 0, HELD), f"{service} has CAN-ID {cob_id}, which CiA 301 restricts: {use}"
+
+
+@check("sync-without-period", WARNING, "the device produces SYNC (0x1005, bit 30) and has no period (0x1006)",
+       "CiA 301, 7.5.2.5 and 7.5.2.6")  # fmt: skip
+def sync_without_period(device: DescribedDevice) -> Found:
+    """It would never send one."""
+    number = device.number(_SYNC)
+    if number is not None and number >> 30 & 1 and not device.number(_PERIOD):
+        yield Spot(_SYNC, 0, HELD), "produces SYNC (bit 30), and 1006 (period) is missing or 0"
+
+
+@check("sync-counter", WARNING, "0x1019 comes up with 1 or more than 240", "CiA 301, 7.5.2.22")
+def sync_counter(device: DescribedDevice) -> Found:
+    """Both are reserved."""
+    number = device.number(_COUNTER)
+    if number is not None and (number == 1 or number > _MOST_COUNTED):
+        yield Spot(_COUNTER, 0, HELD), f"is {number}; the SYNC counter overflows at 2..{_MOST_COUNTED}, or is 0"
+
+
+@check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID",
+       "CiA 301, 7.5.2.33")  # fmt: skip
+def sdo_can_id(device: DescribedDevice) -> Found:
+    """Nobody could reach the node."""
+    for sub_index, base in _SDO.items():
+        number = device.number(0x1200, sub_index)
+        if number is not None and number != base + device.node_id:
+            text = f"is 0x{number:X}; the default SDO has 0x{base:X} plus node-ID ($NODEID+0x{base:X})"
+            yield Spot(0x1200, sub_index, HELD), text
+
+
+@check("fixed-cob-id", NOTE, "a COB-ID that comes up enabled is not relative to the node-ID: every node has the same",
+       "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
+def fixed_cob_id(device: DescribedDevice) -> Found:
+    """Two of these devices on one bus meet. A DCF is for one node."""
+    if device.configured:
+        return
+    for entry in device.entries:
+        if _is_cob_id(entry) and entry.default is not None and not entry.default_relative:
+            number = int.from_bytes(entry.default, "little")
+            if number and not number >> 31 & 1:
+                yield at(entry, "defaultvalue"), f"0x{number:X} without $NODEID: two of these devices on a bus meet"
+
+
+@check("store-without-restore", NOTE, "store (0x1010) without restore (0x1011), or the reverse",
+       "CiA 301, 7.5.2.13 and 7.5.2.14")  # fmt: skip
+def store_without_restore(device: DescribedDevice) -> Found:
+    """There is no way back to the defaults."""
+    for there, missing in ((0x1010, 0x1011), (0x1011, 0x1010)):
+        if there in device.dictionary and missing not in device.dictionary:
+            yield Spot(there), f"without {missing:04X}"
+
+
+@check("profile-objects", WARNING, "the objects that the device profile of 0x1000 asks for are missing",
+       "CiA 301, 7.5.2.1; CiA 401; CiA 402")  # fmt: skip
+def profile_objects(device: DescribedDevice) -> Found:
+    """A drive without controlword and statusword, an I/O module without any input or output."""
+    number = device.number(0x1000)
+    profile = None if number is None else number & 0xFFFF
+    if profile == _DRIVE:
+        missing = [f"{index:04X}" for index in _CONTROLWORD_AND_STATUSWORD if index not in device.dictionary]
+        if missing:
+            yield Spot(0x1000, 0, HELD), f"a drive (CiA 402) without {' and '.join(missing)}"
+    inputs_or_outputs = any(_FIRST_PROFILE_INDEX <= index <= _LAST_PROFILE_INDEX for index in device.dictionary)
+    if profile == _INPUTS_AND_OUTPUTS and not inputs_or_outputs:
+        yield Spot(0x1000, 0, HELD), "an I/O module (CiA 401) without any input or output"
+
+
+def _is_cob_id(entry: OdEntry) -> bool:
+    pdo = Pdo.at(entry.index)
+    if pdo is not None:
+        return entry.index == pdo.communication_index and entry.sub_index == 1 and pdo.number <= 4
+    return entry.index == 0x1014

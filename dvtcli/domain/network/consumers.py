@@ -9,8 +9,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.rules.finding import Finding, Producer, warning
-from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.rules.finding import WARNING, Finding, Producer, Rule, warning
 
 RULES = (
     Rule("consumer-length", WARNING, "an RPDO of a network maps another length than the TPDO that it hears",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
+from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Rule
 
 RULES = (
     Rule("link-guarded", ERROR, "a heartbeat is to be sent by a node that is guarded (0x100C x 0x100D is not 0)",

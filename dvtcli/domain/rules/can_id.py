@@ -10,8 +10,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
-from dvtcli.domain.rules.finding import Finding, Producer, Proposal, error, note, warning
-from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
+from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Producer, Proposal, Rule, error, note, warning
 from dvtcli.domain.services import OFF, PRODUCES, SYNC_BY_DEFAULT, taken_by_services
 
 _ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")

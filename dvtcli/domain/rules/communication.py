@@ -9,8 +9,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.profile import Severity, within
 from dvtcli.domain.rules.described_step import described_step_findings
-from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
-from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
 
 RULES = (
     Rule("parameter-exists", ERROR, "the PDO has no such parameter", "the device; the EDS", (Abort.NO_SUB_INDEX,)),

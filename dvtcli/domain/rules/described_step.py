@@ -9,8 +9,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE, Step, plan_pdo
-from dvtcli.domain.rules.finding import Finding, Proposal, error
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error
 
 RULES = (
     Rule("parameter-static", ERROR, "the parameter is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry
-from dvtcli.domain.rules.finding import Finding, Proposal, error
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error
 
 RULES = (
     Rule("entry-length", ERROR, "an entry is longer or shorter than its object, or of 0 or more than 64 bits",

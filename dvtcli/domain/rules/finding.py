@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.file_complaint import FileComplaint
@@ -11,6 +12,23 @@ from dvtcli.domain.hint import Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
+
+ERROR = (Severity.ERROR,)
+WARNING = (Severity.WARNING,)
+NOTE = (Severity.NOTE,)
+
+
+class Rule(NamedTuple):
+    """One rule: its *name*, how strongly it is meant, where it speaks (*sense*), and who says so (*source*).
+
+    *aborts* are the SDO abort codes that a device answers where the rule is broken. Strongest severity first.
+    """
+
+    name: str
+    severities: tuple[Severity, ...]
+    sense: str
+    source: str
+    aborts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,8 @@ from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.plan import disables, mapping_differs
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.entry_length import length_findings
-from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
+from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
 from dvtcli.domain.rules.mapped_object import object_findings
-from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
 from dvtcli.domain.several import join_some
 
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"

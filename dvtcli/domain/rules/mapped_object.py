@@ -9,8 +9,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
 from dvtcli.domain.profile import DeviceProfile, Severity
-from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
-from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
 
 RULES = (
     Rule("object-exists", ERROR,

@@ -10,8 +10,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.domain.request import cleared
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
-from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
 
 RULES = (
     Rule("way-back", WARNING,

@@ -8,8 +8,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.rules.finding import Finding, warning
-from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
 
 RULES = (
     Rule("rpdo-producer", WARNING,

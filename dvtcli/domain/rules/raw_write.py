@@ -14,10 +14,9 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
-from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
+from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
 from dvtcli.domain.rules.mappable import mapping_findings
 from dvtcli.domain.rules.mapped_object import decimal_hint
-from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
 from dvtcli.domain.several import value_text
 
 _FROZEN_WHILE_VALID = "CiA 301, 7.5.2.35 to 7.5.2.38"

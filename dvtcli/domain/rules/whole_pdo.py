@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import disables, mapping_differs, needs_disabling
-from dvtcli.domain.rules.finding import Finding, Proposal, error
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error
 
 _ANOTHER = Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
 RULES = (

@@ -5,27 +5,199 @@ Knows where the values of objects stand. Does not know a device, nor which of it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.datatypes import DataType
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.device_keys import write_device_keys
 from dvtcli.files.dcf.edited_text import EditedText
-from dvtcli.files.dcf.missing_sections import write_missing
-from dvtcli.files.dcf.value_table import ValueTable
-from dvtcli.files.dcf.value_text import value_text
 from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import Values, section_values
+from dvtcli.files.eds.ini import IniValue, Values, section_values
 from dvtcli.files.eds.keys import number_key
-from dvtcli.files.eds.layout import Parts
+from dvtcli.files.eds.layout import OBJECT_LISTS, EdsLayout, ObjectSections, Parts
+from dvtcli.files.eds.numbers import read_number, without_comment
 from dvtcli.files.eds.reader import EdsFile, parse_eds
-from dvtcli.files.eds.written_values import is_text, same_value
+from dvtcli.files.eds.writer import object_sections
+from dvtcli.files.eds.written_values import is_text, same_value, text_of
 
 Place = tuple[int, int]
+_OPTIONAL, _SUPPORTED_COUNT = "optionalobjects", "supportedobjects"
+
+
+def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes]) -> dict[Place, str]:
+    """Put sections behind the file's last one for objects of *values* that have none; what it cannot say, with why.
+
+    They are named in the list of optional objects, where the file has one.
+    """
+    left_out: dict[Place, str] = {}
+    added = sorted({index for index, _ in values} - eds.layout.objects.keys())
+    for index in added:
+        if index in eds.dictionary:
+            for section in object_sections(_with_values(eds.dictionary[index], values, left_out)):
+                text.insert(text.last_line, ["", *section.split("\n")])
+    described = {index for index in added if index in eds.dictionary}
+    unnamed = sorted(described - _named(eds.layout))
+    for name in OBJECT_LISTS:
+        known = eds.layout.objects.keys() | described
+        dropped = _write_list(eds.layout, text, name, known, unnamed if name == _OPTIONAL else ())
+        left_out |= {(index, 0): "a list names it, and no section describes it" for index in dropped}
+    unknown = {place for place in values if place[0] in added and eds.dictionary.entry(*place) is None}
+    return left_out | dict.fromkeys(unknown, "the file does not describe it")
+
+
+def _with_values(one: OdObject, values: Mapping[Place, bytes], left_out: dict[Place, str]) -> OdObject:
+    entries = {}
+    for sub_index, entry in one.entries.items():
+        data = values.get((one.index, sub_index))
+        size = None if entry.data_type is None else entry.data_type.size
+        if data is not None and size != len(data):
+            left_out[one.index, sub_index] = f"the device holds {len(data)} bytes, not {size}"
+            data = None
+        entries[sub_index] = replace(entry, value=data)
+    return replace(one, entries=entries)
+
+
+def _named(layout: EdsLayout) -> set[int]:
+    """The indices that the file's lists of objects name."""
+    lists = (section_values(layout.device.get(name, ()), Findings()) for name in OBJECT_LISTS)
+    indices = (_index(value.value) for keys in lists for key, value in keys.items() if key.isdecimal())
+    return {index for index in indices if index is not None}
+
+
+def _write_list(
+    layout: EdsLayout, text: EditedText, name: str, known: Collection[int], added: Sequence[int]
+) -> list[int]:
+    """Name *added* at the end of the list *name*, and drop from it what is not *known* by a section; what was dropped.
+
+    Whoever reads the file takes it for cut short if its lists name objects to the end that have no section.
+    """
+    parts = layout.device.get(name)
+    if not parts:
+        return []
+    keys = section_values(parts, Findings())
+    counts = [value for key, value in keys.items() if key.replace(" ", "") == _SUPPORTED_COUNT]
+    rows = [value for key, value in keys.items() if key.isdecimal()]  # other keys are whoever wrote them's
+    kept = [row for row in rows if (index := _index(row.value)) is None or index in known]
+    dropped = [index for row in rows if (index := _index(row.value)) is not None and index not in known]
+    if not (dropped or added):
+        return []
+    if dropped:  # those behind them move up: the numbers of a list have no gap
+        for row, value in zip(rows, kept, strict=False):
+            text.set_value(row.line, without_comment(value.value))
+        for row in rows[len(kept) :]:
+            text.remove(row.line)
+    last = max((value.line for value in keys.values()), default=parts[-1].line)
+    for number, index in enumerate(added, len(kept) + 1):
+        text.insert_key(last, str(number), f"0x{index:04X}")
+    for count in counts:
+        text.set_value(count.line, str(len(kept) + len(added)))
+    return dropped
+
+
+def _index(value: str) -> int | None:
+    """The index that a row of a list names, None where it is no number."""
+    try:
+        return read_number(without_comment(value))
+    except ValueError:
+        return None
+
+
+_COUNT = "nrofentries"
+
+
+class ValueTable:
+    """The table of the object that *sections* describe, in *text*; `write` carries out what was asked."""
+
+    def __init__(self, text: EditedText, sections: ObjectSections) -> None:
+        self._text, self._sections = text, sections
+        self._keys = section_values(sections.values, Findings())
+        #: by sub-index
+        self.rows: dict[int, IniValue] = dict(_rows(self._keys))
+        self._wanted: dict[int, str] = {}
+        self._taken_out: set[int] = set()
+
+    def set(self, sub_index: int, value: str, *, is_text: bool) -> None:
+        """Let the row of *sub_index* say *value*."""
+        if sub_index in self.rows:
+            self._text.set_value(self.rows[sub_index].line, value, is_text=is_text)
+        else:
+            self._wanted[sub_index] = value
+
+    def remove(self, sub_index: int) -> None:
+        """Let the table say nothing of *sub_index*."""
+        if sub_index in self.rows:
+            self._text.remove(self.rows[sub_index].line)
+            self._taken_out.add(sub_index)
+
+    def write(self) -> None:
+        """Put the new rows where they belong, in order, and count them."""
+        if not self._sections.values:
+            if self._wanted:
+                self._text.insert(self._end_of_object(), ["", *self._new_table()])
+            return
+        if self._wanted or self._taken_out:
+            self._count()
+        first = self._keys[_COUNT].line if _COUNT in self._keys else self._sections.values[-1].line
+        for sub_index, value in sorted(self._wanted.items()):
+            before = [row.line for number, row in self.rows.items() if number < sub_index]
+            self._text.insert_key(max([first, *before]), str(sub_index), value)
+
+    def _new_table(self) -> list[str]:
+        rows = [f"{sub_index}={value}" for sub_index, value in sorted(self._wanted.items())]
+        return [f"[{self._sections.own[0].name}Value]", f"NrOfEntries={len(rows)}", *rows]
+
+    def _count(self) -> None:
+        count = str(len(self._keys) - (_COUNT in self._keys) - len(self._taken_out) + len(self._wanted))
+        if _COUNT not in self._keys:
+            self._text.insert_key(self._sections.values[-1].line, "NrOfEntries", count)
+        else:
+            self._text.set_value(self._keys[_COUNT].line, count)
+
+    def _end_of_object(self) -> int:
+        """The last line of the object's sections that is not empty."""
+        last = max((part for parts in self._sections.each() for part in parts), key=lambda part: part.line)
+        lines = last.text.split("\n")
+        return last.line + max(number for number, line in enumerate(lines) if not number or line.strip())
+
+
+def _rows(keys: Values) -> list[tuple[int, IniValue]]:
+    found = []
+    for key, row in keys.items():
+        try:
+            found.append((read_number(row.key), row)) if key != _COUNT else None
+        except ValueError:
+            continue  # the reader says so
+    return found
+
+
+#: the longest DOMAIN or OCTET_STRING that is written into a line (bytes)
+MOST_OCTETS = 1 << 16
+
+
+def value_text(data_type: DataType | None, data: bytes, like: str = "") -> str:
+    """*data* of an object of *data_type* as text; hexadecimal where *like*, another value of it, is.
+
+    ValueError, its text says why, where no text means it.
+    """
+    if data_type is None:
+        raise ValueError("its data type is not known")
+    if not data:
+        raise ValueError("it is empty")
+    if len(data) > MOST_OCTETS:
+        raise ValueError(f"it has {len(data):,} bytes, more than {MOST_OCTETS:,}")
+    if data_type.size is not None and len(data) != data_type.size:
+        raise ValueError(f"the device holds {len(data)} bytes, and a {data_type.name} has {data_type.size}")
+    text = text_of(data_type, data, hexadecimal="0x" in like.lower() or "$" in like, exact=False)
+    if text is None:
+        raise ValueError(f"no line of a file can say this {data_type.name}")
+    return text
+
+
 _VALUE, _DEFAULT = "parametervalue", "defaultvalue"
 
 

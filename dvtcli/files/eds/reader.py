@@ -7,23 +7,276 @@ all stays in `EdsFile.text` with its lines. Does not know devices, nor XML descr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 
-from dvtcli.domain.object_dictionary import ObjectDictionary, OdObject
+from dvtcli.domain.datatypes import U8
+from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.standard_objects import PDO_COMMUNICATION, PDO_MAPPING, is_pdo_mapping, standard_entry
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.bounds import MOST_BYTES, too_much
-from dvtcli.files.eds.compact import compact_pdo_indices, compact_pdo_object
 from dvtcli.files.eds.device_sections import check_lists, read_device_info
+from dvtcli.files.eds.entry import EntryPlace, read_entry, read_value
 from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniText, IniValue, Values, section_values, split_sections
-from dvtcli.files.eds.keys import number_key
-from dvtcli.files.eds.layout import EdsLayout, lay_out, report_repeated, report_stray
-from dvtcli.files.eds.object_sections import build_object
-from dvtcli.files.eds.read_rules import COMPACT_PDO, COMPACT_PDO_BITS
+from dvtcli.files.eds.keys import number_key, quoted, text_key
+from dvtcli.files.eds.layout import EdsLayout, ObjectSections, Parts, lay_out, report_repeated, report_stray
+from dvtcli.files.eds.numbers import read_number
+from dvtcli.files.eds.read_rules import (
+    BAD_LINE,
+    COMPACT_COUNT,
+    COMPACT_PDO,
+    COMPACT_PDO_BITS,
+    NO_OBJECT_TYPE,
+    NO_PARENT,
+    NO_SUB_INDEX,
+    NO_SUB_INDICES,
+    OBJECT_TYPE,
+    SUB_BEFORE_PARENT,
+    SUB_INDICES_OF_VAR,
+    SUB_NUMBER,
+    TABLE_COUNT,
+)
 from dvtcli.files.input_file import read_input_head
+
+_PARAMETER_NAMES = (
+    "Highest sub-index supported",
+    "COB-ID",
+    "Transmission type",
+    "Inhibit time",
+    "Compatibility entry",
+    "Event timer",
+    "SYNC start value",
+)
+_MAX_MAPPED = 64
+_PREDEFINED_PDOS = 4
+_NO_PDO = 1 << 31
+
+
+def compact_entries(values: Values, place: EntryPlace, count: int, findings: Findings) -> dict[int, OdEntry]:
+    """The *count* + 1 sub-indices that `CompactSubObj=count` stands for; all take the object's own keys."""
+    member = read_entry(values, replace(place, sub_index=1), findings)
+    entries = {0: _count_entry(member, count, findings)}
+    for sub_index in range(1, count + 1):
+        entries[sub_index] = replace(member, sub_index=sub_index, name=f"{member.name}{sub_index}")
+    return entries
+
+
+def _count_entry(member: OdEntry, count: int, findings: Findings) -> OdEntry:
+    """Sub-index 0: NrOfObjects, UNSIGNED8, ro, *count* (CiA 306, 4.6.3.3), but not where CiA 301 has it written to."""
+    access = Access.RO
+    standard = standard_entry(member.index, 0)
+    if standard is not None and standard.access is Access.RW and member.access.writable:
+        access = Access.RW
+        text = "sub-index 00 taken as rw (CiA 301), though CompactSubObj makes it ro"
+        findings.add(COMPACT_COUNT, member.line or 1, text)
+    return OdEntry(
+        member.index,
+        0,
+        "NrOfObjects",
+        U8,
+        access,
+        pdo_mapping=None if member.pdo_mapping is None else False,
+        default=bytes([count]),
+        object_flags=member.object_flags,
+        line=member.line,
+    )
+
+
+def mapping_count(entries: dict[int, OdEntry]) -> OdEntry:
+    """Sub-index 0 of a compact PDO mapping: how many of its *entries*, from the first, map something.
+
+    CiA 306 gives sub-index 0 the number of sub-indices, but in a mapping it is the number of mapped objects
+    (CiA 301, 7.5.2.36). Not known (None) where the file has no mapping entry at all. A list of values that says the
+    entries from the first on, and no count, wants as many.
+    """
+    held = [entry.initial(0) for sub_index, entry in sorted(entries.items()) if sub_index]
+    mapped = next((n for n, data in enumerate(held) if data is None or not any(data)), len(held))
+    unknown = all(data is None for data in held)
+    count, said = entries[0], [sub for sub, entry in entries.items() if sub and entry.value is not None]
+    wanted = bytes([mapped]) if count.value is None and said and max(said) <= mapped else count.value
+    return replace(count, default=None if unknown else bytes([mapped]), value=wanted)
+
+
+def compact_pdo_indices(present: set[int], rpdo_count: int, tpdo_count: int) -> list[int]:
+    """The PDO parameters that CompactPDO makes exist beside those *present*.
+
+    The lowest PDO numbers that no section describes, until there are *rpdo_count* RPDOs and *tpdo_count* TPDOs;
+    and the other half of every PDO that has only its communication or only its mapping described.
+    """
+    missing: list[int] = []
+    for first, wanted in ((0x1400, rpdo_count), (0x1800, tpdo_count)):
+        described = {i & 0x1FF for i in present if first <= i <= first + 0x3FF}
+        free = (number for number in range(512) if number not in described)
+        numbers = described | {number for number, _ in zip(free, range(wanted - len(described)), strict=False)}
+        both = (first + offset + number for number in numbers for offset in (0, 0x200))
+        missing += [index for index in both if index not in present]
+    return missing
+
+
+def compact_pdo_object(index: int, mask: int, line: int) -> OdObject:
+    """The PDO parameter *index* as CompactPDO=*mask* describes it: bit 0..5 set = sub-index 1..6 exists.
+
+    Access and types are CiA 301's; *line* is where the file says CompactPDO.
+    """
+    kind = "RPDO" if index < 0x1800 else "TPDO"
+    if is_pdo_mapping(index):
+        name, entries = f"{kind} mapping parameter", _mapping_entries(index, line)
+    else:
+        name, entries = f"{kind} communication parameter", _communication_entries(index, mask, line)
+    return OdObject(index, name, ObjectType.RECORD, entries, line)
+
+
+def _mapping_entries(index: int, line: int) -> dict[int, OdEntry]:
+    entries = {0: OdEntry(index, 0, "Number of mapped objects", PDO_MAPPING[0].data_type, Access.RW, line=line)}
+    for sub_index in range(1, _MAX_MAPPED + 1):
+        name = f"Mapped object {sub_index}"
+        entries[sub_index] = OdEntry(index, sub_index, name, PDO_MAPPING[1].data_type, Access.RW, line=line)
+    return entries
+
+
+def _communication_entries(index: int, mask: int, line: int) -> dict[int, OdEntry]:
+    present = [bit + 1 for bit in range(6) if mask >> bit & 1]
+    entries = {}
+    for sub_index in [0, *present]:
+        standard = PDO_COMMUNICATION[sub_index]
+        access = standard.access or Access.RW
+        name = _PARAMETER_NAMES[sub_index]
+        entries[sub_index] = OdEntry(index, sub_index, name, standard.data_type, access, line=line)
+    entries[0] = replace(entries[0], default=bytes([max(present, default=0)]))
+    if 1 in entries:
+        entries[1] = _with_default_cob_id(entries[1])
+    return entries
+
+
+def _with_default_cob_id(entry: OdEntry) -> OdEntry:
+    """PDOs 1..4 start with the pre-defined connection set, the others disabled (CiA 301, 7.5.2.35 and 7.5.2.37)."""
+    number = (entry.index & 0x1FF) + 1
+    if number > _PREDEFINED_PDOS:
+        return replace(entry, default=_NO_PDO.to_bytes(4, "little"))
+    base = 0x100 * number + (0x80 if entry.index >= 0x1800 else 0x100)
+    return replace(entry, default=base.to_bytes(4, "little"), default_relative=True)
+
+
+def apply_tables(sections: ObjectSections, entries: dict[int, OdEntry], findings: Findings) -> None:
+    """Put the names and ParameterValues of the tables into *entries*; a table need not mention every sub-index."""
+    for sub_index, given in _rows(sections.names, entries, findings):
+        if given.value:
+            entries[sub_index] = replace(entries[sub_index], name=given.value)
+    said = _own_values(sections)
+    for sub_index, given in _rows(sections.values, entries, findings, has_values=True):
+        row = given if given.other is not None else given._replace(other=said.get(sub_index))
+        said[sub_index] = row
+        encoded = read_value(row, entries[sub_index].data_type, findings, is_wanted=True)
+        if encoded is not None:
+            entries[sub_index] = replace(entries[sub_index], value=encoded.data, value_relative=encoded.relative)
+
+
+def _own_values(sections: ObjectSections) -> dict[int, IniValue]:
+    """The ParameterValues that sub-indices have in sections of their own, beside the table."""
+    if not sections.values:
+        return {}
+    own = ((sub, section_values(parts, Findings())) for sub, parts in sections.sub_indices.items())
+    return {sub: values["parametervalue"] for sub, values in own if "parametervalue" in values}
+
+
+def _rows(
+    parts: Parts, entries: dict[int, OdEntry], findings: Findings, *, has_values: bool = False
+) -> Iterator[tuple[int, IniValue]]:
+    """The rows `sub-index=text` of a table whose sub-index exists; the others are reported."""
+    if not parts:
+        return
+    values = section_values(parts, findings)
+    count = number_key(values, "nrofentries", 0, 0xFF, findings)
+    rows = [value for key, value in values.items() if key != "nrofentries"]
+    if count is not None and count != len(rows):
+        text = f"NrOfEntries={count}, but [{parts[0].name}] has {len(rows)}"
+        findings.add(TABLE_COUNT, values["nrofentries"].line, text)
+    for row in rows:
+        try:
+            sub_index = read_number(row.key)
+        except ValueError:
+            text = f"{quoted(row)}: {row.key} is not a sub-index; ignored"
+            findings.add(BAD_LINE, row.line, text, value_lost=has_values and bool(row.value))
+            continue
+        if sub_index in entries:
+            yield sub_index, row
+        else:
+            text = f"{quoted(row)}: the object has no such sub-index; ignored"
+            findings.add(NO_SUB_INDEX, row.line, text, value_unread=has_values and bool(row.value))
+
+
+_KNOWN = frozenset(ObjectType)
+_OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
+
+
+def build_object(layout: EdsLayout, index: int, findings: Findings) -> OdObject:
+    """Read object *index*, which the file has at least one section of."""
+    sections = layout.object_sections(index)
+    line = sections.line
+    report_repeated(sections.each(), findings, have_values=True)
+    values = section_values(sections.own, findings)
+    compact = number_key(values, "compactsubobj", 0, 254, findings) or 0
+    object_type = _object_type(values, bool(sections.sub_indices), compact, line, findings)
+    entries: dict[int, OdEntry] = {}
+    if compact:
+        entries = compact_entries(values, EntryPlace(index, 0, line, of_many=True), compact, findings)
+    for sub_index in sorted(sections.sub_indices):
+        parts = sections.sub_indices[sub_index]
+        place = EntryPlace(index, sub_index, parts[0].line, of_many=True)
+        entries[sub_index] = read_entry(section_values(parts, findings), place, findings)
+    if not entries and object_type in _OF_ONE_ENTRY:
+        domain = object_type == ObjectType.DOMAIN
+        entries[0] = read_entry(values, EntryPlace(index, 0, line, of_many=False, domain=domain), findings)
+    apply_tables(sections, entries, findings)
+    if compact and is_pdo_mapping(index) and 0 not in sections.sub_indices:
+        entries[0] = mapping_count(entries)
+    _check_parts(index, sections, values, entries, findings)
+    name = text_key(values, "parametername") or f"{index:04X}"
+    own = object_type not in _OF_ONE_ENTRY and "objflags" in values
+    flags = number_key(values, "objflags", 0, 0xFFFF_FFFF, findings) or 0 if own else 0
+    return OdObject(index, name, object_type, entries, line, flags)
+
+
+def _object_type(values: Values, has_subs: bool, compact: int, line: int, findings: Findings) -> int:
+    """ObjectType, by default VAR (CiA 306, 4.6.3), but what has sub-indices is none."""
+    given = number_key(values, "objecttype", 0, 0xFF, findings)
+    likely = ObjectType.RECORD if has_subs else ObjectType.ARRAY if compact else ObjectType.VAR
+    if given is None:
+        if values and likely is not ObjectType.VAR:
+            findings.add(NO_OBJECT_TYPE, line, f"no ObjectType, yet sub-indices: taken as {likely.name}")
+        return likely
+    line = values["objecttype"].line
+    if likely is not ObjectType.VAR and given in _OF_ONE_ENTRY:
+        findings.add(SUB_INDICES_OF_VAR, line, f"ObjectType {given} has no sub-indices, yet the file lists some")
+        return likely
+    if given not in _KNOWN:
+        findings.add(OBJECT_TYPE, line, f"ObjectType {given} is not known (CiA 301, table 42)")
+    return given
+
+
+def _check_parts(
+    index: int, sections: ObjectSections, values: Values, entries: dict[int, OdEntry], findings: Findings
+) -> None:
+    """What does not add up between an object's section and its sub-indices."""
+    line = sections.line
+    if not sections.own:
+        findings.add(NO_PARENT, line, f"sub-indices, but no section [{index:04X}]")
+        return
+    early = [parts[0] for parts in sections.sub_indices.values() if parts[0].line < line]
+    if early:
+        findings.add(SUB_BEFORE_PARENT, early[0].line, f"[{early[0].name}] stands before [{index:04X}]")
+    if not entries:
+        findings.add(NO_SUB_INDICES, line, f"[{index:04X}] has neither sub-indices nor CompactSubObj")
+        return
+    count = len(sections.sub_indices)
+    given = number_key(values, "subnumber", 0, 0xFF, findings)
+    if given is not None and count and given != count:
+        text = f"SubNumber={given}, but the file has {count} sub-indices"
+        findings.add(SUB_NUMBER, values["subnumber"].line, text)
+
 
 __all__ = ["EdsFile", "EdsFinding", "parse_eds", "read_eds"]
 

@@ -10,15 +10,193 @@ from hashlib import sha256
 from importlib.resources import files
 from typing import Any
 
-from dvtcli.domain.network.picture import NetworkPicture
+from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.network.picture import NetworkPicture, PictureField, PictureFrame, PictureNode, PicturePdo
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 from dvtcli.files.picture import page_tables as tables
-from dvtcli.files.picture.cob_id_map import cob_id_map
-from dvtcli.files.picture.frame_cards import frame_cards
-from dvtcli.files.picture.picture_words import kbit, percent
-from dvtcli.files.picture.svg import markup, style
+from dvtcli.files.picture.picture_words import (
+    bit_range,
+    byte_count,
+    cob_id,
+    end_text,
+    ends_text,
+    kbit,
+    meaning_text,
+    node_text,
+    object_text,
+    percent,
+    timing,
+)
+from dvtcli.files.picture.svg import Element, add, drawing, markup, style
 from dvtcli.files.picture.wiring import wiring
+
+_COLOURS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class BitCell:
+    """So many neighbouring *bits* of one byte: those of field *number* (1 and up; 0: free), and what stands there."""
+
+    bits: int
+    number: int
+    text: str
+    colour: str
+
+
+@dataclass(frozen=True, slots=True)
+class FieldRow:
+    """One object of a frame: its number, its bits in the frame, what it is, and as what others hear it."""
+
+    number: int
+    colour: str
+    bits: str
+    object: str
+    name: str
+    type_name: str
+    meaning: str
+    heard_as: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameCard:
+    """A PDO as a page shows it."""
+
+    anchor: str
+    title: str
+    node: str
+    is_tpdo: bool
+    cob_id: str
+    facts: tuple[str, ...]
+    partners: str
+    bytes: tuple[tuple[int, tuple[BitCell, ...]], ...]
+    rows: tuple[FieldRow, ...]
+
+
+def frame_cards(picture: NetworkPicture) -> Iterator[FrameCard]:
+    """A card for each PDO that is on, node by node; RPDOs first, as the standard counts."""
+    pdos = {pdo.end: pdo for _, pdo in picture.pdos}
+    for node, pdo in picture.pdos:
+        if pdo.config.enabled:
+            partners = [pdos[end] for end in pdo.partners]
+            yield _card(picture, node, pdo, partners)
+
+
+def _card(picture: NetworkPicture, node: PictureNode, pdo: PicturePdo, partners: list[PicturePdo]) -> FrameCard:
+    odd = pdo.config.inconsistency if node.is_told else ""
+    facts = filter(None, (byte_count(pdo), timing(pdo), odd))
+    verb = "heard by" if pdo.is_tpdo else "hears"
+    names = ", ".join(f"{end_text(end)} {_name(picture, end.node_id)}".rstrip() for end in pdo.partners)
+    nobody = "nobody here hears it" if pdo.is_tpdo else "nobody here sends it"
+    rows = tuple(_row(number, field, partners) for number, field in enumerate(pdo.fields, 1))
+    return FrameCard(
+        f"{pdo.end.pdo}-{node.node_id}", pdo.end.pdo.label, node_text(picture, node.node_id), pdo.is_tpdo,
+        cob_id(pdo.identifier), tuple(facts), f"{verb} {names}" if names else nobody, tuple(_bytes(pdo)), rows,
+    )  # fmt: skip
+
+
+def _name(picture: NetworkPicture, node_id: int) -> str:
+    node = picture.node(node_id)
+    return "" if node is None else node.name
+
+
+def _row(number: int, field: PictureField, partners: list[PicturePdo]) -> FieldRow:
+    heard = [
+        f"{end_text(partner.end)} {object_text(other)}"
+        for partner in partners
+        for other in partner.fields
+        if not other.is_dummy and other.start_bit < field.end_bit and field.start_bit < other.end_bit
+    ]
+    named = "" if field.is_dummy else field.object
+    return FieldRow(
+        number, _colour(number, field), bit_range(field), named, field.label,
+        field.type_name or f"{field.bits} bits", meaning_text(field.meaning), () if field.is_dummy else tuple(heard),
+    )  # fmt: skip
+
+
+def _colour(number: int, field: PictureField | None) -> str:
+    return "free" if field is None or field.is_dummy else f"t{(number - 1) % _COLOURS}"
+
+
+def _bytes(pdo: PicturePdo) -> Iterator[tuple[int, tuple[BitCell, ...]]]:
+    """Each byte with its cells, from bit 7 down to bit 0."""
+    last = min(max((field.end_bit for field in pdo.fields), default=0), MAX_PDO_BITS)
+    for byte in range((last + 7) // 8):
+        yield byte, tuple(reversed(list(_cells(pdo, byte))))
+
+
+def _cells(pdo: PicturePdo, byte: int) -> Iterator[BitCell]:
+    """The cells of one byte from bit 0 up."""
+    bit, end = 8 * byte, 8 * byte + 8
+    for number, field in enumerate(pdo.fields, 1):
+        first, behind = max(field.start_bit, bit), min(field.end_bit, end)
+        if first < behind:
+            yield BitCell(behind - first, number, _text(field, first, behind), _colour(number, field))
+    used = min(max((field.end_bit for field in pdo.fields), default=0), end)
+    if used < end:
+        yield BitCell(end - max(used, bit), 0, "free", "free")
+
+
+def _text(field: PictureField, first: int, behind: int) -> str:
+    """The name where a field begins; behind that which of its bits lie here."""
+    if first == field.start_bit:
+        return field.label
+    return "" if field.is_dummy else f"{behind - field.start_bit - 1}…{first - field.start_bit}"
+
+
+_ROWS = (
+    "NMT", "SYNC, EMCY", "TIME", "TPDO1", "RPDO1", "TPDO2", "RPDO2", "TPDO3", "RPDO3", "TPDO4", "RPDO4", "SDO answer",
+    "SDO request", "-", "heartbeat", "LSS",
+)  # fmt: skip
+_ROW, _TOP = 17, 26
+#: what the legend tells apart
+_KINDS = ("unsent", "used", "late")
+_MARKS = (1, 32, 64, 96, 127)
+
+
+def cob_id_map(picture: NetworkPicture, width: int = 960, name: str = "map") -> Element:
+    """The drawing, *width* wide; its ids begin with *name*."""
+    frames = [frame for frame in picture.frames if not frame.identifier[1]]
+    used = plural(len({frame.identifier for frame in frames}), "CAN-ID")
+    title = f"Map of the CAN-IDs: {used} used; its table is below"
+    root = drawing(width, _TOP + _ROW * len(_ROWS) + 4, name, title)
+    left = 150 if width > 600 else 92
+    step = (width - left - 8) / 128
+    for node_id in _MARKS:
+        add(root, "text", str(node_id), x=left + step * (node_id + 0.5), y=14, class_="tick", text_anchor="middle")
+    for number, words in enumerate(_ROWS):
+        y = _TOP + _ROW * number
+        add(root, "text", f"0x{number << 7:03X}", x=4, y=y + 11, class_="id small")
+        if width > 600:
+            add(root, "text", words, x=48, y=y + 11, class_="dim small")
+        else:
+            add(root, "text", words.partition(",")[0].removesuffix(" answer").removesuffix(" request"), x=42, y=y + 11,
+                class_="dim tiny")  # fmt: skip
+        add(root, "rect", x=left, y=y, width=step * 128, height=_ROW - 3, rx=2, class_="lane")
+    for frame in sorted(frames, key=lambda drawn: _KINDS.index(_kind(drawn))):  # what is worst is drawn over the others
+        _place(root, frame, left, step)
+    return root
+
+
+def _place(root: Element, frame: PictureFrame, left: float, step: float) -> None:
+    can_id = frame.identifier[0]
+    x, y = left + step * (can_id & 0x7F), _TOP + _ROW * (can_id >> 7)
+    wide = max(step - 0.6, 4)
+    mark = add(root, "rect", x=f"{x + (step - wide) / 2:.2f}", y=y, width=f"{wide:.2f}", height=_ROW - 3, rx=1,
+               class_=f"place {_kind(frame)}")  # fmt: skip
+    whose = "" if frame.node is None else f" of node {frame.node}"
+    hears = f", heard by {ends_text(frame.consumers)}" if frame.consumers else ""
+    add(mark, "title", f"{cob_id(frame.identifier)} {frame.what or frame.why}{whose}{hears}{_warning(frame)}")
+
+
+def _kind(frame: PictureFrame) -> str:
+    """Which of the legend's colours it has."""
+    return "late" if frame.is_late or frame.has_no_limit else "used" if frame.is_computed else "unsent"
+
+
+def _warning(frame: PictureFrame) -> str:
+    return ", no limit" if frame.has_no_limit else ", may be late" if frame.is_late else ""
+
 
 #: how wide drawings are: on a desk, and on a phone
 _WIDE, _NARROW = 960, 352

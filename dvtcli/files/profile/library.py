@@ -6,17 +6,87 @@ A user's profile goes before a built-in one of the same name. Knows files; how o
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.meanings import Standard
+from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
 from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.family_folder import family_path
 from dvtcli.files.input_file import read_input
+from dvtcli.files.profile.physical_toml import physical_rules
 from dvtcli.files.profile.toml import builtin_names, builtin_path, may_be_of, read_profile
-from dvtcli.files.toml_item import suggest
+from dvtcli.files.toml_item import Item, Schema, integer, read_toml, string, suggest
 from dvtcli.files.user_folders import file_state, user_folder
+
+_HEADER = re.compile(r"\s*\[+(?!\[)([^\]]+)\]+\s*(?:#.*)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """A key (with its tables, `store.timeout_s`), its value as it is written, and why; *line* is 1 and up.
+
+    *reason* is the comment behind the value, else the one above the table; empty where there is none.
+    """
+
+    key: str
+    value: str
+    reason: str
+    line: int
+
+
+def reasons(text: str) -> Iterator[Reason]:
+    """Every value of a profile's *text* that stands on a line of its own, in order."""
+    table = above = previous = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        content, comment = split_comment(line)
+        if header := _HEADER.fullmatch(line):
+            table, above = f"{header[1].strip()}.", comment or split_comment(previous)[1]
+        elif "=" in content:
+            key, _, value = content.partition("=")
+            yield Reason(table + key.strip(), value.strip(), comment or (above if table else ""), number)
+        previous = line
+
+
+def split_comment(line: str) -> tuple[str, str]:
+    """What stands before a line's comment, and the comment; a `#` inside a TOML string begins none."""
+    quote = ""
+    for place, char in enumerate(line):
+        if quote:
+            quote = "" if char == quote else quote
+        elif char in "\"'":
+            quote = char
+        elif char == "#":
+            return line[:place], line[place + 1 :].strip()
+    return line, ""
+
+
+_FOLDER, _FILES = "standard", ("cia301.toml", "cia401.toml", "cia402.toml")
+
+
+@cache
+def standards() -> tuple[Standard, ...]:
+    """All of them, read once."""
+    return tuple(_read(name) for name in _FILES)
+
+
+def _read(name: str) -> Standard:
+    text = family_path(_FOLDER, name).read_text(encoding="utf-8")
+    said = read_toml(text, f"{_FOLDER}/{name}").table(_KEYS, required=_KEYS)
+    return Standard(said["number"], said["physical"], said["names"])
+
+
+def _names(item: Item) -> dict[int, str]:
+    return {int(member.key, 16): normalised(string(member)) for member in item.items()}
+
+
+_KEYS: Schema = {"number": integer(301, 999), "physical": physical_rules, "names": _names}
+
 
 #: A profile is a page of text; beyond this many bytes it is something else.
 _MOST_BYTES = 1_000_000

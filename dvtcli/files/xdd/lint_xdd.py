@@ -11,8 +11,8 @@ from collections.abc import Collection
 from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.files.eds.findings import EdsFinding
+from dvtcli.files.eds.lint.linted_text import named
 from dvtcli.files.eds.lint.linter import DEVICE_CHECKS
-from dvtcli.files.eds.lint.named import named
 from dvtcli.files.xdd.xdd_reader import XddFile
 
 

@@ -6,20 +6,242 @@ findings when asked for. Refuses by name what is no CANopen description. Does no
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
-from dvtcli.domain.object_dictionary import ObjectDictionary, OdObject
+from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.errors import InputFileError
+from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import EdsFinding, Findings
+from dvtcli.files.eds.ini import IniValue, Values
+from dvtcli.files.eds.keys import number_key
+from dvtcli.files.eds.read_rules import NO_SUB_INDICES, OBJECT_TYPE, SUB_INDICES_OF_VAR, SUB_NUMBER
 from dvtcli.files.input_file import read_input_head
-from dvtcli.files.xdd.recognise import NAMESPACES, must_be_canopen
 from dvtcli.files.xdd.xdd_device import read_device_info
-from dvtcli.files.xdd.xdd_objects import build_object, number_of
 from dvtcli.files.xdd.xdd_parameters import Parameter, read_parameters
-from dvtcli.files.xdd.xdd_rules import OBJECT_LISTS, OBJECT_TWICE, OTHER_NAMESPACE
+from dvtcli.files.xdd.xdd_rules import (
+    MAPPING_DIRECTION,
+    MAPPING_WORD,
+    NO_INDEX,
+    NO_PARAMETER,
+    OBJECT_LISTS,
+    OBJECT_TWICE,
+    OTHER_NAMESPACE,
+)
 from dvtcli.files.xdd.xml_tree import MOST_BYTES, XmlElement, XmlTree, read_xml
+
+#: The published namespaces of CiA 311.
+NAMESPACES = ("http://www.canopen.org/xml/1.0", "http://www.canopen.org/xml/1.1")
+_ROOT = "ISO15745ProfileContainer"
+_XDD = "an XDD or XDC (CiA 311) has the element CANopenObjectList"
+
+
+def must_be_canopen(tree: XmlTree, source: str) -> None:
+    """InputFileError, naming what it is instead, where *tree* is not CiA 311; *source* is its name for messages."""
+    what = _other(tree)
+    if what is not None:
+        name, hint = what
+        raise InputFileError(f"{source} is {name}", place=f"{source}:{tree.root.line}", why=_XDD, hint=hint)
+
+
+def _other(tree: XmlTree) -> tuple[str, str | None] | None:
+    """What it is, and what helps; None where it is CiA 311."""
+    named = [tree.namespace, *tree.types]
+    if any("powerlink" in name.lower() for name in named):
+        return (
+            "a description of an Ethernet POWERLINK device (EPSG DS 311), not of a CANopen one",
+            "its maker may have an EDS or XDD of the CANopen variant",
+        )
+    if tree.root.name == "EtherCATInfo":
+        hint = "the maker's EDS has the same objects, where the device speaks CANopen"
+        return "a description of an EtherCAT device (ESI), not of a CANopen one", hint
+    if next(tree.root.anywhere("CANopenObjectList"), None) is not None:
+        return None
+    if tree.root.name != _ROOT:
+        return f"no XDD or XDC: its first element is {tree.root.name[:60]}", None
+    return "no description of a CANopen device: it has no CANopenObjectList", None
+
+
+_KNOWN = frozenset(ObjectType)
+_OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
+#: PDOmapping -> whether it can be mapped, and the access type of EDS files that stands for that direction alone.
+_MAPPING = {"no": "", "default": "rw", "optional": "rw", "tpdo": "rwr", "rpdo": "rww"}
+_FORBIDS = {"tpdo": ("wo", "rww"), "rpdo": ("ro", "const", "rwr")}
+#: An attribute or child of a parameter -> the key of an EDS that means the same.
+_VALUES = {"defaultValue": "defaultvalue", "actualValue": "parametervalue"}
+_LIMITS = {"lowLimit": ("lowlimit", "minValue"), "highLimit": ("highlimit", "maxValue")}
+
+
+def number_of(element: XmlElement, attribute: str, highest: int, findings: Findings) -> int | None:
+    """The index or sub-index of *element*, 0..*highest*, hexadecimal; None where it has none (reported)."""
+    text = element.attributes.get(attribute, "").strip()
+    try:
+        number = int(text.removeprefix("0x"), 16) if text[:1].isalnum() else -1
+    except ValueError:
+        number = -1
+    if 0 <= number <= highest:
+        return number
+    findings.add(NO_INDEX, element.line, f"{attribute}={text[:20]!r} is no number of an object; left out")
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class _XddObject:
+    """An object or sub-object: its *element*, and the *parameter* that it refers to."""
+
+    element: XmlElement
+    parameter: Parameter | None
+
+    def values(self, findings: Findings) -> Values:
+        """What both say, as the keys of an EDS."""
+        found: Values = {}
+        self._take(found, "parametername", "name", self._own("name") or self._parameter_text("label"))
+        self._take(found, "datatype", "dataType", self._data_type())
+        for name, key in _VALUES.items():
+            own = self._own(name)
+            value = own if own is not None else self.parameter.value(name) if self.parameter else None
+            self._take(found, key, name, value)
+            self._take_other(found, key, name)
+        for name, (key, of_parameter) in _LIMITS.items():
+            own = self._own(name)
+            value = own if own is not None else self.parameter.limit(of_parameter) if self.parameter else None
+            self._take(found, key, name, value)
+        self._take(found, "denotation", "denotation", self._own("denotation") or self._parameter_text("denotation"))
+        self._take(found, "unit", "unit", self._parameter_text("unit"))
+        self._take(found, "factor", "multiplier", self._parameter_text("factor"))
+        self._take_flags(found)
+        self._take_access(found, findings)
+        return found
+
+    def entry(self, values: Values, place: EntryPlace, findings: Findings) -> OdEntry:
+        """The entry that *values* say, with the offset, of which an EDS has no key."""
+        return replace(read_entry(values, place, findings), offset=self._parameter_text("offset") or "")
+
+    def _take(self, found: Values, key: str, name: str, value: str | None) -> None:
+        """Keep *value* as *key*, which the file calls *name*; nothing where it is empty, which says nothing."""
+        if value is not None and value.strip():
+            found[key] = IniValue(name, value.strip(), self.element.line)
+
+    def _take_other(self, found: Values, key: str, name: str) -> None:
+        """Keep beside the object's own value that of its parameter, where both say one."""
+        said = (self.parameter.value(name) or "").strip() if self.parameter else ""
+        if self.parameter and said and key in found and found[key].value != said:
+            found[key] = found[key]._replace(other=IniValue(name, said, self.parameter.element.line))
+
+    def _own(self, name: str) -> str | None:
+        return self.element.attributes.get(name)
+
+    def _parameter_text(self, name: str) -> str | None:
+        return None if self.parameter is None else str(getattr(self.parameter, name))
+
+    def _data_type(self) -> str | None:
+        own = (self._own("dataType") or "").strip()
+        if own:
+            return own if own[:2].lower() == "0x" else f"0x{own}"
+        code = None if self.parameter is None else self.parameter.type_code
+        return None if code is None else f"0x{code:04X}"
+
+    def _take_flags(self, found: Values) -> None:
+        flags = (self._own("objFlags") or "").strip()
+        self._take(found, "objflags", "objFlags", flags if flags[:2].lower() in ("", "0x") else f"0x{flags}")
+
+    def _take_access(self, found: Values, findings: Findings) -> None:
+        """AccessType and PDOMapping of an EDS, from accessType, the parameter's access and PDOmapping."""
+        given = (self._own("accessType") or "").strip().lower()
+        of_parameter = "" if self.parameter is None else self.parameter.access
+        access = of_parameter if not given or (given == "rw" and of_parameter in ("rwr", "rww")) else given
+        word = (self._own("PDOmapping") or self._own("PDOMapping") or "").strip().lower()
+        mapped = self._mapped(word, access, findings)
+        if mapped == "1" and access == "rw":
+            access = _MAPPING[word]
+        self._take(found, "accesstype", "accessType", access)
+        self._take(found, "pdomapping", "PDOmapping", mapped)
+
+    def _mapped(self, word: str, access: str, findings: Findings) -> str:
+        """`1` where it can be mapped, `0` where not, empty where the file does not say."""
+        if word and word not in _MAPPING:
+            findings.add(MAPPING_WORD, self.element.line, f"PDOmapping={word[:20]} is not known; ignored")
+            return ""
+        if access in _FORBIDS.get(word, ()):
+            text = f"PDOmapping={word.upper()} of an object that is {access}: taken as not mappable"
+            findings.add(MAPPING_DIRECTION, self.element.line, text)
+            return "0"
+        return "" if not word else "1" if _MAPPING[word] else "0"
+
+
+def build_object(index: int, element: XmlElement, parameters: Mapping[str, Parameter], findings: Findings) -> OdObject:
+    """Read the object *index* from its CANopenObject; *parameters* by their uniqueID."""
+    described = _described(element, parameters, findings)
+    subs = element.all("CANopenSubObject")
+    values = described.values(Findings() if subs else findings)
+    object_type = _object_type(element, has_subs=bool(subs), findings=findings)
+    entries = _sub_entries(index, subs, parameters, findings)
+    if not entries and object_type in _OF_ONE_ENTRY:
+        place = EntryPlace(index, 0, element.line, of_many=False, domain=object_type == ObjectType.DOMAIN)
+        entries[0] = described.entry(values, place, findings)
+    _check_count(index, element, len(entries), object_type, findings)
+    flags = 0 if object_type in _OF_ONE_ENTRY else number_key(values, "objflags", 0, 0xFFFF_FFFF, findings) or 0
+    name = values["parametername"].value if "parametername" in values else f"{index:04X}"
+    return OdObject(index, name, object_type, dict(sorted(entries.items())), element.line, flags)
+
+
+def _described(element: XmlElement, parameters: Mapping[str, Parameter], findings: Findings) -> _XddObject:
+    name = element.attributes.get("uniqueIDRef", "")
+    if name and name not in parameters:
+        findings.add(NO_PARAMETER, element.line, f"uniqueIDRef={name[:60]} names no parameter; ignored")
+    return _XddObject(element, parameters.get(name) if name else None)
+
+
+def _sub_entries(
+    index: int, subs: list[XmlElement], parameters: Mapping[str, Parameter], findings: Findings
+) -> dict[int, OdEntry]:
+    entries: dict[int, OdEntry] = {}
+
+    def entry(sub: XmlElement, sub_index: int, found: Findings) -> OdEntry:
+        described = _described(sub, parameters, found)
+        return described.entry(described.values(found), EntryPlace(index, sub_index, sub.line, of_many=True), found)
+
+    for sub in subs:
+        sub_index = number_of(sub, "subIndex", 0xFF, findings)
+        if sub_index is None:
+            continue
+        if sub_index in entries:
+            text = f"{index:04X}:{sub_index:02X} is described in line {entries[sub_index].line} too; that one counts"
+            is_lost = entry(sub, sub_index, Findings()).value not in (None, entries[sub_index].value)
+            findings.add(OBJECT_TWICE, sub.line, text, value_lost=is_lost, value_unread=True)
+            continue
+        entries[sub_index] = entry(sub, sub_index, findings)
+    return entries
+
+
+def _object_type(element: XmlElement, *, has_subs: bool, findings: Findings) -> int:
+    """What kind of object it is; what has sub-indices is no VAR."""
+    text = element.attributes.get("objectType", "").strip()
+    likely = ObjectType.RECORD if has_subs else ObjectType.VAR
+    given = int(text) if text.isascii() and text.isdecimal() and len(text) < 4 else None
+    if given is None:
+        findings.add(OBJECT_TYPE, element.line, f"objectType={text[:20]!r} is no number: taken as {likely.name}")
+        return likely
+    if has_subs and given in _OF_ONE_ENTRY:
+        text = f"objectType={given} has no sub-indices, yet the file lists some"
+        findings.add(SUB_INDICES_OF_VAR, element.line, text)
+        return likely
+    if given not in _KNOWN:
+        findings.add(OBJECT_TYPE, element.line, f"objectType={given} is not known (CiA 301, table 42)")
+    return given
+
+
+def _check_count(index: int, element: XmlElement, count: int, object_type: int, findings: Findings) -> None:
+    if object_type in _OF_ONE_ENTRY:
+        return
+    if not count:
+        findings.add(NO_SUB_INDICES, element.line, f"{index:04X} has no sub-indices")
+    text = element.attributes.get("subNumber", "").strip()
+    if count and text.isascii() and text.isdecimal() and int(text[:6]) != count:
+        findings.add(SUB_NUMBER, element.line, f"subNumber={text[:6]}, but the file has {count} sub-indices")
+
 
 _IDENTITY = 0x1018
 

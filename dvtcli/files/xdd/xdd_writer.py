@@ -16,8 +16,8 @@ from dvtcli.domain.unit import parse_offset
 from dvtcli.files.dbc_text import decimal
 from dvtcli.files.eds.written_values import written_limit, written_value
 from dvtcli.files.file_info import NO_DATE, as_attributes
-from dvtcli.files.xdd.recognise import NAMESPACES
 from dvtcli.files.xdd.xdd_parameters import TYPES
+from dvtcli.files.xdd.xdd_reader import NAMESPACES
 
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _MANDATORY = (0x1000, 0x1001, 0x1018)

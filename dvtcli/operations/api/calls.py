@@ -5,6 +5,7 @@ One call of a bus at a time, from any thread. Does not know what is called, nor 
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,10 +16,36 @@ from dvtcli.device.restarts import losses, refuse_after_restarts
 from dvtcli.errors import Bug, BusUnavailable, DvtcliError, Interrupted, UsageError
 from dvtcli.operations.api.called_hints import answer_in_calls, errors_in_calls
 from dvtcli.operations.api.checks import flags
-from dvtcli.operations.api.ctrl_c import ctrl_c_at_safe_points
 
 if TYPE_CHECKING:
+    from types import FrameType
+
+    from dvtcli.device.cancellation import Cancellation
     from dvtcli.operations.session.session import Session
+
+
+@contextmanager
+def ctrl_c_at_safe_points(cancellation: Cancellation) -> Iterator[None]:
+    """While the block runs a Ctrl-C waits for a safe point, a second one does not.
+
+    Only in the main thread, and only where Python's own handler is in force: a program's own handler stays.
+    """
+    if threading.current_thread() is not threading.main_thread() or (
+        signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    ):
+        yield
+        return
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        if cancellation.asked(128 + number, insists=True):
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 T = TypeVar("T")
 #: the buses of this program that are in use

@@ -173,8 +173,7 @@ class ConfiguredNode(ReadNode):
     def _apply_file(
         self, file: str | Path, include: Sequence[str], *, is_clone: bool, yes: bool, force: bool
     ) -> NetworkApplied:
-        from dvtcli.operations.whole_device.apply_device import apply_device
-        from dvtcli.operations.whole_device.plan_device import DeviceOptions
+        from dvtcli.operations.whole_device.plan_device import DeviceOptions, apply_device
 
         options, chosen = DeviceOptions(words("include", include), is_clone, (self.node_id,)), str(path("file", file))
         return self._change(lambda _node: apply_device(self._calls.session, chosen, options), yes=yes, force=force)

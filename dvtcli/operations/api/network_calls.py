@@ -4,15 +4,78 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from dvtcli.operations.api.checks import flags, path, whole, words
-from dvtcli.operations.api.link_ends import endpoints, heartbeat_of
+from dvtcli.domain.milliseconds import counts
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import UsageError
+from dvtcli.operations.api.checks import flags, number, path, whole, word, words, wrong
+from dvtcli.operations.network.network_load import LoadOptions
+from dvtcli.operations.user.options import BIT_RATES
 
 if TYPE_CHECKING:
     from dvtcli.operations.api.calls import Calls
     from dvtcli.operations.results import NetworkApplied, NetworkLoad, NetworkPlanned, NetworksChecked
     from dvtcli.operations.session.session import Session
+
+
+_END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit time in ms"
+
+
+def load_wishes(
+    for_s: float, bit_rate: int | None, sync_ms: float | None, inhibit_ms: Mapping[str, float] | None
+) -> LoadOptions:
+    """The arguments of `Bus.load`, as the operation takes them; UsageError for a wrong one."""
+    number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
+    if bit_rate is not None:
+        whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
+    if sync_ms is not None:
+        number("sync_ms", sync_ms, "a number of milliseconds, 0…100000", high=100_000)
+    if not isinstance(inhibit_ms, Mapping | None):
+        raise wrong("inhibit_ms", inhibit_ms, _END)
+    inhibit = dict(_inhibit(end, time) for end, time in (inhibit_ms or {}).items())
+    return LoadOptions(for_s, bit_rate, sync_ms or None, None, inhibit)
+
+
+def _inhibit(end: str, time_ms: float) -> tuple[tuple[int | str | None, Pdo], int]:
+    node, colon, name = str(end).rpartition(":")
+    is_number = not colon or node[:1].isdigit() or not node
+    try:
+        pdo = Pdo.parse(name)
+        node_id = int(node) if colon and is_number else None
+        if not pdo.is_tpdo or (node_id is not None and not 1 <= node_id <= 127):
+            raise ValueError(end)
+        return (node_id if is_number else node, pdo), counts(time_ms, 100, 0xFFFF)
+    except (ValueError, TypeError) as unfit:
+        raise wrong("inhibit_ms", {end: time_ms}, _END) from unfit
+
+
+_AN_END = "a PDO with its node: '1:tpdo1'"
+
+
+def endpoints(*words: str) -> list[Endpoint]:
+    """The PDOs with their nodes; UsageError where a word is none."""
+    return [_endpoint(end_word) for end_word in words]
+
+
+def _endpoint(text: str) -> Endpoint:
+    head, _, tail = word("producer, consumers", text, _AN_END).partition(":")
+    if not head.isdecimal() or not 1 <= int(head[:4]) <= 127:
+        raise UsageError(f"{text!r}: {_AN_END}, node-IDs are 1…127")
+    try:
+        return Endpoint(int(head), Pdo.parse(tail))
+    except ValueError as failed:
+        raise UsageError(str(failed)) from failed
+
+
+def heartbeat_of(heartbeat_ms: int | None, *, watched: bool) -> int | Literal[False] | None:
+    """What a link does about heartbeats; UsageError where one is set that nobody is to watch."""
+    if heartbeat_ms is None:
+        return None if watched else False
+    if not watched:
+        raise UsageError("heartbeat=False leaves heartbeats alone, and heartbeat_ms sets one: give one of both")
+    return whole("heartbeat_ms", heartbeat_ms, "a heartbeat in ms", 0xFFFF, low=1)
 
 
 class NetworkCalls:
@@ -113,7 +176,6 @@ class NetworkCalls:
         *sync_ms* as the period of SYNC, *inhibit_ms* as inhibit times: `{"5:tpdo3": 40}`. Writes nothing. Raises as
         `plan`; UsageError where a PDO is none.
         """
-        from dvtcli.operations.api.load_arguments import load_wishes
         from dvtcli.operations.network.network_load import network_load
 
         chosen = None if file is None else str(path("file", file))

@@ -52,7 +52,7 @@ class ReadNode:
 
     def identity(self) -> NodeRow:
         """What the node says of itself: device type, identity (0x1018), name, NMT state."""
-        from dvtcli.operations.nodes.identify import identify
+        from dvtcli.operations.nodes.find_nodes import identify
 
         return self._read(lambda node: identify(self._calls.session, node.node_id)).rows[0]
 

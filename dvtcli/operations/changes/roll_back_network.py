@@ -5,17 +5,19 @@ No consumer hears a layout that is not its own on the way back either. Does not 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combine_plans
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
+from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
+from dvtcli.device.change.way_back import TakeBack
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.plan import Change, Plan
+from dvtcli.domain.plan import Change, PdoChange, Plan
 from dvtcli.domain.several import join_some
 from dvtcli.errors import (
     BusUnavailable,
@@ -27,13 +29,121 @@ from dvtcli.errors import (
     SdoAborted,
     SdoProtocolError,
 )
-from dvtcli.operations.changes.node_before import NodeBefore, difference_from_before, is_otherwise, put_back
-from dvtcli.operations.changes.report_nodes import all_back, other_nodes
 
 if TYPE_CHECKING:
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session import Session
+
+
+#: What a node answers that is restarting, or does not.
+_PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeBefore:
+    """What the session knew of a node before: what it had set, and what was not stored."""
+
+    wanted: dict[Pdo, PdoConfig]
+    values: dict[tuple[int, int], bytes]
+    unstored: dict[str, int]
+    boot_ups: int
+
+    @classmethod
+    def of(cls, node: Node, boot_ups: int) -> NodeBefore:
+        """What is known of *node* now, of which *boot_ups* were heard by then."""
+        return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
+
+    def restarted(self, boot_ups: int) -> bool:
+        """Whether a boot-up was heard since then, where *boot_ups* were by the last look at the node."""
+        return boot_ups != self.boot_ups
+
+    def restore(self, node: Node, boot_ups: int) -> None:
+        """Know that again, once *node* is as it was, when *boot_ups* were heard; what a restart took stays said."""
+        node.wanted.clear()
+        node.wanted.update(self.wanted)
+        node.wanted_values.clear()
+        node.wanted_values.update(self.values)
+        if not self.restarted(boot_ups):
+            node.pending.unstored.clear()
+            node.pending.unstored.update(self.unstored)
+
+
+def put_back(node: Node, plan: Plan) -> None:
+    """Put back what *plan* replaced, whatever is there now; a node that is silent or refuses may be restarting."""
+    deadline_s = node.bus.now_s() + PATIENCE_S
+    while True:
+        try:
+            node.put_back(TakeBack([plan], force=True, own=True, rolls_back=True, is_part=True))
+        except _PASSING:
+            if node.bus.now_s() >= deadline_s:
+                raise
+            node.bus.sleep(RETRY_S)
+            with suppress(*_PASSING):
+                node.gate.renew()  # where that fails too, the next try finds out
+        else:
+            return
+
+
+def difference_from_before(node: Node, plan: Plan) -> str | None:
+    """The first thing of *plan* that *node* holds neither as before nor as what it takes instead."""
+
+    def look() -> str | None:
+        for change in plan.changes:
+            found = first_difference(node.sdo, change, wanted_before=True)
+            if found and not is_otherwise(node, change):
+                return f"{change.label}: {found}"
+        return None
+
+    return node.observed(look)
+
+
+def is_otherwise(node: Node, change: Change) -> bool:
+    """Whether *node* holds what it takes instead of what it held."""
+    if not isinstance(change, PdoChange) or change.back is None:
+        return False
+    if first_difference(node.sdo, change, wanted_before=True) is None:
+        return False
+    return first_difference(node.sdo, replace(change, after=change.back)) is None
+
+
+def all_back(
+    back: Sequence[int],
+    unwritten: Sequence[int],
+    restarted: Sequence[int],
+    unknown: Sequence[int],
+    look_at: int | None,
+) -> str:
+    """The state where nothing is left changed: the nodes that were put *back* and read, and those *unwritten*.
+
+    Of those *restarted* meanwhile what else they held is lost; of the *unknown* ones nobody could ask whether they
+    did. *look_at* is one whose NMT state is not known.
+    """
+    who = f"node {_names(back)}" if unwritten else "every node"
+    what = f"what was changed is as it was on {who}" if restarted or unwritten else "every node is as it was"
+    said = [f"rolled back: {what}, read back equal"]
+    if unwritten:
+        said.append(f"nothing was written to node {_names(unwritten)}")
+    said.append("nothing was stored")
+    if look_at is not None:
+        said.append(f"look at the NMT state of node {look_at}")
+    if restarted:
+        said.append(f"node {join_some(map(str, restarted))} restarted: what else it held in RAM only is lost")
+    if unknown:
+        said.append(f"whether node {_names(unknown)} restarted is not known: the bus is gone")
+    return "; ".join(said)
+
+
+def other_nodes(back: Sequence[int], unwritten: Sequence[int]) -> list[tuple[str, str]]:
+    """The labelled lines for the nodes beside those that are left changed: put *back* and read, and *unwritten*."""
+    rows = ((back, "as before, read back equal"), (unwritten, "nothing was written to it"))
+    return [("others", f"node {_names(numbers)}: {text}") for numbers, text in rows if numbers]
+
+
+def _names(node_ids: Iterable[int]) -> str:
+    return ", ".join(map(str, node_ids))
+
 
 _Put = Callable[["Node"], None]
 

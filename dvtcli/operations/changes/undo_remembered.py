@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.trust import unreadable
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.rules.finding import Finding, warning
-from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.results import Changed
@@ -118,7 +117,7 @@ def _tell_of_others(session: Session, chain: RememberedDevice) -> None:
 
 def undoing(session: Session, chain: RememberedDevice) -> Undoing:
     """Everything of *chain*, to be put back together with that of other nodes."""
-    from dvtcli.device.change.foreign_changes import unbroken
+    from dvtcli.device.change.way_back import unbroken
     from dvtcli.operations.changes.undo_together import Undoing
 
     def forget(applied: Applied, count: int) -> None:

@@ -26,8 +26,7 @@ from dvtcli.operations.results import Changed
 if TYPE_CHECKING:
     from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.node import Node
-    from dvtcli.operations.session.rehearse import Rehearse
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session import Rehearse, Session
 
 
 def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None) -> Changed:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.seen_state import STATUSWORDS
 from dvtcli.domain.drive_state import drive_state
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.rules.finding import warning
-from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.errors import SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:

@@ -7,18 +7,222 @@ from __future__ import annotations
 
 import platform
 import re
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import DvtcliError
-from dvtcli.operations.doctor.bus_checks import bus_checks
-from dvtcli.operations.doctor.failed_check import failed
-from dvtcli.operations.doctor.kept_checks import habits_check, library_check, profiles_check, state_checks
+from dvtcli.device.change.private_file import to_disk, unfinished
+from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.several import join_some
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.results.diagnosis import Check
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
+
+
+if TYPE_CHECKING:
+    pass
+
+
+def failed(name: str, error: DvtcliError) -> Check:
+    """The check *name* that ended in *error*."""
+    why = f": {error.why}" if error.why else ""
+    return Check(name, "FAIL", f"{error.text}{why}", error.hint, error.exit_code)
+
+
+#: what the journal of a device with many PDOs takes
+_TRIED_BYTES = 60_000
+
+
+def library_check() -> Check:
+    """How many EDS files nodes are recognised by, and where they are."""
+    from dvtcli.files.device_library.stored_files import folder, stored_files
+
+    count = len(stored_files())
+    return Check("EDS files", "ok", f"{count} in {folder()}{': eds list shows them' if count else ''}")
+
+
+def state_checks(session: Session) -> Iterator[Check]:
+    """Whether backups and journals can be written, and whether a journal waits."""
+    from dvtcli.device.trust import OTHER_STATE, private_folder, unusable
+    from dvtcli.operations.user.keeping import state_folder
+
+    folder, always = session.state_folder, state_folder(None)
+    needed = [folder / name for name in ("journals", "backups")]
+    needed += [always / name for name in ("locks", "changes", "habits", "programs")]
+    try:
+        private_folder(folder)
+        for refused in filter(None, map(unusable, needed)):
+            yield failed("state", refused)
+            return
+        for path in needed:
+            _try(path)
+        yield Check("state", "ok", f"{folder} can be written{_left_over(needed)}")
+    except OSError as failure:
+        place = Path(str(failure.filename or folder))
+        moves = {folder / "journals", folder / "backups"} & {place, *place.parents} or place == folder != always
+        other = Hint(Action.GIVE_JOURNAL, why="names another folder") if moves else OTHER_STATE
+        hint = as_hint("without it nothing is changed on a real bus: make room or mend it")
+        hint = hint + other if other else hint
+        text = f"a change cannot keep its files: {failure.strerror or failure}: {failure.filename or folder}"
+        yield Check("state", "FAIL", text, hint)
+        return
+    except SafetyRefusal as refused:
+        yield failed("state", refused)
+        return
+    yield _journals(folder)
+
+
+def _try(folder: Path) -> None:
+    """Do in *folder*, or if it is missing in the one above, what keeps a journal; nothing if neither is there yet.
+
+    OSError, which names a file, if the disk does not take that.
+    """
+    folder = folder if folder.is_dir() else folder.parent
+    if folder.is_dir():
+        try:
+            with tempfile.NamedTemporaryFile(suffix=".tmp", dir=folder) as file:
+                file.write(bytes(_TRIED_BYTES))
+                file.flush()
+                to_disk(file.fileno())
+        except OSError as failed:
+            raise OSError(failed.errno, failed.strerror, failed.filename or str(folder)) from failed
+
+
+def _left_over(folders: Iterable[Path]) -> str:
+    """What processes that were killed left in *folders*: it harms nobody."""
+    from dvtcli.device.change.journal import unneeded_markers
+
+    found = [path for folder in folders for path in (*unfinished(folder), *unneeded_markers(folder))]
+    if not found:
+        return ""
+    return f"; files that killed processes left, which harm nobody: {join_some(map(str, found))}"
+
+
+def _journals(folder: Path) -> Check:
+    from dvtcli.device.change.journal import Journals
+
+    journals = Journals(folder / "journals", "")
+    waiting = sorted(path.name for path in journals.folder.glob("*.json") if journals.counts(path))
+    if waiting:
+        return Check("journals", "warn", f"a change was interrupted: {', '.join(waiting)}", "recover finishes it")
+    return Check("journals", "ok", "no change was interrupted")
+
+
+def habits_check() -> Check:
+    """Of how many devices something is remembered that changes how they are written to."""
+    from dvtcli.operations.known_devices.device_habits import list_habits
+
+    rows = list_habits().rows
+    broken = [row.name for row in rows if row.problem]
+    if broken:
+        text = f"what is remembered of {', '.join(broken)} cannot be read"
+        return Check("habits", "warn", text, "profiles forget removes it; it is found out anew")
+    if not rows:
+        return Check("habits", "ok", "nothing is remembered of any device")
+    return Check("habits", "ok", f"{len(rows)} devices want a PDO off first, or may: profiles habits shows them")
+
+
+def profiles_check() -> Check:
+    """Whether every profile can be read."""
+    from dvtcli.files.profile.library import load_profile, profile_names
+
+    names = profile_names()
+    for name in names:
+        try:
+            load_profile(name)
+        except DvtcliError as wrong:
+            return failed("profiles", wrong)
+    return Check("profiles", "ok", f"{len(names)} are valid: {', '.join(names)}")
+
+
+#: How long the bus is listened to, in seconds.
+LISTEN_S = 1.0
+_WORST = "is the bit rate right, the other end powered, and is there a terminator (120 ohm) at each end of the line?"
+
+
+def bus_checks(session: Session) -> Iterator[Check]:
+    """Whether the bus opens, what is heard on it, and whether the selected node answers."""
+    from dvtcli.bus.python_can_settings import is_configured
+
+    try:
+        session.require_settings()
+    except DvtcliError:
+        yield Check("bus", "warn", "not opened: who chooses it is not certain", "see `settings` above")
+        return
+    options = session.options
+    if not (options.sim or options.interface or options.channel or is_configured()):
+        others = "dvtcli at a terminal offers what is there, or " + Hint(Action.GIVE_INTERFACE, why=" choose {}")
+        others += Hint(Action.GIVE_CHANNEL, why=" and {}") + Hint(Action.GIVE_SIMULATED, why=", or {}")
+        described = session.settings.described_buses()
+        yield Check("bus", "warn", "none is chosen", described + others if described else others)
+        return
+    try:
+        network = session.network
+        yield Check("bus", "ok", f"{network.bus.name} opened, chosen by {session.chosen_by()}")
+        yield from _heard(session)
+        yield from _node(session)
+    except DvtcliError as error:
+        yield failed("bus", error)
+
+
+def _heard(session: Session) -> Iterator[Check]:
+    """The traffic of a second."""
+    bus, frames = session.wire, 0
+
+    def count(_frame: Frame, sent: bool) -> None:
+        nonlocal frames
+        frames += not sent
+
+    stop, before = bus.tap(count), bus.error_frame_count()
+    try:
+        bus.sleep(LISTEN_S)
+    finally:
+        stop()
+    if not bus.carries_frames:
+        yield Check("traffic", "ok", "no CAN frames are carried: objects are read and written")
+        return
+    errors, nodes = bus.error_frame_count() - before, sorted(bus.heard_nodes())
+    if errors:
+        told = "; ".join(bus.disturbances()) or _WORST
+        yield Check("traffic", "FAIL", f"{errors} error frames and {frames} frames in {LISTEN_S:g} s", told, 5)
+    elif frames or bus.simulated:
+        yield Check("traffic", "ok", f"{frames / LISTEN_S:.0f} frames/s, no error frames")
+    else:
+        yield Check(
+            "traffic", "warn", f"nothing was heard in {LISTEN_S:g} s", f"nodes may be quiet: scan asks them. {_WORST}"
+        )
+    yield Check("heartbeats", "ok", f"heard of node {', '.join(map(str, nodes))}" if nodes else "none was heard")
+
+
+def _node(session: Session) -> Iterator[Check]:
+    """Whether the selected node answers, and by which files it is known."""
+    try:
+        node_id = session.node_id()
+    except UsageError:
+        yield Check("node", "ok", "none is selected")
+        return
+    try:
+        node = session.node(node_id)
+        node.sdo.upload(0x1000, 0)
+    except DvtcliError as silent:
+        yield failed("node", silent)
+        return
+    if node.dictionary is None:
+        hint = Hint(Action.GIVE_EDS, why="objects have no names: {}")
+        hint += Hint(Action.ADD_EDS, why=", or {} once and for all")
+        yield Check("node", "warn", f'node {node_id} "{node.title}" answers; no EDS is known for it', hint)
+        return
+    if node.unlike_file:
+        hint = Hint(Action.FORCE, why="changes need {}")
+        hint += Hint(Action.GIVE_EDS, why=": give the {} of this device, or none")
+        yield Check("node", "warn", f"node {node_id} answers; {node.unlike_file}", hint)
+        return
+    yield Check("node", "ok", f'node {node_id} "{node.title}" answers; {node.dictionary.source}')
 
 
 def checks(session: Session) -> Iterator[Check]:

@@ -13,7 +13,7 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.network.wanted_state import FileWord, HeartbeatWatch, ObjectWish, ValueWish
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.network_keys import OF, Where
-from dvtcli.operations.wanted.node_id_words import following
+from dvtcli.operations.wanted.resolve_names import following
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary

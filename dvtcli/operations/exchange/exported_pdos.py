@@ -3,25 +3,47 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.mapping import MAX_PDO_BITS
-from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish, WantedIdentity
+from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish, PinWish, WantedIdentity
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.domain.several import join_some
+from dvtcli.errors import SdoAborted
 from dvtcli.operations.exchange.exported_objects import Said, exported_objects, exported_values, exported_watches
-from dvtcli.operations.exchange.exported_pins import exported_pins
 
 if TYPE_CHECKING:
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import SdoReader
-    from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.domain.profile import DeviceProfile, VpdoGroup
+
+
+def exported_pins(values: SdoReader, groups: Mapping[str, VpdoGroup]) -> Iterator[PinWish]:
+    """The active pins of each of *groups* by name, as far as the last one that is tied to something."""
+    for name, group in sorted(groups.items()):
+        try:
+            held = list(_held(values, group))
+        except SdoAborted:
+            continue  # what cannot be read is not compared either
+        while held and held[-1] == group.none:
+            held.pop()
+        for pin, value in enumerate(held, 1):
+            yield PinWish(name, pin, None if value == group.none else FileWord(f"{value:04X}"))
+
+
+def _held(values: SdoReader, group: VpdoGroup) -> Iterator[int]:
+    for pin in range(1, (read_optional(values, group.index, 0, 1) or 0) + 1):
+        value = read_optional(values, group.index, pin, 2)
+        if value is None:
+            return
+        yield value
 
 
 class NamedNode(Protocol):

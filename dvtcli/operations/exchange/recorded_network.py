@@ -206,7 +206,7 @@ def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig
 def _dictionary(session: Session, values: HeardValues) -> ObjectDictionary | None:
     """The file of --eds where it may be of that node, else that of the identity (0x1018) that was heard."""
     from dvtcli.device.file_fits import unlike_file
-    from dvtcli.operations.opening.file_choice import found_file
+    from dvtcli.operations.opening.device_files import found_file
     from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
 
     if session.base.eds:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.network.found_links import found_links
 from dvtcli.domain.network.heartbeats import watched_ms
+from dvtcli.domain.network.links import found_links
 from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.several import plural
 from dvtcli.errors import SdoAborted

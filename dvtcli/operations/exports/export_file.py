@@ -6,27 +6,172 @@ Writes nothing to a node.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import UsageError
+from dvtcli.domain.several import join_some, plural
+from dvtcli.errors import NoAnswer, UsageError
+from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
+from dvtcli.files.device_file import VALUE_SUFFIXES
+from dvtcli.files.eds.writer import eds_bytes
+from dvtcli.files.nodelist import SUFFIX as NODELIST_SUFFIX
+from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
 from dvtcli.operations.exchange.dbc_options import DbcOptions
-from dvtcli.operations.exports.export_format import ExportRequest
+from dvtcli.operations.nodes.find_nodes import find_nodes
+from dvtcli.operations.results import Facts
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
+from dvtcli.operations.whole_device.export_dcf import export_dcf
 
 if TYPE_CHECKING:
-    from dvtcli.operations.exports.export_format import ExportFormat
-    from dvtcli.operations.results import Facts
+    from pathlib import Path
+
     from dvtcli.operations.session.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class ExportRequest:
+    """What is to be exported: the node with *node_id* (None: the selected one, or all), read *twice*; a *dbc* how."""
+
+    node_id: int | None = None
+    twice: bool = False
+    dbc: DbcOptions = field(default_factory=DbcOptions)
+
+
+class ExportFormat:
+    """A format, found by the *suffixes* of its files, the first of which the help of `export` names."""
+
+    suffixes: ClassVar[tuple[str, ...]]
+    #: whether it has all nodes in one file, and not one node
+    is_of_all: ClassVar[bool] = False
+    #: whether objects can be read a second time for it
+    reads_twice: ClassVar[bool] = False
+    #: whether it can be wanted otherwise than by default, as a DBC file can
+    has_wishes: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        if "suffixes" not in vars(cls):
+            raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".yaml",)')
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write what is *wanted*, the node or all that answer or are meant by -n, to *file*.
+
+        It asks before it overwrites. What is not in the file stands in the answer's row `left_out`.
+        """
+        raise NotImplementedError
+
+
+def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Facts:
+    """Write the nodes that answer (or those of `-n`) to the nodelist *file*, and a DCF of each into its folder.
+
+    A node that no EDS describes is listed without one, and said. Asks before it overwrites any of them. With *twice*
+    each object is read a second time. NoAnswer where no node answers; else as `export_dcf`.
+    """
+    path = place_of(file, "nodelist.cpj")
+    ask_before_overwriting(session, path)
+    notes: list[str] = []
+    ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
+    if not ids:
+        raise NoAnswer(
+            "no node answers",
+            hint=Hint(Action.CHECK_SETUP, why="look at bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
+        )
+    said: list[str] = []
+    nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]
+    untold = [str(node.node_id) for node in nodes if not node.dcf]
+    if len(untold) == len(nodes):
+        raise UsageError(
+            f"no node that answers has an EDS here ({join_some(untold)}): "
+            "a nodelist without a DCF says nothing of them",
+            hint=Hint(Action.ADD_EDS, why="keeps one for every node of its kind, then export again"),
+        )
+    if untold:
+        why = f"node {', '.join(untold)}: no EDS is known, so no DCF; add one to the library, then export again"
+        notes.insert(0, why)
+        said.insert(0, why)
+    make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
+    rows = (
+        ("file", file),
+        ("nodes", [{"node": node.node_id, "name": node.name, "dcf": node.dcf or None} for node in nodes]),
+        ("notes", notes),
+    )  # fmt: skip
+    dcfs = sum(bool(node.dcf) for node in nodes)
+    first = f"{file}: {plural(len(nodes), 'node')}, {plural(dcfs, 'DCF')} beside it"
+    return Facts("nodelist", rows, (first, *(f"note: {note}" for note in said)))
+
+
+def _listed(
+    session: Session, path: Path, node_id: int, notes: list[str], said: list[str], *, twice: bool
+) -> ListedNode:
+    """The node, with its DCF written; what is left out is in *notes*, each object, and the first of them in *said*."""
+    node = session.node(node_id)
+    if node.dictionary is None:
+        return ListedNode(node_id, node.title)
+    name = f"node{node_id}.dcf"
+    done = dict(export_dcf(session, str(path.with_name(name)), node_id, twice=twice).rows)
+    left_out = [f"{entry['object']} left out: {entry['why']}" for entry in done["left_out"]]
+    notes += (f"node {node_id}: {line}" for line in left_out)
+    if left_out:
+        said.append(f"node {node_id}: {join_some(left_out)}")
+    return ListedNode(node_id, node.title, name)
+
+
+class NodelistExport(ExportFormat):
+    """Which nodes there are, as a nodelist, with a DCF of each beside it."""
+
+    suffixes = (NODELIST_SUFFIX,)
+    is_of_all = True
+    reads_twice = True
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it, as `export_nodelist` does."""
+
+        return export_nodelist(session, file, twice=wanted.twice)
+
+
+class DcfExport(ExportFormat):
+    """All of a node's configuration, as a DCF or XDC."""
+
+    suffixes = VALUE_SUFFIXES
+    reads_twice = True
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it, as `export_dcf` does."""
+        from dvtcli.operations.whole_device.export_dcf import export_dcf
+
+        return export_dcf(session, file, wanted.node_id, twice=wanted.twice)
+
+
+class DbcExport(ExportFormat):
+    """The enabled PDOs of all nodes, as a DBC file."""
+
+    suffixes = (DBC_SUFFIX,)
+    is_of_all = True
+    has_wishes = True
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it, as `export_dbc` does."""
+        from dvtcli.operations.exchange.export_dbc import export_dbc
+
+        return export_dbc(session, file, wanted.dbc)
+
+
+class NetworkFileExport(ExportFormat):
+    """A node's PDOs, as a network file."""
+
+    suffixes = (".yaml", ".yml")
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it, as `export_node` does; UsageError for another suffix."""
+        from dvtcli.operations.exchange.export_network import export_node
+
+        return export_node(session, file, wanted.node_id)
 
 
 @cache
 def export_formats() -> Mapping[str, ExportFormat]:
     """Every format by its suffixes."""
-    from dvtcli.operations.exports.as_dbc import DbcExport
-    from dvtcli.operations.exports.as_dcf import DcfExport
-    from dvtcli.operations.exports.as_network_file import NetworkFileExport
-    from dvtcli.operations.exports.as_nodelist import NodelistExport
 
     formats: tuple[ExportFormat, ...] = (DbcExport(), DcfExport(), NetworkFileExport(), NodelistExport())
     return {suffix: format_ for format_ in formats for suffix in format_.suffixes}

@@ -11,7 +11,7 @@ from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import UsageError
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.meanings.physical_meanings import meanings_of
-from dvtcli.operations.results.explained import FrameExplained
+from dvtcli.operations.results.frames import FrameExplained
 from dvtcli.watch.explain.frame_parts import KnownNode, frame_parts
 from dvtcli.watch.layout_fit import doubts
 

@@ -5,17 +5,79 @@ Of a run without an exchange of its own it is that of the last one that failed (
 
 from __future__ import annotations
 
+import os
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.trust import open_private, private_folder, unreadable
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from dvtcli.domain.ports import Frame
-    from dvtcli.operations.results.explained import Traced
+    from dvtcli.operations.results.frames import Traced
     from dvtcli.operations.session.session import Session
+
+
+#: the value of a frame that was a passcode
+LEFT_OUT = " (value not kept)"
+_ARROWS = {"->": True, "<-": False}
+#: 1024 frames, each a short line
+_LONGEST = 256 * 1024
+
+
+def keep_exchange(lines: Sequence[str]) -> bool:
+    """Keep *lines* in place of those kept before; whether they are. Where there is no room the failure is the news."""
+    if not lines:
+        return False
+    try:
+        private_folder(_file().parent)
+        descriptor, path = tempfile.mkstemp(prefix="last-exchange-", dir=_file().parent)  # 0600
+        try:
+            with os.fdopen(descriptor, "w", encoding="ascii") as file:
+                file.writelines(f"{line}\n" for line in lines)
+            Path(path).replace(_file())
+        except BaseException:
+            Path(path).unlink(missing_ok=True)
+            raise
+    except (OSError, SafetyRefusal):
+        return False
+    return True
+
+
+def kept_exchange() -> list[tuple[Frame, bool, bool]]:
+    """Each frame kept, whether it was ours, and whether its value was left out; none where nothing is, or damaged.
+
+    SafetyRefusal or OSError where what is kept cannot be read.
+    """
+    if (unread := unreadable(_file().parent)) is not None:
+        raise unread
+    with suppress(FileNotFoundError, ValueError):
+        descriptor = open_private(_file(), os.O_RDONLY)
+        with os.fdopen(descriptor, encoding="ascii") as file:
+            return [_frame(line) for line in file.read(_LONGEST).splitlines()]
+    return []
+
+
+def _file() -> Path:
+    return user_folder("state") / "last-exchange.txt"
+
+
+def _frame(line: str) -> tuple[Frame, bool, bool]:
+    """The frame of a line as `exchange_text` writes it; ValueError where it is another one."""
+    time, arrow, said = line.split(" ", 2)
+    if arrow not in _ARROWS:
+        raise ValueError(f"{arrow!r} is no arrow")
+    frame = typed_frame(said.removesuffix(LEFT_OUT))
+    at_s = datetime.fromisoformat(time.replace("Z", "+00:00")).timestamp()
+    return replace(frame, timestamp_s=at_s), _ARROWS[arrow], said.endswith(LEFT_OUT)
 
 
 #: how many frames are shown where nobody says how many
@@ -32,7 +94,7 @@ def trace_last(session: Session, count: int | None = None) -> Traced:
     where there are none either.
     """
     from dvtcli.operations.frames.explain_frame import described_nodes, explained
-    from dvtcli.operations.results.explained import Traced, TracedFrame
+    from dvtcli.operations.results.frames import Traced, TracedFrame
     from dvtcli.watch.decoder import Decoder
 
     exchanged = _exchanged(session) or _of_a_failed_run(session)
@@ -63,7 +125,6 @@ def _count_of_refusal(exchanged: Sequence[tuple[Frame, bool, bool]]) -> int:
 
 def _of_a_failed_run(session: Session) -> list[tuple[Frame, bool, bool]]:
     from dvtcli.domain.wall_clock import utc
-    from dvtcli.operations.frames.kept_exchange import kept_exchange
 
     try:
         kept = kept_exchange()
@@ -89,7 +150,6 @@ def exchange_text(session: Session) -> list[str]:
     """The same as text for a file, a line a frame; empty where nothing was exchanged."""
     from dvtcli.domain.typed_frame import frame_text
     from dvtcli.domain.wall_clock import utc
-    from dvtcli.operations.frames.kept_exchange import LEFT_OUT
 
     return [
         f"{utc(frame.timestamp_s)} {'->' if sent else '<-'} {frame_text(frame)}{LEFT_OUT if secret else ''}"

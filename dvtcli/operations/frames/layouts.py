@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
@@ -12,8 +14,70 @@ from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.domain.meanings import Rules
+    from dvtcli.domain.network.network_state import NodeState
+    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.reporter import Reporter
+    from dvtcli.watch.decoder import Address, Layout
+
+
+_NETWORK = (".yaml", ".yml")
+
+
+def file_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
+    """The layouts in *file*, a network file by its suffix, else a DBC file; errors as those of reading either.
+
+    *tell* is told which names in a network file nothing says the objects of, so that frames with them stay bytes.
+    """
+    if Path(file).suffix.lower() not in _NETWORK:
+        from dvtcli.files.dbc import read_dbc
+
+        return read_dbc(file)
+    return _network_layouts(file, tell)
+
+
+def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
+    """What the nodes of the network *file* send and hear once it is applied, with what it says of their values.
+
+    What the file itself says goes before what is only the default of a node's file.
+    """
+    from dvtcli.files.network.physical_keys import rules_by_node
+    from dvtcli.operations.network.check_networks import unknown_names
+    from dvtcli.operations.network.described_network import described_network
+    from dvtcli.operations.wanted.network_wish import read_wish
+    from dvtcli.watch.decoder import Decoder
+
+    wish = read_wish(file)
+    state = described_network(file, wish=wish)
+    for note in unknown_names(file, wish):
+        place = f"{file}:{note.mark.line}:{note.mark.column}"
+        tell.note(f"{place}: {note.text}; frames with such a name stay bytes")
+    rules, decoder = rules_by_node(wish.nodes), Decoder()
+    for node in state.nodes:
+        said = {pdo: config for pdo, config in node.pdos.items() if pdo not in node.guessed}
+        decoder.add(_layouts(node, said, rules.get(node.node_id, {}), f"the mapping in {Path(file).name}"))
+    for node in state.nodes:
+        for pdo, whose in node.guessed.items():
+            layouts = _layouts(node, {pdo: node.pdos[pdo]}, rules.get(node.node_id, {}), whose)
+            decoder.add({address: _as_guess(file, layout) for address, layout in layouts.items()})
+    return decoder.layouts
+
+
+def _layouts(node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, source: str) -> Mapping[Address, Layout]:
+    from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.watch.decoder import pdo_layouts
+
+    return pdo_layouts(node.node_id, pdos, node.dictionary, meanings_of(node.profile, node.dictionary, [rules]), source)
+
+
+def _as_guess(file: str, layout: Layout) -> Layout:
+    """*layout*, which *file* does not say."""
+    who = f"{layout.service.label} of node {layout.service.node}"
+    said = f"{Path(file).name} does not say what {who} maps: read by {layout.source}, which the node need not hold"
+    return replace(layout, guess=said)
+
 
 #: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster
 HEARD_S = 1.2
@@ -53,8 +117,6 @@ def live_decoders(
     """
     known, names = Decoder(), dict[int, str]()
     if dbc is not None:
-        from dvtcli.operations.frames.file_layouts import file_layouts
-
         known.add(file_layouts(dbc, session.tell))
     for node_id in () if dbc is not None and not nodes else nodes or _present(session):
         yield node_id, Decoder(known.layouts, names)
@@ -81,7 +143,7 @@ def mapping_of(session: Session, node_id: int) -> str:
 
 def _name(node: Node) -> str:
     """What *node* is called: by its EDS, by itself (0x1008), by its family."""
-    from dvtcli.operations.nodes.identify import device_name
+    from dvtcli.operations.nodes.find_nodes import device_name
 
     named = node.dictionary.info.product_name if node.dictionary is not None else device_name(node.sdo)
     return named or node.profile.title

@@ -26,7 +26,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
     base = session.base
     if dbc is not None:
-        from dvtcli.operations.frames.file_layouts import file_layouts
+        from dvtcli.operations.frames.layouts import file_layouts
 
         if base.eds is not None:
             session.tell.note(

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, live_decoders, open_wire
-from dvtcli.operations.frames.listening_time import ListeningTime
 from dvtcli.operations.session.steady_listener import SteadyListener
 from dvtcli.watch.decoder import Decoder, Layout
 from dvtcli.watch.layout_fit import Misfits
@@ -21,6 +21,29 @@ if TYPE_CHECKING:
     from dvtcli.operations.opening.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.session.session import Session
+
+
+#: how long frames are gathered before they are handed on (s)
+BATCH_S = 0.05
+
+
+class ListeningTime:
+    """*duration_s* seconds from *began_s* on (None: from now on), None for ever, by the clock *now_s* (s)."""
+
+    def __init__(
+        self, duration_s: float | None, now_s: Callable[[], float] = monotonic, began_s: float | None = None
+    ) -> None:
+        self._now_s = now_s
+        self._until_s = None if duration_s is None else (now_s() if began_s is None else began_s) + duration_s
+
+    def is_over(self) -> bool:
+        """Whether all of it has passed."""
+        return self._until_s is not None and self._now_s() >= self._until_s
+
+    @property
+    def batch_s(self) -> float:
+        """How long to wait for the next frames (s): no longer than is left."""
+        return BATCH_S if self._until_s is None else min(BATCH_S, max(0.0, self._until_s - self._now_s()))
 
 
 @dataclass(slots=True)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import read_emergency
-from dvtcli.domain.node_events import Emergency, HeardEmergency
+from dvtcli.domain.ports import Emergency, HeardEmergency
 from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.operations.frames.layouts import open_wire
-from dvtcli.operations.frames.listening_time import ListeningTime
+from dvtcli.operations.frames.watch_bus import ListeningTime
 from dvtcli.operations.nodes.show_faults import ErrorWords
 from dvtcli.operations.results.node_errors import FaultSeen
 from dvtcli.operations.session.steady_listener import SteadyListener

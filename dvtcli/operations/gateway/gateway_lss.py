@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.gateway.error_numbers import GatewayError
-from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed
+from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError
 from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED
 

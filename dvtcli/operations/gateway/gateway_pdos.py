@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed
+from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.requests import PdoEntry, ReadPdo, SetPdo, WritePdo
 from dvtcli.domain.gateway.value_words import TYPES, data_of, value_text
 from dvtcli.domain.ports import Frame

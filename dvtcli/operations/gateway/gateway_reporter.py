@@ -5,16 +5,78 @@ from __future__ import annotations
 from time import time
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.operations.results.gateway_events import GatewayEvent
+from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError
+from dvtcli.domain.gateway.line_words import LONGEST_LINE
+from dvtcli.operations.results.bus_events import GatewayEvent
+from dvtcli.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
+    from dvtcli.operations.gateway.line_client import LineClient
     from dvtcli.operations.results import BusEvent
-    from dvtcli.operations.results.gateway_events import GatewayHappening
+    from dvtcli.operations.results.bus_events import GatewayHappening
     from dvtcli.operations.user.reporter import Reporter
+
+
+#: the only net that there is
+NET = 1
+#: how long an SDO of a client may take, since all clients wait meanwhile (ms)
+_MOST_SDO_MS = 5000
+_HELP = "r w start stop preop reset enable disable set info lss_... (CiA 309-3)"
+_NO_NODE = "this gateway is no node of the bus"
+_NO_GUARDING = "who ends guarding starts the node's own reaction to it; enable heartbeat watches a node"
+#: orders of the standard that are not carried out, and why
+_NOT_HERE = {
+    "set id": f"{_NO_NODE}: it has no node-ID",
+    "set heartbeat": f"{_NO_NODE}: it sends no heartbeat",
+    "set sdo_block": "long objects go in blocks by itself, where a node takes them",
+    "init": "the bit rate is that of the bus, which is chosen where the gateway is started",
+    "enable guarding": _NO_GUARDING,
+    "disable guarding": _NO_GUARDING,
+}
+
+
+def ordered(client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
+    """Do what the order *name* sets for its *client*, or says."""
+    if name in _NOT_HERE:
+        return Failed(GatewayError.NOT_SUPPORTED, _NOT_HERE[name])
+    match name, numbers:
+        case _, (number,):
+            return _set(client, name, number)
+        case "boot_up_indication enable" | "boot_up_indication disable", _:
+            client.told_boot_ups = name.endswith("enable")
+            return Done()
+        case "info version", _:
+            return Done(f"dvtcli {__version__} CiA 309-3")
+        case _:
+            return Done(_HELP)
+
+
+def _set(client: LineClient, name: str, number: int) -> Answer:
+    match name:
+        case "set network":
+            if number != NET:
+                return Failed(GatewayError.UNSUPPORTED_NET)
+            client.net = number
+        case "set node":
+            if not 1 <= number <= 127:
+                return Failed(GatewayError.UNSUPPORTED_NODE)
+            client.node = number
+        case "set sdo_timeout":
+            return _set_sdo_time_out(client, number)
+        case "set command_size" if number > LONGEST_LINE:
+            return Failed(GatewayError.OUT_OF_MEMORY, f"a line has {LONGEST_LINE} characters at most")
+    return Done()  # also to `set command_timeout`: an answer always comes, within the time of its SDOs
+
+
+def _set_sdo_time_out(client: LineClient, milliseconds: int) -> Answer:
+    if milliseconds > _MOST_SDO_MS:
+        return Failed(GatewayError.SYNTAX, f"at most {_MOST_SDO_MS} ms: all clients wait meanwhile")
+    client.timeout_s = milliseconds / 1000
+    return Done()
 
 
 class GatewayReporter:

@@ -18,14 +18,20 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.device.trust import is_own_user, replaceable
-from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.gateway_answers import Answer, Dialect, Failed, format_answer, format_event
+from dvtcli.domain.gateway.gateway_answers import (
+    Answer,
+    Dialect,
+    Failed,
+    GatewayError,
+    GatewayRequestError,
+    format_answer,
+    format_event,
+)
 from dvtcli.domain.gateway.parse import parse_request, sequence_of
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.node_events import BootUp, Emergency
+from dvtcli.domain.ports import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
-from dvtcli.operations.gateway.client_orders import NET
-from dvtcli.operations.gateway.gateway_reporter import GatewayReporter
+from dvtcli.operations.gateway.gateway_reporter import NET, GatewayReporter
 from dvtcli.operations.gateway.gateway_work import GatewayWork
 from dvtcli.operations.gateway.line_client import MOST_LINES, LineClient
 from dvtcli.operations.opening.serve import address, is_loopback
@@ -34,8 +40,8 @@ from dvtcli.simulator.network.hub import Address, Hub
 
 if TYPE_CHECKING:
     from dvtcli.domain.gateway.requests import Request
-    from dvtcli.domain.node_events import NodeEvent
-    from dvtcli.operations.results.gateway_events import GatewayEvent
+    from dvtcli.domain.ports import NodeEvent
+    from dvtcli.operations.results.bus_events import GatewayEvent
     from dvtcli.operations.session.session import Session
     from dvtcli.simulator.network.hub_client import Client
 

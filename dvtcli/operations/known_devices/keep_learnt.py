@@ -11,21 +11,77 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_whole import values_of
 from dvtcli.domain.datatypes import DOMAIN
 from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.domain.learning.learnt_value import Conclusions, Value
 from dvtcli.domain.learning.operational import merged
 from dvtcli.domain.learning.storage import RESTORE, STORE
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.operations.known_devices.learnt_compared import is_advice, said
 from dvtcli.operations.opening.simulated_nodes import family_named
+from dvtcli.operations.results.learnt import Difference
 from dvtcli.operations.whole_device.read_whole_device import read_every_object
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.learning.learnt_value import Conclusions
     from dvtcli.domain.learning.probe_table import KnownAnswers
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.files.learnt_folder import Origin
     from dvtcli.files.sim_state import Values
     from dvtcli.operations.session.session import Session
+
+
+def profile_to_compare(name: str) -> object:
+    """The profile *name*; with a path, as in `./pump`, that in the folder."""
+    from dvtcli.files.profile.library import has_profile, load_folder_profile, load_profile
+
+    path = Path(name)
+    if path.name != name:
+        if not has_profile(path):
+            raise UsageError(
+                f"{name} is no folder with a profile.toml",
+                place=name,
+                hint=Hint(Action.GIVE, {"compare": None}, "takes a name, too"),
+            )
+        return load_folder_profile(path)
+    try:
+        return load_profile(name)
+    except UsageError as unknown:
+        if has_profile(path):
+            unknown.hint = Hint(Action.GIVE, {"compare": f"./{name}"}, "takes the one in the folder")
+        raise
+
+
+def differences(profile: object, learnt: Conclusions) -> list[Difference]:
+    """What the profile says otherwise; what it leaves to the EDS or the standard is no difference."""
+    found = []
+    for conclusion in learnt.profile:
+        held = said(profile, conclusion.key)
+        if held is not None and held != conclusion.value and not is_advice(held, conclusion.value):
+            found.append(Difference(conclusion.key, held, conclusion))
+    return found
+
+
+def is_advice(held: Value | None, learnt: Value) -> bool:
+    """Whether a profile advises against what the device was *learnt* to take: that it does is no reason to."""
+    return (held, learnt) in (("warning", "fine"), ("advised", "no"))
+
+
+def said(profile: object, key: str) -> Value | None:
+    """What the profile says of *key*, as it is written in its file; None where it does not say."""
+    field, _, way = key.partition(".")
+    value = getattr(profile, field)
+    if way:
+        value = value[way] if isinstance(value, dict) else getattr(value, way)
+    if value is None:
+        return "fine" if field.endswith(("_tpdo", "_rpdo")) else None
+    return _written(value)
+
+
+def _written(value: object) -> Value:
+    if isinstance(value, frozenset):
+        return sorted(value)
+    if isinstance(value, tuple):
+        return [_written(item) for item in value]
+    return value if isinstance(value, bool | int) else str(value)
+
 
 #: Objects that a family says, and no values: what they read is how a device saves.
 _SIGNATURES = (STORE, RESTORE)

@@ -17,15 +17,20 @@ from dvtcli.device.learn.subjects import mapped_subjects, subjects
 from dvtcli.device.storing import mark_stored, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.absence import absent_for_family
-from dvtcli.domain.learning.conclusions import conclude
-from dvtcli.domain.learning.forecast import forecast, most_until_refused, most_writes
+from dvtcli.domain.learning.conclusions import conclude, forecast, most_until_refused, most_writes
 from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.learning.storage import not_asked, storage_for_family, storage_for_profile
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import join_some
 from dvtcli.errors import DeviceRefused, stopped_node
-from dvtcli.operations.known_devices.keep_learnt import refuse_name, refuse_other, save_learnt, values_found
-from dvtcli.operations.known_devices.learnt_compared import differences, profile_to_compare
+from dvtcli.operations.known_devices.keep_learnt import (
+    differences,
+    profile_to_compare,
+    refuse_name,
+    refuse_other,
+    save_learnt,
+    values_found,
+)
 from dvtcli.operations.results import LearnForecast, LearntDevice
 
 if TYPE_CHECKING:

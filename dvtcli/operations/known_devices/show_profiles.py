@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from dvtcli.files.profile.library import folder, load_profile, own_names, profile_names, profile_path, profile_text
-from dvtcli.files.profile.reasons import reasons
+from dvtcli.files.profile.library import (
+    folder,
+    load_profile,
+    own_names,
+    profile_names,
+    profile_path,
+    profile_text,
+    reasons,
+)
 from dvtcli.operations.results import ProfileListing, ProfileShown
-from dvtcli.operations.results.device_profiles import ProfileRow
+from dvtcli.operations.results.library_files import ProfileRow
 
 
 def known_profiles() -> tuple[str, ...]:

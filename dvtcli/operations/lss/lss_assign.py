@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
@@ -11,12 +11,10 @@ from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import join_some
-from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
 from dvtcli.operations.lss.lss_identity import Identity, in_words, who_is_there
 from dvtcli.operations.lss.lss_node_id import consent_to_give, give, heard_ids, told_id
-from dvtcli.operations.lss.lss_order import in_order
-from dvtcli.operations.lss.lss_settled import require_same, to_store
 from dvtcli.operations.lss.lss_store_all import all_back, prove_all, store_all
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
 from dvtcli.operations.wanted.network_wish import read_wish
@@ -24,6 +22,92 @@ from dvtcli.operations.wanted.network_wish import read_wish
 if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NodeWish, WantedIdentity
     from dvtcli.operations.session.session import Session
+
+
+def to_store(
+    session: Session, master: LssMaster, settled: Sequence[NodeWish], there: Mapping[int, Identity | None]
+) -> list[LssGiven]:
+    """Those of *settled* that can be told to store; the others, which LSS does not reach, are named in a warning.
+
+    *there* is what 0x1018 of each node-ID says. DeviceRefused where several nodes have one address, SafetyRefusal where
+    a node has another node-ID by LSS than by SDO.
+    """
+    kept: list[LssGiven] = []
+    out_of_reach: list[str] = []
+    for wish in settled:
+        told = [part for part in there.get(wish.node_id) or () if part is not None]
+        one = LssGiven(LssAddress(*told), wish.node_id, wish.node_id, name=wish.name) if len(told) == PARTS else None
+        if one is not None and _takes_part(master, one):
+            kept.append(one)
+        else:
+            out_of_reach.append(f"{wish.name} ({wish.node_id})")
+    master.let_wait()
+    if out_of_reach:
+        session.tell.warning(
+            f"not told to store, since LSS does not reach them: {join_some(out_of_reach)}; "
+            "whether they keep their node-IDs is set in their makers' ways"
+        )
+    return kept
+
+
+def _takes_part(master: LssMaster, one: LssGiven) -> bool:
+    try:
+        now = selected(master, one.address)
+    except NoAnswer:
+        return False
+    require_same(one, now)
+    return True
+
+
+def require_same(one: LssGiven, now: int) -> None:
+    """SafetyRefusal where a node says by LSS (*now*) that it has another node-ID than by SDO."""
+    if now != one.before:
+        raise SafetyRefusal(
+            f"{one.name} says by LSS that its node-ID is {told_id(now)}, and by SDO {told_id(one.before)}",
+            why=str(one.address),
+            hint=Hint(Action.RESET_COMMUNICATION, why="a node-ID that was given waits for a reset: {}"),
+        )
+
+
+#: the node-IDs that a node may have for the time being, the best first: low ones are of masters and of first machines
+_FOR_THE_TIME_BEING = range(126, 0, -1)
+
+
+def in_order(given: Sequence[LssGiven], used: Collection[int], kept: Collection[int]) -> list[LssGiven]:
+    """The steps by which each of *given* gets its node-ID, each to one that nobody has by then.
+
+    *used* are the node-IDs that somebody has now, *kept* those that nobody may take for the time being, besides.
+    Where nodes stand in each other's way one of them takes another node-ID for the time being; SafetyRefusal where none
+    is free, or where a node-ID is of somebody who does not move.
+    """
+    left, taken, steps = list(given), set(used), []
+    wanted = {slave.node_id for slave in given} | set(kept)
+    while left:
+        free = next((slave for slave in left if slave.node_id not in taken), None)
+        if free is None:
+            free = _aside(left, taken | wanted)
+            left[left.index(_of(left, free))] = replace(_of(left, free), before=free.node_id)
+        else:
+            left.remove(free)
+        taken = taken - {free.before} | {free.node_id}
+        steps.append(free)
+    return steps
+
+
+def _aside(left: Sequence[LssGiven], not_free: Collection[int]) -> LssGiven:
+    """The step that lets one of *left* make room for another one."""
+    one = next((slave for slave in left if any(other.node_id == slave.before for other in left)), None)
+    node_id = next((node_id for node_id in _FOR_THE_TIME_BEING if node_id not in not_free), None)
+    if one is None or node_id is None:
+        raise SafetyRefusal(
+            f"node-ID {left[0].node_id} is in use" if one is None else "no node-ID is free to swap others with",
+            hint=Hint(Action.FIND_NODES, why="shows who is there"),
+        )
+    return replace(one, node_id=node_id)
+
+
+def _of(left: Sequence[LssGiven], step: LssGiven) -> LssGiven:
+    return next(slave for slave in left if slave.address == step.address)
 
 
 def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool = False) -> LssChanged:

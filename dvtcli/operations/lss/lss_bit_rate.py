@@ -5,24 +5,448 @@ Does not know who is on the bus (`lss_on_bus`), nor how all change together (`ls
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.lss_services import BIT_TIMINGS
+from dvtcli.domain.lss_services import ANSWER_ID, BIT_TIMINGS, PARTS, LssAddress
+from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.several import join_some, plural
-from dvtcli.errors import NoAnswer, SafetyRefusal, UsageError
-from dvtcli.operations.lss.lss_find import lss_bus
-from dvtcli.operations.lss.lss_node_id import told_id
-from dvtcli.operations.lss.lss_on_bus import all_on_bus, confirmed
-from dvtcli.operations.lss.lss_rate_change import RateChange, names
-from dvtcli.operations.lss.lss_rate_proof import prove_by_resets, refuse_resets
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
+from dvtcli.operations.consent.reset_consent import refuse_reset
+from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
+from dvtcli.operations.lss.lss_identity import Identity, require_on, who_is_there
+from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, heard_ids, told_id
+from dvtcli.operations.lss.lss_store_all import store_again
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssGiven
 
 if TYPE_CHECKING:
-    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.domain.ports import CanopenBus, Frame
+    from dvtcli.errors import State
     from dvtcli.operations.session.session import Session
+
+
+#: How long nodes and we take to switch, and how long all are silent after that (ms): CiA 305's switch delay.
+DELAY_MS = 1000
+#: the same where nobody has to open an interface again
+_SIMULATED_MS = 50
+#: what we wait beyond that (s), and how often who is not heard is looked for
+_MARGIN_S, _LOOKS = 0.1, 3
+
+
+class RateChange:
+    """The change of *bus* with *nodes* from the bit rate *before* to *after* (bit/s), and the way back."""
+
+    def __init__(self, session: Session, master: LssMaster, nodes: Sequence[LssGiven], before: int, after: int) -> None:
+        self.session, self.master, self.nodes = session, master, nodes
+        self.before, self.after = before, after
+        self.bus = lss_bus(session)
+        self.delay_ms = _SIMULATED_MS if self.bus.simulated else DELAY_MS
+
+    def make(self) -> None:
+        """Change it; raises once all are back, or LeftChanged."""
+        self._configure()
+        try:
+            self.switch(self.after)
+            missing = self.missing(self.nodes)
+            if missing:
+                raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
+        except DvtcliError as failed:
+            raise self.back(failed) from failed
+
+    def _configure(self) -> None:
+        """Tell each node the new bit rate, which nobody runs at before it is activated."""
+        for number, slave in enumerate(self.nodes):
+            try:
+                self.tell(slave, self.after)
+            except DvtcliError as failed:
+                failed.details.append(_said_by(slave))
+                refused = isinstance(failed, DeviceRefused)
+                self._forget(self.nodes[: number + (not refused)], failed, "unchanged")
+                raise
+
+    def _forget(self, told: Sequence[LssGiven], failed: DvtcliError, state: State) -> None:
+        """Tell those that were *told* the new bit rate the old one, at which they run; *failed* says the *state*."""
+        left = [slave for slave in told if not self._takes(slave, self.before)]
+        failed.state = "unknown" if left else state
+        failed.state_text = f"all nodes run at {self.before} bit/s as before, nothing is stored" + (
+            f"; {names(left)} may keep {self.after} if told to store" if left else ""
+        )
+
+    def _takes(self, one: LssGiven, bit_rate: int) -> bool:
+        try:
+            self.tell(one, bit_rate)
+        except DvtcliError:
+            return False
+        return True
+
+    def tell(self, one: LssGiven, bit_rate: int) -> None:
+        """Let *one*, alone, have *bit_rate* (bit/s) once that is activated; DeviceRefused, NoAnswer."""
+        selected(self.master, one.address)
+        self.master.configure_bit_rate(bit_rate)
+
+    def switch(self, bit_rate: int) -> None:
+        """Let all who were told switch, and switch as well; nobody says a word before two delays are over."""
+        self.session.tell.progress(f"LSS: all switch to {bit_rate} bit/s", 0, 0)
+        began_s = self.bus.now_s()
+        self.master.activate_bit_rate(self.delay_ms)
+        self.bus.sleep(self.delay_ms / 1000)
+        self.go_to(bit_rate)
+        self.bus.sleep(began_s + 2 * self.delay_ms / 1000 + _MARGIN_S - self.bus.now_s())
+        self.master.let_wait()
+
+    def go_to(self, bit_rate: int) -> None:
+        """Set our interface to *bit_rate* (bit/s)."""
+        if self.bus.runs_at != bit_rate:
+            self.bus.set_bit_rate(bit_rate)
+            self.session.take_bit_rate(bit_rate)
+
+    def missing(self, nodes: Sequence[LssGiven]) -> list[LssGiven]:
+        """Those of *nodes* that do not say who they are, by LSS and, with a node-ID, by SDO."""
+        missing = list(nodes)
+        for _ in range(_LOOKS):
+            missing = [slave for slave in missing if not self.is_there(slave)]
+            if not missing:
+                break
+        return missing
+
+    def is_there(self, one: LssGiven) -> bool:
+        """Whether *one* says who it is where we are, by LSS and, with a node-ID, by SDO."""
+        try:
+            if selected(self.master, one.address) != one.node_id:
+                return False
+            if one.node_id != UNCONFIGURED:
+                require_on(self.bus, one.address, one.node_id)
+            return True
+        except (NoAnswer, SafetyRefusal):
+            return False
+        finally:
+            self.master.let_wait()
+
+    def fetch(self, nodes: Sequence[LssGiven]) -> None:
+        """Bring *nodes*, which are at the old bit rate again, to the new one, where the others are; else NoAnswer."""
+        self.go_to(self.before)
+        for node in nodes:
+            self.tell(node, self.after)
+        self.switch(self.after)
+        if missing := self.missing(self.nodes):
+            raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
+
+    def back(self, failed: DvtcliError) -> DvtcliError:
+        """*failed*, once all run at the old bit rate again; LeftChanged where one does not."""
+        missing: Sequence[LssGiven] = self.nodes
+        try:
+            for _ in range(2):  # who answered too late to be brought along is brought the second time
+                self.go_to(self.after)
+                for slave in missing:
+                    if self.is_there(slave):
+                        self.tell(slave, self.before)
+                self.switch(self.before)
+                missing = self.missing(self.nodes)
+                if not missing:
+                    self._forget(self.nodes, failed, "rolled_back")
+                    self.bus.disturbances()  # error frames of two bit rates are of this try, and no news
+                    failed.hint = f"does its manual know {self.after} bit/s? lss bitrate may be tried again"
+                    return failed
+        except DvtcliError as stuck:
+            return self._left(failed, missing, stuck.text)
+        return self._left(failed, missing, f"at {self.before} bit/s {names(missing)} did not come back either")
+
+    def _left(self, failed: DvtcliError, missing: Sequence[LssGiven], why: str) -> LeftChanged:
+        error = LeftChanged(
+            f"{failed.text}, and not all could be brought back to {self.before} bit/s",
+            why=why,
+            state="left_changed",
+            hint=Hint(
+                Action.GIVE_BIT_RATE,
+                {"rate": self.before},
+                "nothing new is stored: switch all nodes off and on, then open the bus with {}",
+            ),
+        )
+        error.details += [("node", f"{told_id(slave.node_id)}, {slave.address}") for slave in missing]
+        return error
+
+    def store(self) -> list[LssGiven]:
+        """Let every node store it; raises once all have the old one, stored and in use, or LeftChanged."""
+        for number, slave in enumerate(self.nodes, 1):
+            try:
+                if self.before == self.after:
+                    self.tell(slave, self.after)  # it may have been told another one that was never activated
+                self._store(slave)
+            except DvtcliError as failed:
+                failed.details.append(_said_by(slave))
+                if self.before == self.after:
+                    raise self._partly_stored(self.nodes[: number - 1], self.nodes[number - 1 :], failed) from failed
+                raise self.unstored(self.nodes[:number], failed) from failed
+        return [replace(node, stored=True) for node in self.nodes]
+
+    def _store(self, one: LssGiven) -> None:
+        selected(self.master, one.address)
+        self.master.store()
+
+    def _partly_stored(
+        self, stored: Sequence[LssGiven], others: Sequence[LssGiven], failed: DvtcliError
+    ) -> DvtcliError:
+        """*failed* where all run at what was to be stored already: what they had stored before is not known."""
+        if not stored and isinstance(failed, DeviceRefused):
+            failed.state_text = f"all nodes run at {self.after} bit/s as before, nothing new is stored"
+            return failed
+        told = [f"{names(stored)} stored {self.after} bit/s"] if stored else []
+        return _with_details(
+            LeftChanged(
+                failed.text,
+                why="; ".join([*told, f"{names(others)} may come back at another one", failed.why or "-"]),
+                state="left_changed",
+                hint=store_again(
+                    [other.node_id for other in others],
+                    f"all run at {self.after} bit/s now; before the power goes: the same words again, or",
+                ),
+            ),
+            failed,
+        )
+
+    def unstored(self, stored: Sequence[LssGiven], failed: DvtcliError) -> DvtcliError:
+        """*failed*, once those that may have *stored* have stored the old bit rate, and all run at that."""
+        left, again = [], []
+        for slave in stored:
+            try:
+                self.tell(slave, self.before)
+                self._store(slave)
+                again.append(slave)
+            except DvtcliError as stuck:
+                if isinstance(failed, DeviceRefused) and slave is stored[-1]:
+                    continue  # it stores neither
+                left.append(f"{names([slave])} may have {self.after} bit/s stored: {stuck.text}")
+        error = self.back(failed)
+        if error is not failed:
+            return error
+        if not left:
+            kept = f"; {names(again)} stored that again" if again else ""
+            error.state_text = f"all nodes run at {self.before} bit/s as before{kept}; nobody has {self.after} stored"
+            error.hint = Hint(
+                Action.LSS_BIT_RATE, {"rate": self.after}, "does it without storing: it is lost with the power"
+            )
+            return error
+        return _with_details(
+            LeftChanged(
+                failed.text,
+                why="; ".join(left),
+                state="left_changed",
+                hint=store_again(
+                    [stored_slave.node_id for stored_slave in stored],
+                    f"all run at {self.before} bit/s now; before the power goes:",
+                ),
+            ),
+            failed,
+        )
+
+
+def _said_by(one: LssGiven) -> tuple[str, str]:
+    """Who refused or was silent, as a line of an error."""
+    return "node", f"{told_id(one.node_id)}, {one.address}"
+
+
+def _with_details(error: LeftChanged, failed: DvtcliError) -> LeftChanged:
+    error.details += failed.details
+    return error
+
+
+def names(nodes: Sequence[LssGiven]) -> str:
+    """Who *nodes* are, in words."""
+    return join_some([str(node.address) if node.node_id == UNCONFIGURED else f"node {node.node_id}" for node in nodes])
+
+
+#: what a node says by itself and in answer, whatever its PDOs: EMCY, SDO, heartbeat (CiA 301, 7.3.5)
+_OWN = (0x080, 0x580, 0x700)
+
+
+def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> list[LssGiven]:
+    """Every node that is on the bus, those without a node-ID, too; with *file* exactly the nodes of that network.
+
+    SafetyRefusal where another one is heard, one of the file is not, one does not tell its whole address, or one says
+    that it is OPERATIONAL. Who does not say its NMT state is named in a warning.
+    """
+    bus = lss_bus(session)
+    frames: dict[int, Frame] = {}
+
+    def note(frame: Frame, sent: bool) -> None:
+        if not sent:
+            frames.setdefault(frame.can_id, frame)
+
+    stop = bus.tap(note)
+    try:
+        there = who_is_there(bus, heard_ids(session))
+    finally:
+        stop()
+    if file is not None:
+        _refuse_others(file, there)
+    _refuse_running(session, bus, there)
+    _refuse_strangers(frames, there)
+    nodes = [LssGiven(_address(node_id, identity), node_id, node_id) for node_id, identity in there.items()]
+    waiting = scanned(session, master)
+    if waiting and file is not None:
+        raise SafetyRefusal(
+            f"nodes without a node-ID are on the bus, of which {file} says nothing", hint=Hint(Action.LSS_SCAN)
+        )
+    for node in waiting:
+        if not node.confirmed:
+            raise two_alike(node.address)
+    return [*nodes, *(LssGiven(lss_node.address, UNCONFIGURED, UNCONFIGURED) for lss_node in waiting)]
+
+
+def _refuse_others(file: str, there: Collection[int]) -> None:
+    from dvtcli.operations.wanted.network_wish import read_wish
+
+    wanted = {wish.node_id: wish.name for wish in read_wish(file).nodes}
+    if others := [f"node {node_id}" for node_id in there if node_id not in wanted]:
+        raise SafetyRefusal(f"{join_some(others)} on the bus, and not in {file}", hint="take it off, or into the file")
+    if missing := [f"{name} ({node_id})" for node_id, name in wanted.items() if node_id not in there]:
+        raise SafetyRefusal(
+            f"not on the bus, but in {file}: {join_some(missing)}",
+            hint=Hint(Action.FIND_NODES, why="shows who is there"),
+        )
+
+
+def _refuse_running(session: Session, bus: CanopenBus, there: Collection[int]) -> None:
+    states = {node_id: bus.nmt_state(node_id) for node_id in there}
+    running = [f"node {node_id}" for node_id, state in states.items() if state is NmtState.OPERATIONAL]
+    unknown = [f"node {node_id}" for node_id, state in states.items() if state is None]
+    if unknown:
+        session.tell.warning(
+            f"{join_some(unknown)}: no heartbeat says whether it is OPERATIONAL; the machine must stand still"
+        )
+    if running:
+        raise SafetyRefusal(
+            f"OPERATIONAL: {join_some(running)}",
+            hint=Hint(Action.ENTER_PRE_OPERATIONAL, {"node": "all"}, "{}, once the machine stands still"),
+        )
+
+
+def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
+    """Refuse frames that no node of *there* sends by itself while it is PRE-OPERATIONAL."""
+    theirs = {base + node_id for base in _OWN for node_id in there} | {ANSWER_ID}
+    strange = next((frame for frame in frames.values() if frame.extended or frame.can_id not in theirs), None)
+    if strange is not None:
+        raise SafetyRefusal(
+            f"0x{strange.can_id:03X} is heard, which none of the nodes that answer sends before it is OPERATIONAL",
+            why="whoever sends it would stay at the old bit rate, or be a producer of SYNC or PDOs",
+            hint=Hint(
+                Action.ENTER_PRE_OPERATIONAL,
+                {"node": "all"},
+                "ends PDOs; 1006 = 0 ends SYNC; take off the bus who knows no CANopen",
+            ),
+        )
+
+
+def _address(node_id: int, identity: Identity | None) -> LssAddress:
+    told = [part for part in identity or () if part is not None]
+    if len(told) != PARTS:
+        raise SafetyRefusal(
+            f"node {node_id} does not tell its whole LSS address (0x1018:1..4): it would stay as it is", node=node_id,
+            hint="take it off the bus, and set its bit rate in its maker's way",
+        )  # fmt: skip
+    return LssAddress(*told)
+
+
+def confirmed(master: LssMaster, nodes: Sequence[LssGiven]) -> list[LssGiven]:
+    """*nodes*, once each has said by LSS that it has its node-ID; SafetyRefusal where one takes no part in LSS."""
+    for node in nodes:
+        try:
+            now = selected(master, node.address)
+        except DvtcliError as failed:
+            raise SafetyRefusal(
+                f"node {told_id(node.node_id)} takes no part in LSS: it would stay as it is", why=failed.text,
+                hint="take it off the bus, and set its bit rate in its maker's way",
+            ) from failed  # fmt: skip
+        if now != node.node_id:
+            raise SafetyRefusal(f"{node.address} has node-ID {told_id(now)} by LSS, and {told_id(node.node_id)} by SDO")
+    master.let_wait()
+    return list(nodes)
+
+
+#: NMT: every node
+_ALL = 0
+
+
+def refuse_resets(session: Session, nodes: Sequence[LssGiven]) -> None:
+    """SafetyRefusal where one of *nodes* is a drive that its reset may let go of."""
+    refuse_reset(session, [node.node_id for node in nodes if node.node_id != UNCONFIGURED])
+
+
+def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGiven]) -> list[LssGiven]:
+    """Reset all nodes of the bus, and see that those that *stored* are back at the new bit rate, as they were heard.
+
+    One without a node-ID says nothing when it boots: it is seen, and not proved. Where one is back at the old bit rate
+    all go back to that, and store it; LeftChanged where that fails. DeviceRefused where one was not heard to boot up.
+    """
+    named = [stored_slave for stored_slave in stored if stored_slave.node_id != UNCONFIGURED]
+    seen = {named_slave.node_id: change.bus.boot_ups(named_slave.node_id) for named_slave in named}
+    session.tell.progress("LSS: all are reset", 0, 0)
+    change.master.let_wait()
+    change.master.reset_node(_ALL)
+    until_s = change.bus.now_s() + BOOT_UP_S
+    booted = {
+        named_slave.node_id
+        for named_slave in named
+        if change.bus.wait_boot_up(
+            named_slave.node_id, seen[named_slave.node_id], max(0.0, until_s - change.bus.now_s())
+        )
+    }
+    for slave in named:
+        forget(session, slave)
+    missing = change.missing(stored)
+    if missing:
+        raise _not_kept(change, missing)
+    unheard = [named_slave for named_slave in named if named_slave.node_id not in booted]
+    if unheard:
+        raise DeviceRefused(
+            f"{names(unheard)}: no boot-up was heard after the reset: nothing is proved",
+            state="unknown",
+            why=f"all answer at {change.after} bit/s, and said that they stored it",
+            hint=Hint(Action.FIND_NODES, why="switch them off and on, then {}"),
+        )
+    return [replace(stored_slave, proved=stored_slave.node_id in booted) for stored_slave in stored]
+
+
+def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
+    """What is to be said where *missing* did not come back, once all have the old bit rate again, if that can be."""
+    text = f"{names(missing)} said that it stored {change.after} bit/s, and did not come back at it after a reset"
+    if change.before == change.after:
+        return LeftChanged(
+            text,
+            why="what it had stored before is not known",
+            state="left_changed",
+            hint=Hint(
+                Action.LISTEN_BIT_RATE,
+                why="listens for the one that it came back at; switch it on meanwhile, and take the others off",
+            ),
+        )
+    failed = DeviceRefused(text, why=f"it came back at {change.before} bit/s")
+    try:
+        change.fetch(missing)
+    except DvtcliError as lost:
+        with suppress(DvtcliError):  # where the others are; that it fails is not what there is to say
+            change.go_to(change.after)
+        return LeftChanged(
+            text,
+            why=f"nor is it found at {change.before} bit/s: {lost.text}",
+            state="left_changed",
+            hint=Hint(
+                Action.LISTEN_BIT_RATE,
+                why=f"the others run at {change.after} bit/s, and said that they stored it; {{}} listens for it",
+            ),
+        )
+    error = change.unstored(change.nodes, failed)
+    if error is failed:
+        error.hint = Hint(
+            Action.LSS_BIT_RATE,
+            {"rate": change.after},
+            f"does it without storing: it is lost with the power, and then {change.before} bit/s is back",
+        )
+    return error
 
 
 def lss_bit_rate(

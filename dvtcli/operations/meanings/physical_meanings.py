@@ -28,7 +28,7 @@ def meanings_of(
     profile: DeviceProfile | None, dictionary: ObjectDictionary | None, more: Sequence[Rules] = ()
 ) -> Meanings:
     """What the objects of a device mean, by *profile* and *dictionary*; *more*, as of a network file, goes before."""
-    from dvtcli.files.profile.standards import standards
+    from dvtcli.files.profile.library import standards
 
     family = () if profile is None else (profile.physical,)
     return Meanings((*more, *family), standards(), dictionary, only_described=True)

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries
-from dvtcli.domain.network.concise_pdos import concise_of
+from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, concise_of
 from dvtcli.domain.network.wanted_state import WantedIdentity
 from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import InputFileError, UsageError

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.cob_id import CobId
@@ -29,7 +30,6 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
-from dvtcli.operations.network.mapping_from_frames import guessed_mappings
 from dvtcli.operations.plans.network_states import network_after, network_state, with_link_marks, with_wish
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.session.session import Session
@@ -37,8 +37,33 @@ from dvtcli.operations.user.options import Options
 from dvtcli.operations.wanted.network_wish import eds_of, read_wish
 
 if TYPE_CHECKING:
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.files.device_library.match import Match
     from dvtcli.operations.user.reporter import Reporter
+
+
+def guessed_mappings(node: NodeState, wish: NodeWish, word: str) -> Mapping[Pdo, str]:
+    """Whose default counts for each PDO of *node* of which *wish* does not say what it maps, in words.
+
+    *word* is the file or the simulated family that describes it. What a DCF or XDC has a value for is said.
+    """
+    said = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
+    unsaid = (pdo for pdo, config in node.pdos.items() if config.mapping and pdo not in said)
+    return dict.fromkeys(
+        (pdo for pdo in unsaid if not _has_value(node.dictionary, pdo)), f"the default mapping of {_source(word)}"
+    )
+
+
+def _has_value(dictionary: ObjectDictionary | None, pdo: Pdo) -> bool:
+    """Whether the *dictionary*, a DCF's or XDC's, says what *pdo* of this very node maps."""
+    entries = [] if dictionary is None else [dictionary.entry(pdo.mapping_index, sub) for sub in (0, 1)]
+    return any(entry is not None and entry.value is not None for entry in entries)
+
+
+def _source(word: str) -> str:
+    """What a simulated family, or a file, is called."""
+    name = Path(word).name
+    return name if Path(name).suffix else f"the family {name}"
 
 
 def described_network(

@@ -73,7 +73,7 @@ def planned(
 def _saved_text(session: Session, answer: NetworkPlanned, saved: str) -> str:
     """The plan as the file *saved* has it, by its suffix."""
     if saved.lower().endswith(_GATEWAY_LINES):
-        from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
+        from dvtcli.operations.gateway.session_as_lines import plan_as_lines
 
         return plan_as_lines(session, answer.plan)
     return json.dumps(answer.document(), indent=1, default=plain_json) + "\n"

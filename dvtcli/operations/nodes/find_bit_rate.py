@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BIT_TIMINGS
 from dvtcli.errors import BusUnavailable, SafetyRefusal
-from dvtcli.operations.results.bit_rates import BitRateFound, HeardAt
+from dvtcli.operations.results.lss_nodes import BitRateFound, HeardAt
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.error_history import HistoryEntry
     from dvtcli.device.node import Node
-    from dvtcli.domain.node_events import HeardEmergency
+    from dvtcli.domain.ports import HeardEmergency
     from dvtcli.operations.session.session import Session
 
 _DEVICE_TYPE = 0x1000

@@ -10,12 +10,11 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import join_some
-from dvtcli.domain.standard_names import standard_name
-from dvtcli.domain.standard_objects import is_pdo_mapping
+from dvtcli.domain.standard_objects import is_pdo_mapping, standard_name
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.meanings.object_values import value_result
-from dvtcli.operations.results.records import EntryUnread, RecordRead
+from dvtcli.operations.results.values import EntryUnread, RecordRead
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

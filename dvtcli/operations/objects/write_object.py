@@ -11,9 +11,8 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import within
-from dvtcli.domain.rules.finding import error
+from dvtcli.domain.rules.finding import ERROR, Rule, error
 from dvtcli.domain.rules.raw_write import parameter_size
-from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.meanings.object_values import type_of, value_words

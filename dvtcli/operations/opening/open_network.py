@@ -12,19 +12,75 @@ from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.node import Node
 from dvtcli.device.read_progress import ReadProgress
 from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.several import join_some
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.opening.device_files import DeviceFiles
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.change_group import ChangeGroup
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.progress import Progress
     from dvtcli.domain.nmt import NmtState
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.plan import Plan
     from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.operations.opening.simulated_nodes import Simulated
     from dvtcli.operations.user.keeping import Keeping
+    from dvtcli.operations.user.said import SessionOptions
+
+
+def step_progress(progress: Progress) -> tuple[str, int, int]:
+    """What to say of a step that was taken: words, and how many of how many were."""
+    from dvtcli.device.change.failed_change import step_text
+
+    text = f"node {progress.node}: step {progress.done} of {progress.total}  {step_text(progress.step)}"
+    is_last = progress.done == progress.total
+    return f"{text}; reading back" if is_last else text, progress.done, progress.total
+
+
+def look_progress(looking: ReadProgress) -> tuple[str, int, int]:
+    """What to say of an object that is read: words, and how many of how many PDOs were."""
+    pdo = Pdo.at(looking.index)
+    whose = "" if pdo is None else f" of {pdo.label}"
+    parts = f", PDO {looking.done + 1} of {looking.total}" if looking.total else ""
+    text = f"node {looking.node}: reading 0x{looking.index:04X}:{looking.sub_index:02X}{whose}{parts}"
+    return text, looking.done, looking.total
+
+
+def network_on_bus(
+    session: SessionOptions,
+    bus: CanopenBus,
+    simulated: tuple[Simulated, ...],
+    *,
+    only_one: Callable[[], bool],
+    comes_back: bool,
+    whole: ChangeGroup,
+) -> Network:
+    """The nodes of *bus*, of which some are *simulated*; what is to be said is said to the session's user.
+
+    *only_one* says whether the process makes one change and ends, *comes_back* whether a bus that is gone is waited
+    for; changes belong to *whole*.
+    """
+    return Network(
+        bus, DeviceFiles(bus, session.base, simulated), session.cancellation, session.consent,
+        None if simulated or (bus.simulated and session.base.sim) else _keeping(session, bus, whole), only_one=only_one,
+        on_look=lambda looking: session.tell.progress(*look_progress(looking)),
+        on_step=lambda progress: session.tell.progress(*step_progress(progress)),
+        warn=session.tell.warning, note=session.tell.note, comes_back=comes_back and not bus.simulated,
+        consent_anew=session.consent_anew,
+    )  # fmt: skip
+
+
+def _keeping(session: SessionOptions, bus: CanopenBus, whole: ChangeGroup) -> Keeping:
+    """Only of nodes that outlive this process."""
+    from dvtcli.operations.user.keeping import Keeping, state_folder
+
+    return Keeping(
+        bus.name, state_folder(session.base), session.base.one_node, session.tell.note, session.tell.warning,
+        session.doing, whole,
+    )  # fmt: skip
 
 
 @dataclass(slots=True)

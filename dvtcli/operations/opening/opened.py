@@ -6,12 +6,12 @@ selected, nor what is done to it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, InputFileError, UsageError
+from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, InputFileError, LeftChanged, NoAnswer, UsageError
 from dvtcli.operations.user.said import SessionOptions
 
 if TYPE_CHECKING:
@@ -25,6 +25,28 @@ if TYPE_CHECKING:
     from dvtcli.operations.opening.simulated_nodes import Simulated
     from dvtcli.operations.user.options import Options
     from dvtcli.operations.user.reporter import Reporter
+
+
+def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> None:
+    """Where *error* is a lost bus that says `unchanged`, and *acts* of this line went out: not known is true."""
+    if not isinstance(error, BusUnavailable) or error.state != "unchanged" or error.state_text is not None:
+        return
+    if sent := acts():
+        error.state = "unknown"
+        from dvtcli.domain.several import join_some
+
+        error.state_text = f"unknown: {join_some(sent)} went out before that; read back what the device holds"
+
+
+def read_in_vain(error: DvtcliError) -> DvtcliError:
+    """What kept a twin from reading its node, where *error* says that the twin was left changed by that: else *error*.
+
+    A twin that cannot be put back tells what would become of the node only where the node still answers.
+    """
+    cause: BaseException | None = error
+    while isinstance(cause, LeftChanged):
+        cause = cause.__cause__
+    return cause if isinstance(cause, BusUnavailable | NoAnswer) else error
 
 
 class Opened(SessionOptions):
@@ -73,8 +95,6 @@ class Opened(SessionOptions):
         try:
             yield
         except DvtcliError as error:
-            from dvtcli.operations.opening.lost_bus import judge_lost_bus, read_in_vain
-
             if not self.dry_run:
                 judge_lost_bus(error, self.acts)
                 raise
@@ -158,7 +178,7 @@ class Opened(SessionOptions):
         return self._network
 
     def _tell_not_simulated(self, simulated: tuple[Simulated, ...]) -> None:
-        from dvtcli.operations.opening.simulated_values import not_simulated
+        from dvtcli.operations.opening.simulated_nodes import not_simulated
 
         for text in not_simulated(simulated):
             self.tell.warning(text)
@@ -221,7 +241,7 @@ class Opened(SessionOptions):
         self._keep_frames_of(bus)
 
     def _network_on(self, bus: CanopenBus, simulated: tuple[Simulated, ...]) -> Network:
-        from dvtcli.operations.opening.network_on_bus import network_on_bus
+        from dvtcli.operations.opening.open_network import network_on_bus
 
         return network_on_bus(
             self, bus, simulated, only_one=lambda: self.ends_with_line, comes_back=self.comes_back, whole=self.whole

@@ -20,12 +20,12 @@ from dvtcli.errors import BusUnavailable, InputFileError, UsageError
 from dvtcli.files.sim_state import read_state, write_state
 from dvtcli.operations.opening.simulated_nodes import (
     Simulated,
+    not_simulated,
     simulated_device,
     simulated_faults,
     simulated_nodes,
     simulated_signals,
 )
-from dvtcli.operations.opening.simulated_values import not_simulated
 from dvtcli.operations.user.options import Options, node_id
 
 if TYPE_CHECKING:

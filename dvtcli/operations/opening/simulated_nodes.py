@@ -5,6 +5,7 @@ Does not know buses, and neither whether the nodes live in this process or are s
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +15,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.device_file import VALUE_SUFFIXES
+from dvtcli.files.device_file import VALUE_SUFFIXES, read_device_file
 from dvtcli.files.profile.library import profile_of
 from dvtcli.files.user_folders import file_state
 from dvtcli.operations.user.options import is_file, node_id
@@ -25,6 +26,25 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.signals import SimulatedSignal
+
+
+def not_simulated(simulated: Iterable[Simulated]) -> Iterator[str]:
+    """What to tell whoever simulates nodes by such files: a value that cannot be known, and those that nobody reads."""
+    for path in dict.fromkeys(simulated_node.eds for simulated_node in simulated if simulated_node.holds_values):
+        yield from _of_file(path)
+
+
+def _of_file(path: Path) -> Iterator[str]:
+    from dvtcli.files.lost_values import must_tell_values
+    from dvtcli.files.unread_values import unread_values
+
+    read = read_device_file(path)
+    try:
+        must_tell_values(read, str(path))
+    except InputFileError as error:
+        for complaint in error.complaints:
+            yield f"{complaint.file}:{complaint.line}: {complaint.text}: the node is simulated all the same"
+    yield from unread_values(read, str(path))
 
 
 #: why the file of a simulated node describes it
@@ -143,8 +163,7 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
             + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, " too: {}")
             + Hint(Action.GIVE, {"faults": "lose-response@3"}, " {}"),
         )
-    from dvtcli.simulator.device.broken_device import break_device
-    from dvtcli.simulator.device.faulty import altered
+    from dvtcli.simulator.device.faulty import altered, break_device
     from dvtcli.simulator.device.simulated_faults import own_of, read_faults
 
     try:
@@ -175,8 +194,7 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
             + Hint(Action.GIVE_SIMULATED, {"what": "gen4"}, " too: {}")
             + Hint(Action.GIVE, {"signals": "606C=sine(1500,2s)"}, " {}"),
         )
-    from dvtcli.simulator.network.signal_shapes import RowsError
-    from dvtcli.simulator.network.signals import read_signals
+    from dvtcli.simulator.network.signals import RowsError, read_signals
 
     try:
         return read_signals(

@@ -10,7 +10,7 @@ from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.results import VpdoListing
-from dvtcli.operations.results.vpdos import PinRow, VpdoRow
+from dvtcli.operations.results.pdos import PinRow, VpdoRow
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -5,37 +5,225 @@ Judges nothing and computes nothing itself: rules, load and differences are thos
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.frame import layout
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
-from dvtcli.domain.network.picture import NetworkPicture, PictureFinding
+from dvtcli.domain.network.links import agrees
+from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD, identifier_of
+from dvtcli.domain.network.picture import (
+    NetworkPicture,
+    PictureDifference,
+    PictureField,
+    PictureFinding,
+    PictureFrame,
+    PictureLink,
+    PictureLoad,
+    PictureNode,
+    PicturePdo,
+)
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.parameter_text import parameter_text
+from dvtcli.domain.plan import PdoChange
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal
 from dvtcli.files.network.physical_keys import rules_by_node
+from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.network.check_live import LISTEN_S, against_file
 from dvtcli.operations.network.check_networks import CheckOptions, chosen_rules, findings_of, judged_file
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
 from dvtcli.operations.network.network_load import USUAL_BIT_RATE
-from dvtcli.operations.picture.differing_rows import differences
-from dvtcli.operations.picture.drawn_frames import drawn_frames, drawn_load
-from dvtcli.operations.picture.drawn_nodes import drawn_links, drawn_nodes
 from dvtcli.operations.results.loads import Measured, NetworkLoad
+from dvtcli.operations.results.networks import action, differing
 from dvtcli.operations.wanted.network_wish import read_wish
 from dvtcli.watch.frame_count import FrameCount
 
 if TYPE_CHECKING:
-    from dvtcli.domain.meanings import Rules
-    from dvtcli.domain.network.network_state import NetworkState
+    from dvtcli.domain.frame import Field
+    from dvtcli.domain.meanings import Meanings, Rules
+    from dvtcli.domain.network.bus_need import StreamNeed
+    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState
     from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.plan import ValueChange
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.checked_networks import NetworkFinding
+    from dvtcli.operations.results.loads import FrameLoad
     from dvtcli.operations.session.session import Session
+
+
+def drawn_links(state: NetworkState) -> Iterator[PictureLink]:
+    """Every enabled RPDO with each TPDO of another node that it hears."""
+    for connection in CheckedNetwork(state, None).heard:
+        producer, consumer = (
+            Endpoint(connection.producer.node_id, connection.tpdo),
+            Endpoint(connection.consumer.node_id, connection.rpdo),
+        )
+        cob_id = connection.sends.communication.cob_id
+        fits = not _is_known(connection.sends, connection.takes) or agrees(
+            connection.sends.mapping, connection.takes.mapping
+        )
+        yield PictureLink(producer, consumer, (cob_id.can_id, cob_id.extended), fits)
+
+
+def _is_known(*configs: PdoConfig) -> bool:
+    """Whether it is told what each of them maps."""
+    return all(config.has_mapping and config.mpdo is None for config in configs)
+
+
+def drawn_nodes(state: NetworkState, said: Mapping[int, Rules]) -> Iterator[PictureNode]:
+    """Every node with all of its PDOs, also those that are off; *said*, by node-ID, goes before profiles and files."""
+    partners: dict[Endpoint, list[Endpoint]] = {}
+    for link in drawn_links(state):
+        partners.setdefault(link.producer, []).append(link.consumer)
+        partners.setdefault(link.consumer, []).append(link.producer)
+    for node in state.nodes:
+        meanings = meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
+        pdos = (_pdo(node, pdo, config, meanings, partners) for pdo, config in sorted(node.pdos.items()))
+        is_told = node.node_id not in state.untold
+        yield PictureNode(node.node_id, node.name, node.title, tuple(_facts(node)), tuple(pdos), is_told)
+
+
+def _pdo(
+    node: NodeState, pdo: Pdo, config: PdoConfig, meanings: Meanings, partners: dict[Endpoint, list[Endpoint]]
+) -> PicturePdo:
+    end = Endpoint(node.node_id, pdo)
+    fields = tuple(_field(node, field, meanings) for field in layout(config.mapping))
+    return PicturePdo(end, config, fields, tuple(partners.get(end, ())))
+
+
+def _field(node: NodeState, one: Field, meanings: Meanings) -> PictureField:
+    entry = one.entry
+    if entry.is_dummy:
+        return PictureField(one.start_bit, one.bits, entry.object, is_dummy=True)
+    described = node.dictionary.entry(entry.index, entry.sub_index) if node.dictionary else None
+    name = node.dictionary.display_name(entry.index, entry.sub_index) if node.dictionary and described else ""
+    kind = described.data_type.short if described and described.data_type else ""
+    return PictureField(one.start_bit, one.bits, entry.object, name, kind, meanings.of(entry.index, entry.sub_index))
+
+
+def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
+    """What else is to be told of a node: what it produces, and whom it watches."""
+    if node.heartbeat_ms:
+        yield "heartbeat", f"every {node.heartbeat_ms} ms"
+    elif node.is_guarded:
+        yield "heartbeat", "none; it is guarded (0x100C, 0x100D)"
+    if node.watched:
+        yield (
+            "watches",
+            ", ".join(f"node {node_id} ({time_ms} ms)" for node_id, time_ms in sorted(node.watched.items())),
+        )
+    if node.produces_sync:
+        yield "SYNC", f"every {(node.number(SYNC_PERIOD) or 0) / 1000:g} ms"
+    if node.emcy is not None:
+        yield "EMCY", f"0x{node.emcy[0]:03X}"
+    elif node.number(EMCY_COB_ID) is not None:
+        yield "EMCY", "off"
+
+
+def drawn_load(load: NetworkLoad) -> PictureLoad:
+    """What all frames need together, and what was measured."""
+    need, measured = load.need, load.measured
+    heard = measured.load(need.bit_rate) if measured is not None and measured.seconds else None
+    return PictureLoad(
+        need.bit_rate, need.limited, need.total, need.fits, load.is_assumed, load.fitting, need.assumed, heard,
+        0.0 if measured is None else measured.seconds,
+    )  # fmt: skip
+
+
+def drawn_frames(state: NetworkState, load: NetworkLoad) -> Iterator[PictureFrame]:
+    """Every CAN-ID that is used: what is sent with it as `load` computes it, and what RPDOs only wait for."""
+    hearing = _hearing(state)
+    found: dict[tuple[Identifier, int], PictureFrame] = {}
+    for frame_load in load.frames:
+        for number, need in enumerate(frame_load.needs or (None,)):
+            found[frame_load.identifier, number] = _frame(
+                load, frame_load, need, hearing.get(frame_load.identifier, ())
+            )
+    used = {identifier for identifier, _ in found}
+    for node, pdo, config in state.enabled(is_tpdo=True):
+        if (identifier := identifier_of(config)) not in used:
+            frame = PictureFrame(identifier, pdo.label, node.node_id, (config.bits + 7) // 8, "on request (RTR)",
+                                 is_computed=False, consumers=hearing.get(identifier, ()))  # fmt: skip
+            found.setdefault((identifier, 0), frame)
+    used = {identifier for identifier, _ in found}
+    for identifier in hearing.keys() - used:
+        why = "nobody here sends it"
+        found[identifier, 0] = PictureFrame(
+            identifier, "", None, 0, why, is_computed=False, consumers=hearing[identifier]
+        )
+    yield from (found[key] for key in sorted(found, key=_order))
+
+
+def _order(key: tuple[Identifier, int]) -> tuple[int, bool, int, int]:
+    """The order of the wire: the lower CAN-ID goes first."""
+    (can_id, extended), number = key
+    return (can_id >> 18 if extended else can_id, extended, can_id, number)
+
+
+def _hearing(state: NetworkState) -> dict[Identifier, tuple[Endpoint, ...]]:
+    """The enabled RPDOs by what they hear."""
+    found: dict[Identifier, tuple[Endpoint, ...]] = {}
+    for node, pdo, config in state.enabled(is_tpdo=False):
+        identifier = identifier_of(config)
+        found[identifier] = (*found.get(identifier, ()), Endpoint(node.node_id, pdo))
+    return found
+
+
+def _frame(load: NetworkLoad, one: FrameLoad, need: StreamNeed | None, consumers: tuple[Endpoint, ...]) -> PictureFrame:
+    measured = load.measured if load.measured is not None and load.measured.seconds else None
+    heard_hz = measured.rate_hz(one.identifier) if measured else None
+    heard_share = measured.share(one.identifier, load.need.bit_rate) if measured else None
+    if need is None:
+        length = one.heard.data_bytes if one.heard else 0
+        return PictureFrame(
+            one.identifier, one.label, one.node, length, "only heard", is_computed=False, consumers=consumers,
+            heard_hz=heard_hz, heard_share=heard_share,
+        )  # fmt: skip
+    stream = need.stream
+    hears = tuple(end for end in consumers if end.node_id != stream.node)
+    return PictureFrame(
+        one.identifier, stream.label, stream.node, stream.frame.data_bytes, stream.why,
+        _fraction(stream.frame.period_us), need.share, need.response_us, _fraction(stream.deadline_us), need.is_late,
+        True, hears, heard_hz, heard_share,
+    )  # fmt: skip
+
+
+def _fraction(time_us: Fraction | int | None) -> Fraction | None:
+    return None if time_us is None else Fraction(time_us)
+
+
+def differences(session: Session, file: str) -> Iterator[PictureDifference]:
+    """Every parameter that is not as the network *file* says; raises as `plan_network`."""
+    from dvtcli.operations.plans.plan_network import plan_network
+
+    for node in plan_network(session, file).nodes:
+        for change in node.plan.changes:
+            yield from _of_pdo(node, change) if isinstance(change, PdoChange) else _of_object(node, change)
+
+
+def _of_pdo(node: NodePlan, change: PdoChange) -> Iterator[PictureDifference]:
+    if action(node, change) == "prune":
+        yield PictureDifference(node.node_id, change.label, "enabled", "on", "off (not in the file)")
+        return
+    for key, was, will in differing(change):
+        before, after = parameter_text(key, was, change.pdo), parameter_text(key, will, change.pdo)
+        yield PictureDifference(node.node_id, change.label, key, before, after)
+
+
+def _of_object(node: NodePlan, change: ValueChange) -> Iterator[PictureDifference]:
+    step = change.step
+    was, will = step.text(step.before), step.text(step.after)
+    yield PictureDifference(node.node_id, f"0x{step.object}", "value", was, will)
+
 
 #: what passed on the bus: counted for the load, and kept for the rules; None if nobody listened
 _Heard = tuple[Measured | None, HeardTraffic | None]

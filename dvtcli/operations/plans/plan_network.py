@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.heard_producers import HeardIds, heard_ids, heard_producer_findings
 from dvtcli.device.proposal import proposal
-from dvtcli.device.reached import read_side_by_side
+from dvtcli.device.read_cache import read_side_by_side
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
@@ -24,8 +24,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import instead_findings
-from dvtcli.domain.rules.finding import warning
-from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.domain.value_order import SYNC_OVERFLOW, SYNC_PERIOD, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog

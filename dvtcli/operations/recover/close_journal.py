@@ -12,8 +12,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
-from dvtcli.operations.recover.stores_begun import furthest, stored_before
-from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
+from dvtcli.operations.recover.waiting_journals import furthest, stored_before, waiting_paths, with_others
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from dvtcli.domain.several import join_some
 from dvtcli.domain.stamp import DATE, TIME, Stamp
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
 from dvtcli.operations.changes.final_verify import ClaimsAtStore
-from dvtcli.operations.recover.stores_begun import furthest, waiting
+from dvtcli.operations.recover.waiting_journals import furthest, waiting
 from dvtcli.operations.results import Facts
 from dvtcli.operations.stores.store_network import store_each
 from dvtcli.operations.stores.unfinished_stores import Stores, back_and_again

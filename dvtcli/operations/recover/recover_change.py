@@ -12,8 +12,14 @@ from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.recover.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
-from dvtcli.operations.recover.stores_begun import furthest, stored_before, stores_of, waiting
-from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
+from dvtcli.operations.recover.waiting_journals import (
+    furthest,
+    stored_before,
+    stores_of,
+    waiting,
+    waiting_paths,
+    with_others,
+)
 from dvtcli.operations.results import Changed, ChangedNodes, Facts
 
 if TYPE_CHECKING:

@@ -10,44 +10,33 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.bit_rates import *  # noqa: F403
     from dvtcli.operations.results.bus_events import *  # noqa: F403
     from dvtcli.operations.results.changes import *  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403
     from dvtcli.operations.results.checked_networks import *  # noqa: F403
     from dvtcli.operations.results.comparisons import *  # noqa: F403
-    from dvtcli.operations.results.device_profiles import *  # noqa: F403
     from dvtcli.operations.results.diagnosis import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
-    from dvtcli.operations.results.dvt import *  # noqa: F403
-    from dvtcli.operations.results.explained import *  # noqa: F403
     from dvtcli.operations.results.failures import *  # noqa: F403
     from dvtcli.operations.results.files import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
-    from dvtcli.operations.results.gateway_events import *  # noqa: F403
     from dvtcli.operations.results.habit_listing import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
     from dvtcli.operations.results.library_files import *  # noqa: F403
     from dvtcli.operations.results.loads import *  # noqa: F403
-    from dvtcli.operations.results.logged_in import *  # noqa: F403
     from dvtcli.operations.results.lss_nodes import *  # noqa: F403
     from dvtcli.operations.results.networks import *  # noqa: F403
     from dvtcli.operations.results.node_errors import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403
     from dvtcli.operations.results.pdos import *  # noqa: F403
-    from dvtcli.operations.results.programs import *  # noqa: F403
-    from dvtcli.operations.results.records import *  # noqa: F403
     from dvtcli.operations.results.sent import *  # noqa: F403
     from dvtcli.operations.results.stores import *  # noqa: F403
-    from dvtcli.operations.results.sync_producers import *  # noqa: F403
     from dvtcli.operations.results.values import *  # noqa: F403
-    from dvtcli.operations.results.vpdos import *  # noqa: F403
     from dvtcli.operations.results.watched_values import *  # noqa: F403
     from dvtcli.operations.results.whole_devices import *  # noqa: F403
 
 #: Every public name of this room, by the module that defines it.
 NAMES: dict[str, tuple[str, ...]] = {
-    "bit_rates": ("HeardAt", "BitRateFound"),
     "bus_events": ("BusEvent",),
     "changes": ("Changed", "ChangedNodes"),
     "checked_files": (
@@ -62,7 +51,6 @@ NAMES: dict[str, tuple[str, ...]] = {
     ),
     "checked_networks": ("NetworkFinding", "NetworkReport", "NetworksChecked"),
     "comparisons": ("Compared", "ComparedNodes"),
-    "device_profiles": ("ProfileRow", "ProfileListing", "ProfileShown"),
     "diagnosis": ("Verdict", "Check", "Diagnosis"),
     "documents": (
         "Document",
@@ -79,8 +67,6 @@ NAMES: dict[str, tuple[str, ...]] = {
         "lacking_documents",
         "physical_document",
     ),
-    "dvt": ("DvtAnswer",),
-    "explained": ("part_document", "FrameExplained", "TracedFrame", "Traced"),
     "failures": (
         "not_proved",
         "lacking_error",
@@ -90,25 +76,70 @@ NAMES: dict[str, tuple[str, ...]] = {
         "not_obeyed",
         "together",
     ),
-    "files": ("Facts",),
-    "frames": ("FrameSeen", "PlottedSignal", "Plotted"),
+    "files": (
+        "Facts",
+        "DvtAnswer",
+    ),
+    "frames": (
+        "FrameSeen",
+        "PlottedSignal",
+        "Plotted",
+        "part_document",
+        "FrameExplained",
+        "TracedFrame",
+        "Traced",
+    ),
     "habit_listing": ("Wanted", "WantedState", "HabitRow", "HabitListing"),
     "learnt": ("Difference", "LearntDevice", "LearnForecast"),
-    "library_files": ("AddedFile", "LibraryAdded", "LibraryRow", "LibraryListing"),
+    "library_files": (
+        "AddedFile",
+        "LibraryAdded",
+        "LibraryRow",
+        "LibraryListing",
+        "ProfileRow",
+        "ProfileListing",
+        "ProfileShown",
+    ),
     "loads": ("Measured", "FrameLoad", "NetworkLoad", "need_document"),
-    "logged_in": ("LoggedIn",),
-    "lss_nodes": ("LssNode", "LssFound", "LssGiven", "LssChanged", "LssBitRate"),
+    "lss_nodes": (
+        "LssNode",
+        "LssFound",
+        "LssGiven",
+        "LssChanged",
+        "LssBitRate",
+        "HeardAt",
+        "BitRateFound",
+    ),
     "networks": ("NetworkPlanned", "network_findings", "action", "differing", "NetworkApplied"),
     "node_errors": ("FaultRow", "Faults", "FaultSeen"),
-    "nodes": ("NodeRow", "NodeListing", "Commanded", "Synced"),
-    "pdos": ("MappedName", "LastFrame", "PdoRow", "PdoListing"),
-    "programs": ("ProgramLoaded",),
-    "records": ("EntryUnread", "RecordRead"),
+    "nodes": (
+        "NodeRow",
+        "NodeListing",
+        "Commanded",
+        "Synced",
+        "LoggedIn",
+        "ProgramLoaded",
+        "SyncSource",
+        "SyncCheck",
+    ),
+    "pdos": (
+        "MappedName",
+        "LastFrame",
+        "PdoRow",
+        "PdoListing",
+        "PinRow",
+        "VpdoRow",
+        "VpdoListing",
+    ),
     "sent": ("NO_END", "Outcome", "OfFrames", "FrameToSend", "FramesSent", "FramesToReplay", "Replayed"),
     "stores": ("Stored",),
-    "sync_producers": ("SyncSource", "SyncCheck"),
-    "values": ("ValueRead", "ObjectRow", "ObjectListing"),
-    "vpdos": ("PinRow", "VpdoRow", "VpdoListing"),
+    "values": (
+        "ValueRead",
+        "ObjectRow",
+        "ObjectListing",
+        "EntryUnread",
+        "RecordRead",
+    ),
     "watched_values": ("MOST_POINTS", "ValuesRead", "ObjectCourse", "ValuesWatched"),
     "whole_devices": ("ObjectDifference", "WholeCompared"),
 }

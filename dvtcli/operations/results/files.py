@@ -11,6 +11,43 @@ from dvtcli.operations.results.documents import Answer, Document, finding_docume
 
 
 @dataclass(frozen=True, slots=True)
+class DvtAnswer(Answer):
+    """What *word* answered: `OK`, a value, `Abort 0x…` or `Timeout`; *reasons* say why, what first.
+
+    *dry_run* says that the node's twin answered; *rows* are the lines of an answer of ours that has several.
+    """
+
+    renderer: ClassVar = "file_lines:answer_lines"
+    remarked: ClassVar = True
+
+    word: str
+    node: int | None
+    answer: str
+    reasons: tuple[Hint | str, ...] = ()
+    exit_code: int = 0
+    findings: tuple[Finding, ...] = ()
+    dry_run: bool = False
+    rows: tuple[str, ...] = ()
+
+    @property
+    def remark(self) -> str:
+        """Under --dry-run, who answered."""
+        return "dry run: the node's twin answered; nothing was written to the bus" if self.dry_run else ""
+
+    def document(self) -> Document:
+        """`dvtcli.dvt/1`."""
+        return {
+            "schema": "dvtcli.dvt/1",
+            "word": self.word,
+            "node": self.node,
+            "answer": self.answer,
+            "reasons": list(self.reasons),
+            "findings": [finding_document(finding) for finding in self.findings],
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class Facts(Answer):
     """A few labelled lines: what was done or is so."""
 

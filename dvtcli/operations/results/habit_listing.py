@@ -66,7 +66,7 @@ class HabitRow(Short):
 class HabitListing(Answer):
     """What is remembered in *folder*, after that of the devices *forgotten* was removed."""
 
-    renderer: ClassVar = "habit_lines:habit_lines"
+    renderer: ClassVar = "learn_lines:habit_lines"
 
     rows: tuple[HabitRow, ...]
     folder: str

@@ -7,10 +7,137 @@ from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes
+from dvtcli.domain.rules import Finding
+from dvtcli.operations.results.documents import Answer, Document, Rows, Short, finding_document, hex_bytes
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
+
+
+#: Bit 30 of 0x1005: this node produces SYNC.
+_PRODUCES = 1 << 30
+
+
+@dataclass(frozen=True, slots=True)
+class SyncSource(Short):
+    """What one node says of SYNC: *cob_id* is its 0x1005, *period_us* its 0x1006; None where it has no such object."""
+
+    node: int
+    cob_id: int | None
+    period_us: int | None
+
+    @property
+    def produces(self) -> bool:
+        """Whether it says that it produces SYNC."""
+        return bool(self.cob_id is not None and self.cob_id & _PRODUCES and self.period_us)
+
+    @property
+    def can_id(self) -> int:
+        """The CAN-ID that it takes for SYNC."""
+        return 0x080 if self.cob_id is None else self.cob_id & 0x1FFF_FFFF
+
+
+@dataclass(frozen=True, slots=True)
+class SyncCheck(Answer):
+    """Whether anybody produces SYNC: what nodes say, and how many were *heard* within *listened_ms*; true if so."""
+
+    renderer: ClassVar = "node_lines:sync_check_lines"
+    at_leisure: ClassVar = True
+    remarked: ClassVar = True
+
+    nodes: tuple[SyncSource, ...]
+    heard: int
+    listened_ms: int
+    findings: tuple[Finding, ...] = ()
+    exit_code: int = 0
+
+    def __bool__(self) -> bool:
+        return self.produced
+
+    @property
+    def produced(self) -> bool:
+        """Whether SYNC was heard, or a node says that it produces it."""
+        return self.heard > 0 or any(node.produces for node in self.nodes)
+
+    def document(self) -> Document:
+        """`dvtcli.sync-check/1`."""
+        document: Document = {
+            "schema": "dvtcli.sync-check/1",
+            "produced": self.produced,
+            "heard": self.heard,
+            "listened_ms": self.listened_ms,
+            "nodes": [{"node": node.node, "cob_id": node.cob_id, "period_us": node.period_us} for node in self.nodes],
+        }
+        if self.findings:
+            document["findings"] = [finding_document(finding) for finding in self.findings]
+        return document
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramLoaded(Answer):
+    """A program of *size* bytes from *file* that runs as program *number* of *node*; under *dry_run* nothing was sent.
+
+    *before* and *after* are what 0x1F56 said of the old and of the new one, None where the device does not say;
+    *expected* is what it was compared with, None for nothing, *expected_by* the profile that says so, empty where the
+    user did. *restarted*: its boot-up message was heard.
+    """
+
+    renderer: ClassVar = "node_lines:program_lines"
+
+    node: int
+    number: int
+    file: str
+    size: int
+    before: int | None = None
+    after: int | None = None
+    expected: int | None = None
+    expected_by: str = ""
+    restarted: bool = False
+    seconds: float = 0.0
+    dry_run: bool = False
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.program/1`."""
+        return {
+            "schema": "dvtcli.program/1",
+            "node": self.node,
+            "program": self.number,
+            "file": self.file,
+            "bytes": self.size,
+            "identification_before": self.before,
+            "identification": self.after,
+            "expected": self.expected,
+            "expected_by": self.expected_by or None,
+            "restarted": self.restarted,
+            "seconds": round(self.seconds, 3),
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedIn(Answer):
+    """The access level that the node is at, and the one that was *wanted* (0: to be logged out)."""
+
+    renderer: ClassVar = "node_lines:login_lines"
+
+    node: int
+    level: int
+    wanted: int
+    dry_run: bool
+    #: what the level allows, in words
+    allows: str = ""
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.login/1`."""
+        return {
+            "schema": "dvtcli.login/1",
+            "node": self.node,
+            "level": self.level,
+            "wanted": self.wanted,
+            "dry_run": self.dry_run,
+        }
 
 
 @dataclass(frozen=True, slots=True)

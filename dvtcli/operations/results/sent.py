@@ -10,7 +10,7 @@ from dvtcli.domain.several import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.results.documents import Answer, Document, Short
-from dvtcli.operations.results.explained import FrameExplained
+from dvtcli.operations.results.frames import FrameExplained
 
 #: as many wanted frames, or more, are sent until somebody breaks it off: nobody is told their number
 NO_END = 10**9
@@ -144,7 +144,7 @@ class FrameToSend(Short):
 class FramesSent(OfFrames):
     """What became of the *frames*; true where all of them were sent."""
 
-    renderer: ClassVar = "sent_lines:sent_lines"
+    renderer: ClassVar = "frame_lines:sent_lines"
 
     frames: tuple[FrameToSend, ...]
     outcome: Outcome
@@ -207,7 +207,7 @@ class Replayed(OfFrames):
     True where all frames were sent.
     """
 
-    renderer: ClassVar = "sent_lines:replayed_lines"
+    renderer: ClassVar = "frame_lines:replayed_lines"
 
     file: str
     frames: tuple[FramesToReplay, ...]

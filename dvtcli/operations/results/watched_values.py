@@ -8,8 +8,7 @@ from math import isfinite
 from typing import ClassVar
 
 from dvtcli.operations.results.documents import Answer, Document, Short, json_value, physical_document
-from dvtcli.operations.results.records import RecordRead
-from dvtcli.operations.results.values import ValueRead
+from dvtcli.operations.results.values import RecordRead, ValueRead
 
 #: values of an object that are kept for its picture
 MOST_POINTS = 40

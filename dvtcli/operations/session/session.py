@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.opening.opened import Opened
@@ -17,10 +17,42 @@ if TYPE_CHECKING:
 
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
+    from dvtcli.device.wish import Wish
     from dvtcli.operations.opening.bus_of_options import OpenBus
-    from dvtcli.operations.session.record import Record
     from dvtcli.operations.user.options import Options
     from dvtcli.operations.user.reporter import Reporter
+
+
+class Rehearse(Protocol):
+    """Finds what a script wishes of each node, by running it on twins; *node_id* is selected when it begins."""
+
+    def __call__(self, file: str, node_id: int | None = None) -> dict[int, Wish]:
+        """The wishes of the script *file*, by node-ID; a line that cannot run raises, with FILE:LINE."""
+
+
+class Record:
+    """Script lines in the order they were done, each with the node-ID that it is about (0: all nodes)."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[int, str]] = []
+
+    def add(self, node_id: int, lines: list[str]) -> None:
+        """Remember script *lines* about a node that succeeded and changed something."""
+        self.lines += [(node_id, line) for line in lines]
+
+    def take_back(self, node_id: int, lines: list[str]) -> bool:
+        """Forget *lines* where they are the last that are remembered about the node; whether they were."""
+        own = [number for number, (about, _) in enumerate(self.lines) if about == node_id][-len(lines) :]
+        if not lines or [self.lines[number][1] for number in own] != lines:
+            return False
+        for number in reversed(own):
+            del self.lines[number]
+        return True
+
+    def of(self, node_id: int) -> list[str]:
+        """The lines about one node."""
+        return [line for about, line in self.lines if about == node_id]
+
 
 T = TypeVar("T")
 #: Exit codes after which a device may be half configured, and must not go back to OPERATIONAL.
@@ -55,7 +87,6 @@ class Session(Opened):
     @cached_property
     def record(self) -> Record:
         """What succeeded and changed something, as script lines."""
-        from dvtcli.operations.session.record import Record
 
         return Record()
 

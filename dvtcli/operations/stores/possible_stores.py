@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import STORE, chosen
 from dvtcli.domain.hint import Hint, as_hint
-from dvtcli.domain.rules.finding import Finding, error
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.finding import ERROR, Finding, Rule, error
 from dvtcli.errors import DeviceRefused, RuleError, SdoAborted
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
-from dvtcli.device.change.proven import prepare_proof, prove_store, refuse_deaf_to_reset, refuse_unprovable
+from dvtcli.device.change.proven import Restart, prepare_proof, prove_store, refuse_deaf_to_reset, refuse_unprovable
 from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
-from dvtcli.device.change.proving import Restart
 from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes

@@ -6,13 +6,14 @@ import time
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import join_some
 from dvtcli.operations.results import Synced
 from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
 
 if TYPE_CHECKING:
-    from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
+
 
 #: How long frames are waited for after the last SYNC, in seconds.
 _LISTEN_S = 0.05

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.several import plural
 from dvtcli.errors import UsageError
-from dvtcli.operations.wanted.stamped_words import linked_with
+from dvtcli.operations.wanted.stamping import linked_with
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NetworkWish

@@ -11,13 +11,12 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.reached import read_side_by_side
+from dvtcli.device.read_cache import read_side_by_side
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import Lacked
 from dvtcli.domain.network.wanted_state import ValueWish
-from dvtcli.domain.rules.finding import error
-from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.domain.rules.finding import ERROR, Rule, error
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.wanted.resolve_names import set_elsewhere

@@ -5,13 +5,17 @@ Complains where they mean nothing there, and of everything at once. Reads values
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from itertools import groupby
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.device.virtual_pdos import read_pins
+from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_syntax import Skipped, UnknownName
 from dvtcli.domain.pdo import Pdo
@@ -19,19 +23,86 @@ from dvtcli.domain.request import PdoRequest, Switched
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.mapped_object import object_findings
+from dvtcli.domain.several import join_some
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.meanings.named_objects import entry_at, object_at
 from dvtcli.operations.meanings.physical_meanings import meaning_of, typed_bytes
 from dvtcli.operations.objects.write_object import object_type
-from dvtcli.operations.wanted.node_id_words import of_node
-from dvtcli.operations.wanted.wanted_pins import WantedValue, wanted_pins
+from dvtcli.operations.pdos.virtual_pdo_ties import object_index, tied_name
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish
+    from dvtcli.domain.network.wanted_state import FileWord, Mark, NodeWish, PdoWish, PinWish
     from dvtcli.domain.object_syntax import MappedObject
     from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.vpdo import Pins
     from dvtcli.files.network.file_log import FileLog
+
+
+_FOLLOWS = re.compile(r"\$NODEID\s*(?:\+\s*(?P<more>\S+))?|(?P<first>\S+)\s*\+\s*\$NODEID", re.IGNORECASE)
+
+
+def following(number: int) -> str:
+    """The value that is *number* more than the node-ID."""
+    return f"$NODEID+0x{number:X}"
+
+
+def of_node(text: str, node_id: int) -> str:
+    """What the value *text* is on the node with *node_id*; *text* itself where it does not follow it.
+
+    ValueError where something else than a number is added to `$NODEID`.
+    """
+    found = _FOLLOWS.fullmatch(text.strip())
+    return str(parse_number(found["more"] or found["first"] or "0") + node_id) if found else text
+
+
+class WantedValue(NamedTuple):
+    """Bytes that the object at *place* should hold, why in words, and where the file says so."""
+
+    place: tuple[int, int]
+    data: bytes
+    reason: str
+    mark: Mark
+
+
+def wanted_pins(node: Node, wishes: Iterable[PinWish], log: FileLog) -> Iterator[WantedValue]:
+    """The objects of virtual PDOs as *wishes* want them, pins before the number of active ones."""
+    for name, group in groupby(wishes, key=lambda wish: wish.group):
+        pins = list(group)
+        if name in node.profile.vpdo:
+            yield from _group(node, read_pins(node, name), pins, log)
+        else:
+            have = join_some(node.profile.vpdo) or "no virtual PDOs"
+            log.complain(pins[0].mark, f"node {node.node_id} ({node.profile.title}) has no {name!r}, but {have}")
+
+
+def _group(node: Node, held: Pins, wishes: list[PinWish], log: FileLog) -> Iterator[WantedValue]:
+    ties: dict[int, int] = {}
+    for wish in wishes:
+        index = held.group.none if wish.object is None else _index(node, wish, log)
+        if wish.pin > len(held.values):
+            have = f"it has 1…{len(held.values)}" if held.values else "it has none"
+            log.complain(wish.mark, f"node {node.node_id} has no {held.name} pin {wish.pin}: {have}")
+        elif index is not None:
+            ties[wish.pin] = index
+    marks = {wish.pin: wish.mark for wish in wishes}
+    for sub_index, value in held.with_ties(ties).items() if ties else ():
+        data = value.to_bytes(2 if sub_index else 1, "little")
+        reason = held.said(sub_index, value, tied_name(node, value))
+        yield WantedValue((held.group.index, sub_index), data, reason, marks.get(sub_index, wishes[0].mark))
+
+
+def _index(node: Node, wish: PinWish, log: FileLog) -> int | None:
+    word = wish.object
+    try:
+        return None if word is None else object_index(node, word.text)
+    except UsageError as wrong:
+        log.complain(
+            wish.mark if word is None else word.mark,
+            f"{wrong.text}; {wrong.hint}" if isinstance(wrong.hint, str) else wrong.text,
+        )
+        return None
+
 
 Place = tuple[int, int]
 _CONSUMER_HEARTBEAT = 0x1016

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.operations.session.rehearse import Rehearse
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session import Rehearse, Session
     from dvtcli.operations.whole_device.held_device import HeldDevice
+
 
 NodePdo = tuple[int | None, "Pdo"]
 #: What is compared with where no file is named.

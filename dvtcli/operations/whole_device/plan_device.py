@@ -5,7 +5,7 @@ Does not know how a plan is carried out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.consent.power_stage import powered_findings
 from dvtcli.operations.meanings.object_values import understood
 from dvtcli.operations.meanings.planned_words import planned_words
+from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import checked_network, plans_of, with_unknown_syncs
 from dvtcli.operations.results.failures import together
@@ -37,8 +38,28 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import LeftOut, NodePlan
     from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.results import NetworkApplied
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.whole_device.held_device import HeldDevice
+
+
+def apply_device(
+    session: Session,
+    file: str,
+    options: DeviceOptions,
+    *,
+    on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
+) -> NetworkApplied:
+    """Make nodes what *file* (a DCF, an XDC or a backup) says by *options*; *on_plan* is told what is to be written.
+
+    Asks first. A fault brings them back. A clone of which settings differ still is not done: exit code 3.
+    Raises as `plan_device` and `apply_network`.
+    """
+    plan = plan_device(session, file, options)
+    on_plan(plan)
+    done = apply_network(session, plan, name=f"{'clone' if options.is_clone else 'apply'} {file}")
+    return replace(done, is_clone=options.is_clone)
+
 
 #: why an object is not written that does not read back what was written to it either
 _READS_ANOTHER_VALUE = frozenset({NotWritten.WRITE_ONLY, NotWritten.STORE, NotWritten.REQUEST, NotWritten.PROGRAM})

@@ -12,7 +12,7 @@ from dvtcli.domain.configuration import Configuration, device_types
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SdoAborted, UsageError
-from dvtcli.operations.objects.transfer_progress import transfer_progress
+from dvtcli.operations.objects.object_files import transfer_progress
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

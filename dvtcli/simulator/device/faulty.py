@@ -24,6 +24,55 @@ from dvtcli.simulator.device.sdo_server import (
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 
+
+def break_device(device: StrictDevice, fault: Fault) -> None:
+    """Let *device* have *fault* from now on; ValueError where it lacks what would fail."""
+    if fault.kind.of_bit_rate:
+        _mistime(device, fault)
+    elif fault.kind is FaultKind.IGNORES_NMT:
+        device.ignores_nmt = True
+    elif fault.kind.of_flash:
+        _break_flash(device, fault.kind)
+    else:
+        _break_memory(device, fault.kind)
+
+
+def _mistime(device: StrictDevice, fault: Fault) -> None:
+    """What is wrong with the device's bit rate."""
+    lss = device.lss
+    match fault.kind:
+        case FaultKind.BIT_RATE:
+            lss.run_at(fault.code, lss.known_rates)
+        case FaultKind.NO_BIT_TIMING:
+            lss.known_rates = ()
+        case FaultKind.KEEPS_BIT_RATE:
+            lss.keeps_rate = True
+        case FaultKind.LOSES_BIT_RATE:
+            lss.loses_rate = True
+
+
+def _break_memory(device: StrictDevice, kind: FaultKind) -> None:
+    store = device.areas
+    match kind:
+        case FaultKind.STORE_FAILS:
+            store.fails = True
+        case FaultKind.STORES_NOTHING:
+            store.stores_nothing = True
+        case FaultKind.SAVES_ITSELF:
+            store.saves_itself = True
+        case FaultKind.KEEPS_RAM:
+            store.keeps_ram = True
+        case FaultKind.RESTORES_NOTHING:
+            store.restores_nothing = True
+
+
+def _break_flash(device: StrictDevice, kind: FaultKind) -> None:
+    loader = device.loader
+    if loader is None:
+        raise ValueError(f"{kind}: the node has no boot loader: no program can be downloaded")
+    loader.fails, loader.alters = kind is FaultKind.FLASH_FAILS, kind is FaultKind.FLASH_ALTERS
+
+
 _TOGGLE, _EXPEDITED = 0x10, 0x02
 #: kinds whose download does not reach the device
 _NEVER_TAKEN = (FaultKind.LOSE_REQUEST, FaultKind.RESET, FaultKind.SILENT, FaultKind.BUS_ERROR)
@@ -78,8 +127,6 @@ class FaultyServer:
         elif fault.kind is FaultKind.SLOW_STORE:
             self._store_delay_s = fault.seconds or 0.0
         else:
-            from dvtcli.simulator.device.broken_device import break_device  # most nodes have no fault
-
             break_device(self._server.device, fault)
 
     def handle(self, request: bytes, now_s: float) -> FaultyReply:

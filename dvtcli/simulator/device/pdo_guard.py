@@ -6,15 +6,173 @@ mistakes. Does not know how PDOs travel, nor which entries can be mapped (`entry
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import BitPolicy
-from dvtcli.simulator.device.entry_guard import EntryGuard, refuse
 from dvtcli.simulator.device.family import Family, within
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.refusal import Refusal
+
+_ENFORCED_GRANULARITIES = (1, 8)
+_MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDEX: "missing-sub-index"}
+
+
+def refuse(family: Family, pdo: Pdo, check: str, code: int) -> None:
+    """Raise Refusal with the family's answer to *check*, *code* where it has none of its own; 0 is no refusal."""
+    code = family.answers.get(pdo.direction, {}).get(check, code)
+    if code:
+        raise Refusal(code)
+
+
+class EntryGuard:
+    """Judges entries for the mappings of one device."""
+
+    def __init__(self, memory: Memory, family: Family) -> None:
+        self._memory = memory
+        self._family = family
+
+    def check(self, pdo: Pdo, entry: PdoMappingEntry) -> None:
+        """Raise Refusal where *entry* cannot be mapped into *pdo*."""
+        if entry.index in DUMMY_BITS:
+            longest: int | None = self._dummy_bits(pdo, entry)
+        else:
+            longest = self._object_bits(pdo, entry)
+        if longest is not None and entry.bits > longest:
+            refuse(self._family, pdo, "entry-too-long", Abort.NOT_MAPPABLE if self._family.entry_length_checked else 0)
+        elif longest is not None and entry.bits < longest:
+            refuse(self._family, pdo, "entry-too-short", 0)
+        if entry.bits > self._family.max_entry_bits:
+            refuse(self._family, pdo, "entry-bits", Abort.NOT_MAPPABLE)
+        if entry.bits % self._granularity:
+            refuse(self._family, pdo, "granularity", Abort.NOT_MAPPABLE)
+
+    @property
+    def _granularity(self) -> int:
+        stated = self._family.granularity
+        if stated is None:
+            stated = self._memory.dictionary.info.granularity
+        return stated if stated in _ENFORCED_GRANULARITIES else 1
+
+    def _dummy_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int:
+        if entry.sub_index:
+            refuse(self._family, pdo, "dummy-sub-index", Abort.NO_SUB_INDEX)
+        if pdo.is_tpdo and self._family.tpdo_dummies:
+            refuse(self._family, pdo, "dummy", self._family.tpdo_dummies)
+        supported = self._family.dummies
+        if supported is None:
+            supported = self._memory.dictionary.info.dummies
+        if supported is not None and entry.index not in supported:
+            refuse(self._family, pdo, "dummy", Abort.NOT_MAPPABLE)
+        return DUMMY_BITS[entry.index]
+
+    def _object_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int | None:
+        """The length of a mapped object, None where nobody knows it."""
+        try:
+            self._memory.require(entry.index, entry.sub_index)
+        except Refusal as missing:
+            refuse(self._family, pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
+            return None
+        self._check_mappable(pdo, entry.index, entry.sub_index)
+        data_type = self._memory.data_type(entry.index, entry.sub_index)
+        if data_type is not None and data_type.bits is not None:
+            return data_type.bits
+        try:
+            return 8 * len(self._memory.read(entry.index, entry.sub_index)) or None
+        except Refusal:
+            return None
+
+    def _check_mappable(self, pdo: Pdo, index: int, sub_index: int) -> None:
+        described = self._memory.entry(index, sub_index)
+        if described is None:
+            return
+        if described.access not in (self._family.tpdo_access if pdo.is_tpdo else self._family.rpdo_access):
+            wrong_way = Abort.WRITE_ONLY if pdo.is_tpdo else Abort.READ_ONLY
+            telling = self._family.entry_access_codes and described.pdo_mapping
+            refuse(self._family, pdo, "wrong-direction", wrong_way if telling else Abort.NOT_MAPPABLE)
+        mappable = not self._states_mappability if described.pdo_mapping is None else described.pdo_mapping
+        if not mappable:
+            refuse(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
+
+    @cached_property
+    def _states_mappability(self) -> bool:
+        """Whether the file has a PDOMapping key anywhere; where it has none, nothing is refused for it."""
+        return any(entry.pdo_mapping is not None for entry in self._memory.dictionary.entries())
+
+
+#: What may have limits in a file: the sub-indices of a communication parameter, and of a mapping its count and entries.
+_PARAMETERS = {1: "cob-id", 2: "type", 3: "inhibit", 5: "event", 6: "sync-start"}
+_COUNT, _ENTRY = "count", "entry"
+
+
+def limit_check(index: int, sub_index: int, code: int) -> str:
+    """What the check of a file's limit is called that answers *code* of itself; "" for what is no PDO parameter."""
+    pdo = Pdo.at(index)
+    if pdo is None:
+        return ""
+    communication = index == pdo.communication_index
+    name = _PARAMETERS.get(sub_index, "") if communication else _ENTRY if sub_index else _COUNT
+    side = "above" if code == Abort.VALUE_HIGH else "below"
+    return f"{name}-{side}-limit" if name else ""
+
+
+#: Check → what is written when it is made.
+CHECKS = {
+    "cob-id-again": "a COB-ID that is held already, while the PDO is valid",
+    "cob-id-while-valid": "another CAN-ID, while the PDO is valid",
+    "rtr-bit": "a COB-ID whose bit 30 is not as the family has it",
+    "extended": "a COB-ID with bit 29",
+    "beyond-frame": "a CAN-ID above 0x7FF without bit 29, to be valid",
+    "restricted": "a CAN-ID that CiA 301 keeps for others, to be valid",
+    "empty-enabled": "a COB-ID that makes a PDO valid whose count is 0",
+    "type": "a transmission type that the family does not know",
+    "type-without-rtr": "transmission type 252 or 253 while bit 30 forbids RTR",
+    "type-while-valid": "a transmission type, while the PDO is valid",
+    "inhibit-while-valid": "an inhibit time, while the PDO is valid",
+    "event-while-valid": "an event timer, while the PDO is valid",
+    "sync-start-while-valid": "a SYNC start value, while the PDO is valid",
+    "inhibit-high": "an inhibit time above the family's highest",
+    "event-high": "an event timer above the family's highest",
+    "count-again": "the count that is held already, while the PDO is valid",
+    "count-while-valid": "another count, while the PDO is valid",
+    "count-beyond": "a count above the entries that there are",
+    "count-over-zero": "a count over an entry of 0",
+    "count-over-no-bits": "a count over an entry of 0 bits",
+    "too-many-bits": "a count over more than 64 bits",
+    "no-entry": "an entry behind the last one",
+    "entry-again": "the entry that is held already, while the PDO is valid",
+    "entry-while-valid": "another entry, while the PDO is valid",
+    "entry-again-counted": "the entry that is held already, while the count is not 0",
+    "entry-while-counted": "another entry, while the count is not 0",
+    "entry-zero": "an entry of 0",
+    "missing-object": "an entry that names an object that is not there",
+    "missing-sub-index": "an entry that names a sub-index that is not there",
+    "not-mappable": "an entry that names an object that is not mappable",
+    "wrong-direction": "an entry that names an object whose access is for the other direction",
+    "entry-too-long": "an entry that is longer than its object",
+    "entry-too-short": "an entry that is shorter than its object",
+    "entry-bits": "an entry above the family's longest",
+    "granularity": "an entry whose length is no multiple of the granularity",
+    "dummy": "an entry that names a dummy which the family does not have",
+    "dummy-sub-index": "an entry that names sub-index 1 of a dummy",
+    **{
+        f"{name}-{side}-limit": f"{what} {side} the limit that the file states"
+        for name, what in (
+            ("cob-id", "a COB-ID"),
+            ("type", "a transmission type"),
+            ("inhibit", "an inhibit time"),
+            ("event", "an event timer"),
+            ("sync-start", "a SYNC start value"),
+            (_COUNT, "a count"),
+            (_ENTRY, "an entry"),
+        )
+        for side in ("below", "above")
+    },
+}
+
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 _RTR_TYPES = (252, 253)

@@ -6,17 +6,146 @@ state (`strict_device`).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry, total_bits
+from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, total_bits
 from dvtcli.domain.pdo import EVENT_DRIVEN, Direction, Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import Emergencies
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.payload import collect, mapping_of, spread
-from dvtcli.simulator.device.tpdo_timing import LAST_SYNCHRONOUS, NEVER, EventTiming, Tpdo
+
+LAST_SYNCHRONOUS = 240
+_SYNC_RTR, _FIRST_EVENT_DRIVEN = 252, 254
+NEVER = float("inf")
+
+
+@dataclass(slots=True)
+class EventTiming:
+    """An event-driven TPDO's times in seconds, 0 for none: least between two frames, most between two frames.
+
+    The first frame is due at once: consumers learn the values when the node starts.
+    """
+
+    inhibit_s: float
+    event_s: float
+    sent: bytes | None = None
+    inhibited_until_s: float = -NEVER
+    event_due_s: float = NEVER
+    #: when the next frame may be due without a change of the data
+    due_s: float = -NEVER
+
+    def is_due(self, data: bytes, now_s: float) -> bool:
+        """Whether a frame with *data* goes out at *now_s*; it then counts as sent."""
+        wanted = data != self.sent or now_s >= self.event_due_s
+        if wanted and now_s >= self.inhibited_until_s:
+            self._note(data, now_s)
+            return True
+        self.due_s = self.inhibited_until_s if wanted else max(self.event_due_s, self.inhibited_until_s)
+        return False
+
+    def _note(self, data: bytes, now_s: float) -> None:
+        """The event timer runs from its own beat while it is punctual, else from now; a change starts it again."""
+        on_time = data == self.sent and now_s < self.event_due_s + self.event_s
+        self.sent = data
+        self.inhibited_until_s = now_s + self.inhibit_s if self.inhibit_s else -NEVER
+        if self.event_s:
+            self.event_due_s = (self.event_due_s if on_time else now_s) + self.event_s
+        self.due_s = max(self.event_due_s, self.inhibited_until_s)
+
+
+@dataclass(slots=True)
+class Tpdo:
+    """One enabled TPDO: what it is set to, and where it stands since it was enabled or the node was started.
+
+    *kind* is the transmission type, *start* the SYNC start value (0: none), *entries* the mapping in frame order.
+    """
+
+    can_id: int
+    extended: bool
+    rtr_allowed: bool
+    kind: int
+    start: int
+    entries: tuple[PdoMappingEntry, ...]
+    #: None until it is polled for the first time, or for ever where it is not event-driven
+    timing: EventTiming | None = None
+    #: what was last sent by type 0, or sampled by type 252
+    sample: bytes | None = field(default=None, repr=False)
+    _seen: int = 0
+    _started: bool = False
+
+    @property
+    def heeds_sync(self) -> bool:
+        """Whether a SYNC means something to it."""
+        return self.kind <= LAST_SYNCHRONOUS or self.kind == _SYNC_RTR
+
+    @property
+    def event_driven(self) -> bool:
+        """Whether it is sent on change and by its event timer."""
+        return self.kind >= _FIRST_EVENT_DRIVEN
+
+    def is_due_at_sync(self, data: bytes, counter: int | None) -> bool:
+        """Whether a frame with *data* goes out at this SYNC, the *counter* of which is 1..240 or not there."""
+        if self.kind == _SYNC_RTR:
+            self.sample = data
+            return False
+        if self.kind == 0:
+            changed, self.sample = data != self.sample, data
+            return changed
+        if counter is not None and self.start and not self._started:
+            self._started = counter == self.start
+            return self._started
+        self._seen = (self._seen + 1) % self.kind
+        return self._seen == 0
+
+    def requested(self, data: bytes) -> bytes | None:
+        """What it carries when a remote frame asks for it; None for nothing sampled yet, or no remote frames."""
+        if not self.rtr_allowed:
+            return None
+        return self.sample if self.kind == _SYNC_RTR else data
+
+
+_MOST_ENTRIES, _MOST_BYTES = 64, 8
+
+
+def mapping_of(memory: Memory, mapping_index: int) -> tuple[PdoMappingEntry, ...]:
+    """The active entries of the mapping parameter at *mapping_index*; none for a multiplexed PDO."""
+    count = memory.number(mapping_index, 0)
+    if count > _MOST_ENTRIES:
+        return ()
+    raw = (memory.number(mapping_index, sub_index) for sub_index in range(1, count + 1))
+    return tuple(PdoMappingEntry.from_raw(each) for each in raw)
+
+
+def collect(memory: Memory, entries: Iterable[PdoMappingEntry]) -> bytes:
+    """The bytes that *entries* make up now, at most 8."""
+    value, offset = 0, 0
+    for entry in entries:
+        held = memory.number(entry.index, entry.sub_index)
+        value |= (held & (1 << entry.bits) - 1) << offset
+        offset += entry.bits
+    return value.to_bytes((offset + 7) // 8, "little")[:_MOST_BYTES]
+
+
+def spread(memory: Memory, entries: Iterable[PdoMappingEntry], data: bytes) -> None:
+    """Put *data* into the mapped objects; dummies and objects that the node does not have are skipped."""
+    bits, offset = int.from_bytes(data, "little"), 0
+    for entry in entries:
+        if entry.index not in DUMMY_BITS and memory.exists(entry.index, entry.sub_index):
+            _put(memory, entry, bits >> offset & (1 << entry.bits) - 1)
+        offset += entry.bits
+
+
+def _put(memory: Memory, entry: PdoMappingEntry, value: int) -> None:
+    """Replace the low bits of an object; what a short entry does not cover stays as it is."""
+    held = memory.read(entry.index, entry.sub_index)
+    size = len(held) or (entry.bits + 7) // 8
+    others = int.from_bytes(held, "little") & ~((1 << entry.bits) - 1)
+    both = (others | value) & (1 << 8 * size) - 1
+    memory.write(entry.index, entry.sub_index, both.to_bytes(size, "little"))
+
 
 SHORT_PDO, LONG_PDO, RPDO_TIMED_OUT = 0x8210, 0x8220, 0x8250
 _COB_ID, _TRANSMISSION_TYPE, _INHIBIT_TIME, _EVENT_TIMER, _SYNC_START = 1, 2, 3, 5, 6

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.moving import NEVER, Source
+from dvtcli.simulator.device.plant import NEVER, Source
 from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 

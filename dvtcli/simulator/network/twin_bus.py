@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.node_events import BootUp, Emergency, HeardEmergency, NodeEvent
-from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.domain.ports import BootUp, CanopenBus, Emergency, Frame, HeardEmergency, NodeEvent
 from dvtcli.errors import UsageError
 from dvtcli.simulator.network.twin import DeviceFor, Twin
 

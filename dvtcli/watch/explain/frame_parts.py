@@ -7,27 +7,232 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 
+from dvtcli.domain.abort import abort_text
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.emergency_codes import emergency_text, register_words
 from dvtcli.domain.frame import Field, layout
 from dvtcli.domain.lss_services import REQUEST_ID
 from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.standard_names import standard_name
+from dvtcli.domain.standard_objects import standard_name
 from dvtcli.watch.decoder import Decoder, Layout, Signal
 from dvtcli.watch.explain.lss_parts import lss_parts
 from dvtcli.watch.explain.parts import BIT_INDENT, Bytes, FramePart
-from dvtcli.watch.explain.sdo_parts import sdo_parts
-from dvtcli.watch.explain.service_parts import (
-    emergency_parts,
-    heartbeat_parts,
-    nmt_parts,
-    sync_parts,
-    time_parts,
-)
 from dvtcli.watch.service import service_of
+
+#: what an object is called, and what its value says, by index, sub-index and its bytes (None: none is carried)
+NameOf = Callable[[int, int, bytes | None], tuple[str, str]]
+
+_SDO_BYTES = 8
+_REQUESTS = {
+    0: "download segment", 1: "initiate download", 2: "initiate upload", 3: "upload segment", 4: "abort transfer",
+    5: "block upload", 6: "block download",
+}  # fmt: skip
+_ANSWERS = {
+    0: "upload segment", 1: "download segment taken", 2: "initiate upload", 3: "download taken",
+    4: "abort transfer", 5: "block download", 6: "block upload",
+}  # fmt: skip
+#: subcommands of the block transfers, by direction, command specifier and number
+_BLOCK = {
+    (True, 5): ("initiate", "end", "blocks' answer", "start"),
+    (True, 6): ("initiate", "end"),
+    (False, 5): ("initiate", "end", "blocks' answer"),
+    (False, 6): ("initiate", "end"),
+}
+
+
+def sdo_parts(data: bytes, *, request: bool, name_of: NameOf) -> Iterator[FramePart]:
+    """The parts of an SDO *request*, or of an answer."""
+    cut = Bytes(data)
+    if len(data) < _SDO_BYTES:
+        yield from cut.rest(0, "too short: an SDO has 8 bytes")
+        return
+    command = data[0] >> 5
+    words = (_REQUESTS if request else _ANSWERS).get(command, "unknown command specifier")
+    yield cut.part(5, 3, "client command specifier" if request else "server command specifier", words)
+    if command == 4:
+        yield from _abort(cut, name_of)
+    elif command in (5, 6):
+        yield from _block(cut, command, request=request, name_of=name_of)
+    elif (request and command == 1) or (not request and command == 2):
+        yield from _initiate(cut, name_of)
+    elif (request and command == 2) or (not request and command == 3):
+        yield cut.part(0, 5, "reserved")
+        yield from _object(cut, name_of)
+        yield from cut.rest(4, "reserved")
+    elif command == 0:
+        yield from _segment(cut)
+    elif command in (1, 3):
+        yield cut.part(4, 1, "toggle bit")
+        yield cut.part(0, 4, "reserved")
+        yield from cut.rest(1, "reserved")
+    else:
+        yield cut.part(0, 5, "not known")
+        yield from cut.rest(1, "not known")
+
+
+def _object(cut: Bytes, name_of: NameOf, data: bytes | None = None) -> Iterator[FramePart]:
+    index, sub_index = cut.number(1, 2), cut.data[3]
+    name, _ = name_of(index, sub_index, data)
+    yield cut.part(8, 16, "index", f"0x{index:04X}")
+    yield cut.part(24, 8, "sub-index", name, f"{index:04X}:{sub_index:02X}")
+
+
+def _abort(cut: Bytes, name_of: NameOf) -> Iterator[FramePart]:
+    yield cut.part(0, 5, "reserved")
+    yield from _object(cut, name_of)
+    yield cut.part(32, 32, "abort code", abort_text(cut.number(4, 4)))
+
+
+def _initiate(cut: Bytes, name_of: NameOf) -> Iterator[FramePart]:
+    """A transfer's first frame that has data with it, or says how much there will be."""
+    expedited, sized = cut.raw(1, 1), cut.raw(0, 1)
+    yield cut.part(4, 1, "reserved")
+    unused = cut.raw(2, 2) if expedited and sized else 0
+    yield cut.part(2, 2, "n: bytes without data", str(unused) if expedited and sized else "not used")
+    yield cut.part(1, 1, "e: transfer type", "expedited" if expedited else "in segments")
+    yield cut.part(0, 1, "s: size", "indicated" if sized else "not indicated")
+    if not expedited:
+        yield from _object(cut, name_of)
+        length = cut.number(4, 4)
+        yield cut.part(32, 32, "size", f"{length} bytes follow" if sized else "not used")
+        return
+    data = cut.data[4 : _SDO_BYTES - unused]
+    yield from _object(cut, name_of, data)
+    _, value = name_of(cut.number(1, 2), cut.data[3], data)
+    yield cut.part(32, 8 * len(data), "data", value)
+    yield from cut.rest(_SDO_BYTES - unused, "without data")
+
+
+def _segment(cut: Bytes) -> Iterator[FramePart]:
+    unused = cut.raw(1, 3)
+    yield cut.part(4, 1, "toggle bit")
+    yield cut.part(1, 3, "n: bytes without data", str(unused))
+    yield cut.part(0, 1, "c", "the last segment" if cut.raw(0, 1) else "more segments follow")
+    end = _SDO_BYTES - unused
+    if end > 1:
+        yield cut.part(8, 8 * (end - 1), "data of the segment", _readable(cut.data[1:end]))
+    yield from cut.rest(max(end, 1), "without data")
+
+
+def _readable(data: bytes) -> str:
+    """Bytes as text where all of them are letters, signs or blanks."""
+    return repr(data.decode("ascii")) if data and all(0x20 <= byte < 0x7F for byte in data) else ""
+
+
+def _block(cut: Bytes, command: int, *, request: bool, name_of: NameOf) -> Iterator[FramePart]:
+    names = _BLOCK[request, command]
+    width = 2 if len(names) > 2 else 1
+    number = cut.raw(0, width)
+    step = names[number] if number < len(names) else "unknown"
+    sends = command == 6  # the side that has the data: it says sizes and checksums
+    if step == "initiate":
+        yield cut.part(3, 2, "reserved")
+        yield cut.part(2, 1, "CRC", "supported" if cut.raw(2, 1) else "not supported")
+        if sends:
+            yield cut.part(1, 1, "s: size", "indicated" if cut.raw(1, 1) else "not indicated")
+    elif step == "end" and sends:
+        yield cut.part(2, 3, "n: bytes of the last segment without data", str(cut.raw(2, 3)))
+        yield cut.part(1, 1, "reserved")
+    else:
+        yield cut.part(width, 5 - width, "reserved")
+    yield cut.part(0, width, "subcommand", step)
+    yield from _block_rest(cut, step, sends=sends, request=request, name_of=name_of)
+
+
+def _block_rest(cut: Bytes, step: str, *, sends: bool, request: bool, name_of: NameOf) -> Iterator[FramePart]:
+    if step == "initiate":
+        yield from _object(cut, name_of)
+        if sends:
+            yield cut.part(32, 32, "size", f"{cut.number(4, 4)} bytes" if cut.raw(1, 1) else "not used")
+            return
+        yield cut.part(32, 8, "block size", f"{cut.data[4]} segments")
+        if request:
+            yield cut.part(40, 8, "protocol switch threshold", f"{cut.data[5]} bytes")
+        yield from cut.rest(6 if request else 5, "reserved")
+    elif step == "end" and sends:
+        yield cut.part(8, 16, "CRC")
+        yield from cut.rest(3, "reserved")
+    elif step == "blocks' answer":
+        yield cut.part(8, 8, "last segment taken in order", str(cut.data[1]))
+        yield cut.part(16, 8, "block size of the next", f"{cut.data[2]} segments")
+        yield from cut.rest(3, "reserved")
+    else:
+        yield from cut.rest(1, "reserved")
+
+
+_DAY_MS = 24 * 60 * 60 * 1000
+#: the day from which TIME counts (CiA 301, 7.2.6)
+_EPOCH = datetime(1984, 1, 1, tzinfo=UTC)
+#: the values of SYNC's counter (CiA 301, 7.2.5.3.2)
+_COUNTERS = range(1, 241)
+
+
+def nmt_parts(data: bytes) -> Iterator[FramePart]:
+    """An NMT command, and whom it is for."""
+    cut = Bytes(data)
+    if data:
+        word = NmtCommand(data[0]).word if data[0] in set(NmtCommand) else "reserved"
+        whole = "" if len(data) > 1 else "; too short: an NMT command has 2 bytes"
+        yield cut.part(0, 8, "command specifier", word + whole)
+    if len(data) > 1:
+        node = data[1]
+        yield cut.part(8, 8, "node-ID", "all nodes" if not node else f"node {node}" if node <= 127 else "reserved")
+    yield from cut.rest(2, "one too many: an NMT command has 2 bytes")
+
+
+def sync_parts(data: bytes) -> Iterator[FramePart]:
+    """SYNC: nothing, or its counter."""
+    cut = Bytes(data)
+    if data:
+        said = str(data[0]) if data[0] in _COUNTERS else "reserved: SYNC counts from 1 to 240 at most"
+        yield cut.part(0, 8, "counter", said)
+    yield from cut.rest(1, "one too many: SYNC has a counter at most")
+
+
+def time_parts(data: bytes) -> Iterator[FramePart]:
+    """TIME: milliseconds since midnight, and days since 1 January 1984."""
+    cut = Bytes(data)
+    if len(data) < 6:
+        yield from cut.rest(0, "too short: TIME has 6 bytes")
+        return
+    milliseconds, days = cut.raw(0, 28), cut.number(4, 2)
+    at = _EPOCH + timedelta(days=days, milliseconds=milliseconds % _DAY_MS)
+    clock = at.strftime("%H:%M:%S.") + f"{at.microsecond // 1000:03d}"
+    yield cut.part(0, 28, "ms since midnight", clock if milliseconds < _DAY_MS else "more than a day has")
+    yield cut.part(28, 4, "reserved")
+    yield cut.part(32, 16, "days since 1984-01-01", at.strftime("%Y-%m-%d"))
+    yield from cut.rest(6, "one too many: TIME has 6 bytes")
+
+
+def emergency_parts(data: bytes) -> Iterator[FramePart]:
+    """An emergency: its code, the error register, and what the maker adds."""
+    cut = Bytes(data)
+    if len(data) < 2:
+        yield from cut.rest(0, "too short: EMCY has 8 bytes")
+        return
+    yield cut.part(0, 16, "emergency error code", emergency_text(cut.number(0, 2)))
+    if len(data) > 2:
+        yield cut.part(16, 8, "error register", ", ".join(register_words(data[2])) or "no error")
+    yield from cut.rest(3, "the maker's own")
+
+
+def heartbeat_parts(data: bytes) -> Iterator[FramePart]:
+    """A heartbeat, a boot-up, or the answer of node guarding."""
+    cut = Bytes(data)
+    if not data:
+        return
+    state = data[0] & 0x7F
+    words = NmtState(state).label if state in set(NmtState) else "reserved"
+    yield cut.part(7, 1, "toggle bit of node guarding", "" if data[0] & 0x80 else "0 in a heartbeat")
+    yield cut.part(0, 7, "NMT state", "boot-up" if data == b"\0" else words)
+    yield from cut.rest(1, "one too many: a heartbeat has 1 byte")
+
 
 _STANDARD_BITS, _NODE_BITS, _BYTE = 11, 7, 8
 #: the CAN-IDs of SDO requests begin behind it

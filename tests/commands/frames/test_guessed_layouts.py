@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.frames.file_layouts import file_layouts
+from dvtcli.operations.frames.layouts import file_layouts
 from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder

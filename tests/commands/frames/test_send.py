@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.view.answers.sent_lines import outcome_text
+from dvtcli.cli.view.answers.frame_lines import outcome_text
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.send_frames import send_frames

@@ -12,7 +12,7 @@ import pytest
 from dvtcli.bus.traffic import REMEMBERED
 from dvtcli.cli.run_line import boundary
 from dvtcli.files.user_folders import user_folder
-from dvtcli.operations.frames.kept_exchange import keep_exchange
+from dvtcli.operations.frames.last_exchange import keep_exchange
 from tests.commands.bench import Bench
 from tests.sample import heavy
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from dvtcli.domain.lss_services import REQUEST_ID
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.ports import Frame
+from dvtcli.operations.lss.lss_assign import in_order
 from dvtcli.operations.lss.lss_node_id import lss_node_id
-from dvtcli.operations.lss.lss_order import in_order
 from dvtcli.operations.results.lss_nodes import LssGiven
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options

@@ -11,7 +11,7 @@ import dvtcli
 from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.errors import UsageError
-from dvtcli.files.profile.standards import standards
+from dvtcli.files.profile.library import standards
 from dvtcli.files.user_folders import user_folder
 from tests.commands.bench import Bench
 

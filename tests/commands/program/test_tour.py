@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.cli.commands._tour_steps import STEPS
+from dvtcli.cli.commands.tour import STEPS
 from tests.process import dvtcli
 from tests.prompt.conftest import Open, open_terminal  # noqa: F401 - the fixture
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER

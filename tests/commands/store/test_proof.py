@@ -12,8 +12,8 @@ import pytest
 
 from dvtcli.device.canary import Canary, choose_canary
 from dvtcli.device.change.pending import CHANGE
+from dvtcli.device.change.proven import Restart
 from dvtcli.device.change.proven_restore import prove_restore
-from dvtcli.device.change.proving import Restart
 from dvtcli.device.resets import await_power_cycle
 from dvtcli.device.store_parameters import RESTORE, Signed
 from dvtcli.domain.proof import POWER

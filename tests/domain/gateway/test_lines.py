@@ -6,10 +6,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.format import format_request
+from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.line_words import LONGEST_LINE, words_of
 from dvtcli.domain.gateway.parse import parse_request
+from dvtcli.domain.gateway.plan_lines import format_request
 from dvtcli.domain.gateway.requests import Nmt, Order, PdoEntry, Read, ReadPdo, Request, SetPdo, Write, WritePdo
 from dvtcli.domain.gateway.value_words import TYPES, data_of, value_text
 from dvtcli.domain.nmt import NmtCommand

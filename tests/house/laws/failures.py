@@ -18,10 +18,10 @@ MAY_EXIT = (
 )  # fmt: skip
 #: where a Ctrl-C that had to wait, or came by another way than a signal, goes on
 MAY_INTERRUPT = (
-    "cli/dvt/tcl_run.py", "cli/scripts/script_run.py", "cli/prompt/terminal.py",
+    "cli/dvt/tcl_run.py", "cli/scripts/script.py", "cli/prompt/terminal.py",
     "cli/conversation.py", "cli/each_node.py", "cli/live_lines.py",
     "operations/stores/store_restore.py", "operations/gateway/serve_gateway.py",
-    "operations/api/ctrl_c.py", "operations/api/calls.py",
+    "operations/api/calls.py",
 )  # fmt: skip
 #: where whatever happens must be turned into something else, with what for
 MAY_CATCH_ALL = {
@@ -33,9 +33,8 @@ MAY_CATCH_ALL = {
     "bus/drivers.py": "what drivers raise means that they find nothing",
     "bus/turns.py": "handed to the thread that asked for the work",
     "watch/listener.py": "handed to who takes what was heard",
-    "cli/monitor/object_reader.py": "handed to who takes what was read",
-    "cli/monitor/mapping_reader.py": "the same",
-    "cli/monitor/full_screen.py": "handed past the event loop of prompt_toolkit, which would keep it",
+    "cli/monitor/watch_keys.py": "handed to who takes what was read",
+    "cli/monitor/full_screen.py": "the same; and past the event loop of prompt_toolkit, which would keep it",
     "device/change/transaction.py": "LeftChanged follows, unless all but an object that cannot be read goes back",
     "device/change/put_back.py": "the other changes are put back all the same, then it is raised",
 }
@@ -44,25 +43,24 @@ MAY_LEAVE_UNSAID = {
     "cli/conversation.py": "a script's failure is told; of what its earlier lines set nothing is claimed then",
     "cli/name_completion.py": "nothing is offered; it is said once the line is run",
     "cli/prompt/completer.py": "the same",
-    "cli/prompt/checking.py": "the same",
+    "cli/prompt/full_line.py": "the same",
     "cli/prompt/status.py": "the menu says less; the next command says why",
     "device/change/accepted_steps.py": "who does not answer is not known to hold what it took",
     "device/takes_store.py": "nobody knows: the store itself will say",
     "operations/exchange/import_network.py": "read ahead: it is said where it is needed",
     "operations/plans/plan_network.py": "the same",
     "operations/wanted/missing_objects.py": "the same",
-    "operations/lss/lss_rate_change.py": "who does not take the old bit rate is named in the failure",
-    "operations/lss/lss_rate_proof.py": "what failed first is what there is to say",
+    "operations/lss/lss_bit_rate.py": "what failed first is said; it names who does not take the old bit rate",
     "operations/network/check_live.py": "without its links the file makes nothing to compare; its faults are said",
 }
 #: exceptions that end within their room and reach no user
 INNER = {
     "files/recorded_lines.py:LostLineError", "files/recorded_lines.py:NoFrameError",
-    "domain/gateway/error_numbers.py:GatewayRequestError",  # a client's line, which gets an answer
-    "simulator/network/socketcand.py:RubbishError", "simulator/network/signal_shapes.py:RowsError",
+    "domain/gateway/gateway_answers.py:GatewayRequestError",  # a client's line, which gets an answer
+    "simulator/network/socketcand.py:RubbishError", "simulator/network/signals.py:RowsError",
     "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
-    "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/checking.py:Refused", "cli/view/streams.py:ReaderLeft",
+    "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/full_line.py:Refused", "cli/view/streams.py:ReaderLeft",
     "domain/object_syntax.py:UnknownName",
 }  # fmt: skip
 _ENDS = frozenset(

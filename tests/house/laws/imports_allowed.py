@@ -46,7 +46,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "cli/prompt/redirect.py",
         "cli/prompt/terminal.py",
         "cli/stop_signals.py",
-        "operations/api/ctrl_c.py",
+        "operations/api/calls.py",
     ),
     "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`
     "tkinter": ("cli/dvt/tcl_interp.py",),

@@ -8,10 +8,9 @@ from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.lexer import split
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.profile import DeviceProfile
-from dvtcli.domain.rules.rule import Rule
+from dvtcli.domain.rules.finding import Rule
 from dvtcli.errors import DvtcliError
-from dvtcli.files.profile.library import load_profile
-from dvtcli.files.profile.reasons import reasons
+from dvtcli.files.profile.library import load_profile, reasons
 from dvtcli.files.profile.toml import builtin_names, builtin_path
 from dvtcli.operations.user.options import START_ONLY
 from dvtcli.operations.user.settings import ALIASES, PASSCODE, USERS_OWN

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Cell, Line, Table
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.bit_rates import BitRateFound
+    from dvtcli.operations.results.lss_nodes import BitRateFound
 
 
 def bit_rate_lines(result: BitRateFound, width: int) -> Iterator[Line]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.answers.check_lines import STYLES
-from dvtcli.cli.view.complaint_lines import source_lines
+from dvtcli.cli.view.error_lines import source_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.several import plural
 from dvtcli.operations.results.checked_files import SEVERITIES

@@ -11,9 +11,47 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
+from dvtcli.operations.results.nodes import LoggedIn
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Commanded, NodeListing, NodeRow, SyncCheck, Synced, SyncSource
+    from dvtcli.operations.results.nodes import ProgramLoaded
+
+
+def program_lines(result: ProgramLoaded, _width: int) -> Iterator[Line]:
+    """What runs now, and by what that is known."""
+    what = f"program {result.number} of node {result.node}"
+    if result.dry_run:
+        new = f"load {result.file} ({result.size:,} bytes) and start it"
+        yield [Cell("dry run: ", "cyan"), Cell(f"would stop and clear {what}, {new}. Nothing was sent.")]
+        return
+    seen = "its boot-up message was heard" if result.restarted else "it says so; no boot-up message was heard"
+    yield f"{what}: {result.file}, {result.size:,} bytes in {result.seconds:.1f} s, runs: {seen}"
+    yield f"  0x1F56 says {_said(result.after)} (before: {_said(result.before)}){_compared(result)}"
+
+
+def _said(identification: int | None) -> str:
+    return "nothing" if identification is None else f"0x{identification:08X}"
+
+
+def _compared(result: ProgramLoaded) -> str:
+    if result.expected is None:
+        return ": compared with nothing, --expect does that"
+    return f", as profile {result.expected_by} expects" if result.expected_by else ", as expected"
+
+
+def login_lines(result: LoggedIn, _width: int) -> Iterator[Line]:
+    """The level that the node is at, and what it allows."""
+    if result.dry_run:
+        yield [
+            Cell("dry run: ", "cyan"),
+            Cell("the twin believes any passcode, and none was asked for. Nothing was sent."),
+        ]
+    elif not result.wanted:
+        yield f"node {result.node} logged out: access level {result.level}"
+    else:
+        yield [Cell(f"node {result.node} is at access level {result.level}"), Cell(f": {result.allows}", "dim")]
+
 
 _STATE_STYLES = {
     NmtState.OPERATIONAL.label: "green",

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.wrap import wrapped
+from dvtcli.cli.view.paint import wrapped
 from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.several import join_some
 from dvtcli.operations.results.failures import compared_text

@@ -5,16 +5,71 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.answers.record_lines import record_lines
-from dvtcli.cli.view.answers.value_lines import value_line
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.shown_value import value_text
-from dvtcli.operations.results.records import RecordRead
-from dvtcli.operations.results.values import ValueRead
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.shown_value import MOST_SHOWN, value_text
+from dvtcli.operations.results.values import EntryUnread, ObjectListing, RecordRead, ValueRead
 from dvtcli.watch.statistics import spark
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.watched_values import ValuesRead, ValuesWatched
+
+
+def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
+    """An object with its value; of a drive's word also the names of the bits that are set."""
+    yield [*value_line(result), *_into_file(result)]
+    number, meaning = result.value, result.meaning
+    if meaning.states and isinstance(number, int) and (bits := meaning.set_bits(number)):
+        yield [Cell(f"  {', '.join(bits)}", "dim")]
+
+
+def value_line(result: ValueRead) -> list[Cell]:
+    """An object with its value, decoded and raw."""
+    number = result.value
+    if isinstance(number, str):
+        shown = repr(number)
+    else:
+        shown = value_text(number, result.meaning, 8 * max(1, len(result.raw)), hexed=True)
+    verb = " <- " if result.written else " = "
+    name = f"  {result.name}" if result.name else ""
+    return [
+        Cell(f"0x{result.object}"),
+        Cell(name, "bold"),
+        Cell(f"{verb}{shown}"),
+        Cell(f"  {result.type_name}", "dim"),
+    ]
+
+
+def _into_file(result: ValueRead) -> Iterator[Cell | Hint]:
+    """What gives the whole of a value that is shown in part."""
+    if isinstance(result.value, bytes) and len(result.value) > MOST_SHOWN and not result.written:
+        yield from (Cell("; "), Hint(Action.READ, {"object": result.object, "into": "FILE"}, "has all"))
+
+
+def object_lines(result: ObjectListing, width: int) -> Iterator[Line]:
+    """Entries of the object dictionary."""
+    table = Table(("OBJECT", "NAME", "TYPE", "ACCESS", "MAPPABLE", "DEFAULT"), shrink=1)
+    for row in result.rows:
+        table.add(row.object, Cell(row.name, "bold"), row.type_name, row.access, row.mappable, row.default)
+    yield from table.lines(width)
+    yield f"{len(result.rows)} of {result.total} objects of {result.source}"
+
+
+def record_lines(result: RecordRead, _width: int) -> Iterator[Line]:
+    """Sub-index 0, and each entry, as each for itself."""
+    yield value_line(result.head)
+    for entry in result.entries:
+        if isinstance(entry, EntryUnread):
+            abort = "" if entry.abort is None else f"0x{entry.abort:08X} "
+            name = f"  {entry.name}" if entry.name else ""
+            line: list[Cell | Hint] = [Cell(f"0x{entry.object}"), Cell(name, "bold")]
+            line.append(Cell(f"  not read: {abort}{entry.text}", "yellow"))
+            if entry.abort is None:
+                line += [Cell("; "), Hint(Action.READ, {"object": entry.object, "into": "FILE"}, "does")]
+            yield line
+        else:
+            yield value_line(entry)
+
 
 _LEVELS = "▁▂▃▄▅▆▇█"
 

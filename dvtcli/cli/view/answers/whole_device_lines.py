@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.network.concise_difference import download_lines
+from dvtcli.domain.network.concise_dcf import download_lines
 from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.shown_value import cut_text
 from dvtcli.domain.shown_value import value_text as physical_text

@@ -18,7 +18,7 @@ from dvtcli.domain.rules import (
     mappable,
     mapped_object,
 )
-from dvtcli.domain.rules.rule import Rule
+from dvtcli.domain.rules.finding import Rule
 
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _DECLARED: dict[str, Rule] = {

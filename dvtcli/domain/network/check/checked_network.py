@@ -6,15 +6,38 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+from dvtcli.domain.lint.map_judgement import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
-from dvtcli.domain.network.check.judged_pdos import judged_pdos
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
-from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.network.network_state import (
+    EMCY_COB_ID,
+    SYNC_COB_ID,
+    Identifier,
+    NetworkState,
+    NodeState,
+    identifier_of,
+)
 from dvtcli.domain.network.stream import SYNCHRONOUS, Streams
 from dvtcli.domain.network.wanted_state import NOWHERE, Mark
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.rules import Finding
+from dvtcli.domain.rules import Finding, Proposal, check_pdo
+from dvtcli.domain.services import taken_by_services
+
+
+def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
+    """Tell what `map` would say of each PDO that is enabled, or that a file names, made one after the other."""
+    before: dict[Pdo, PdoConfig] = {}
+    emcy = node.number(EMCY_COB_ID)
+    for pdo, config in sorted(node.pdos.items()):
+        if (not config.enabled and pdo not in node.marks) or config.inconsistency or config.mpdo is not None:
+            continue
+        proposal = Proposal(
+            node.node_id, pdo, blank(config), config, before, node.profile, node.dictionary,
+            services=lambda: taken_by_services(node.node_id, node.number(SYNC_COB_ID), emcy, node.sdo_channels),
+        )  # fmt: skip
+        yield from ((pdo, finding) for finding in check_pdo(proposal))
+        before = {**before, pdo: config}
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,43 @@ Judges nothing. What the reader found odd is in `EdsFile.findings` already.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-from dvtcli.files.eds.findings import Findings
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.several import join_some
+from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
 from dvtcli.files.eds.layout import object_place
 from dvtcli.files.eds.reader import EdsFile
+
+
+def no_section(text: LintedText, name: str, lost: str) -> Found:
+    """A file without the section *name*, whereby *lost* is not known."""
+    if text.section(name.lower()) is None:
+        yield 1, f"there is no [{name}]: {lost}"
+
+
+def missing_keys(text: LintedText, name: str, needed: Iterable[str]) -> Found:
+    """A section *name* without some of the keys *needed*: said once, with all of them."""
+    section, values = text.section(name.lower()), text.values(name.lower())
+    missing = [key for key in needed if key.lower() not in values]
+    if section is not None and missing:
+        yield section.line, f"[{name}] lacks {join_some(missing)}"
+
+
+def named(finding: EdsFinding, shown: str, dictionary: ObjectDictionary) -> EdsFinding:
+    """*finding* with the object *shown* (`6C01:01`, or `6C01` as a whole), and its data type, in the text."""
+    if not shown:
+        return finding
+    index, _, sub_index = shown.partition(":")
+    held = dictionary.get(int(index, 16))
+    if not sub_index and held is not None and list(held.entries) == [0]:
+        shown, sub_index = f"{index}:00", "00"
+    entry = None if held is None or not sub_index else held.entries.get(int(sub_index, 16))
+    kind = "" if entry is None or entry.data_type is None else f" {entry.data_type.name}"
+    return replace(finding, object=shown, text=f"{shown}{kind}: {finding.text}")
+
 
 #: What a rule finds: a line (1 and up), and what.
 Found = Iterator[tuple[int, str]]

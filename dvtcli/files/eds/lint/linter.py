@@ -10,13 +10,10 @@ from collections.abc import Collection
 from functools import cached_property
 
 from dvtcli.domain.lint import (
-    lint_mappability,
     lint_objects,
     lint_pdo_defaults,
     lint_pdos,
-    lint_services,
     lint_standard,
-    lint_values,
 )
 from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
 from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
@@ -25,24 +22,18 @@ from dvtcli.files.eds.findings import EdsFinding
 from dvtcli.files.eds.ini import IniSection
 from dvtcli.files.eds.layout import Parts, object_place
 from dvtcli.files.eds.lint import (
-    lint_commissioning,
-    lint_device_info,
-    lint_file_info,
     lint_keys,
     lint_lines,
-    lint_lists,
+    lint_sections,
 )
-from dvtcli.files.eds.lint.linted_text import LintedText
-from dvtcli.files.eds.lint.named import named
+from dvtcli.files.eds.lint.linted_text import LintedText, named
 from dvtcli.files.eds.read_rules import READ_RULES
 from dvtcli.files.eds.reader import EdsFile
 
-TEXT_CHECKS: list[RuleCheck[LintedText, int]] = checks_of(
-    lint_lines, lint_keys, lint_file_info, lint_device_info, lint_lists, lint_commissioning
-)
+TEXT_CHECKS: list[RuleCheck[LintedText, int]] = checks_of(lint_lines, lint_keys, lint_sections)
 DEVICE_CHECKS: list[RuleCheck[DescribedDevice, Spot]] = [
     *lint_pdo_defaults.CHECKS,
-    *checks_of(lint_pdos, lint_standard, lint_services, lint_objects, lint_mappability, lint_values),
+    *checks_of(lint_pdos, lint_standard, lint_objects),
 ]
 #: Every rule there is.
 RULES: tuple[LintRule, ...] = (

@@ -7,7 +7,7 @@ from tests.house.laws.breaks.way import Break, for_types, in_a_function
 BREAKS = [
     Break("folders", "operations/helper.py", "A_NUMBER = 1"),
     Break(
-        "folders", "operations/user/said.py", in_a_function("from dvtcli.operations.session.rehearse import Rehearse")
+        "folders", "operations/user/said.py", in_a_function("from dvtcli.operations.session.session import Rehearse")
     ),
     Break("folders", "operations/meanings/named_objects.py", for_types("from dvtcli.operations import pdos")),
     Break("direction", "domain/plan.py", "from dvtcli.device.node import Node"),
@@ -27,9 +27,11 @@ BREAKS = [
     Break("direction", "files/dbc.py", in_a_function('import_module("dvtcli.cli.%s" % node)')),
     Break("direction", "files/dbc.py", in_a_function('import_module(f"dvtcli.{node}.main")')),
     Break("direction", "domain/plan.py", in_a_function("from .. import operations")),
-    Break("independence", "simulator/device/judge.py", "from dvtcli.domain import rules"),
+    Break("independence", "simulator/device/strict_device.py", "from dvtcli.domain import rules"),
     Break("independence", "simulator/device/memory.py", in_a_function("from dvtcli.domain.plan import plan_pdo")),
-    Break("independence", "simulator/device/limits.py", "if TYPE_CHECKING:\n    from dvtcli.domain import rules"),
+    Break(
+        "independence", "simulator/device/strict_device.py", "if TYPE_CHECKING:\n    from dvtcli.domain import rules"
+    ),
     Break(
         "independence",
         "simulator/device/simulated_faults.py",
@@ -37,9 +39,15 @@ BREAKS = [
     ),
     Break("independence", "simulator/device/gates.py", "import dvtcli.device.read_pdos"),
     Break("independence", "simulator/device/lss_slave.py", "from dvtcli.bus.discover import *"),
-    Break("independence", "simulator/device/judge.py", "from dvtcli import domain"),
-    Break("independence", "simulator/device/judge.py", "from dvtcli.domain.end_state import EndState"),
-    Break("independence", "simulator/device/judge.py", in_a_function('open("profile.toml")')),
-    Break("independence", "simulator/device/judge.py", in_a_function('return resources.files("dvtcli.families")')),
-    Break("independence", "simulator/device/judge.py", in_a_function('return Path(__file__).parents[2] / "families"')),
+    Break("independence", "simulator/device/strict_device.py", "from dvtcli import domain"),
+    Break("independence", "simulator/device/strict_device.py", "from dvtcli.domain.end_state import EndState"),
+    Break("independence", "simulator/device/strict_device.py", in_a_function('open("profile.toml")')),
+    Break(
+        "independence", "simulator/device/strict_device.py", in_a_function('return resources.files("dvtcli.families")')
+    ),
+    Break(
+        "independence",
+        "simulator/device/strict_device.py",
+        in_a_function('return Path(__file__).parents[2] / "families"'),
+    ),
 ]

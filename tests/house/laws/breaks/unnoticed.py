@@ -26,7 +26,7 @@ def _try(why: str, kinds: str, *then: str) -> tuple[Break, str]:
 #: a way -> why no law looks for it
 UNNOTICED: dict[Break, str] = dict(
     [
-        _pass("independence", "simulator/device/judge.py", _IN_PIECES, 'return "".join(["profile", ".toml"])'),
+        _pass("independence", "simulator/device/strict_device.py", _IN_PIECES, 'return "".join(["profile", ".toml"])'),
         _pass("libraries", "device/node.py", _IN_PIECES, 'return __builtins__["__import__"]("ca" + "n")'),
         _pass("libraries", "device/node.py", _IN_PIECES, 'return vars(importlib)["import_module"]("canopen")'),
         _pass("vendors", "device/node.py", _IN_PIECES, 'return node.name == "".join(["gen", "4"])'),
