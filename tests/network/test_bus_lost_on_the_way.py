@@ -110,3 +110,69 @@ def test_a_bus_that_is_gone_for_every_node_is_said_once(home: Path, cut: str) ->
     assert ("also", "the bus is gone") not in raised.value.details
     if cut == "first write":
         assert (raised.value.node, raised.value.details) == (5, [("others", "node 7, 9: nothing was written to it")])
+
+
+class Dead(Heard):
+    """A bus that is gone for good once *gone_once* is true and somebody asks who restarted."""
+
+    gone_once: Callable[[], bool] = staticmethod(lambda: False)
+
+    def boot_ups(self, node_id: int) -> int:
+        if self.gone_once():
+            raise BusUnavailable("the bus is gone")
+        return super().boot_ups(node_id)
+
+
+def refused(home: Path, fault: str, bus: type[Heard] = Heard) -> tuple[Chain, Path]:
+    """Nodes 5, 7 and 9, of which one has a *fault*, and a file that sets each of them, in one phase."""
+    folder, path = home.parent / "files", home.parent / "net.yaml"
+    folder.mkdir()
+    ids = (5, 7, 9)
+    path.write_text("".join(f"n{one}:\n  node_id: {one}\n  tpdo: {{3: {{event_timer: 70}}}}\n" for one in ids))
+    return Chain(folder, [fault], families=dict.fromkeys(ids, "generic"), bus=bus), path
+
+
+def test_of_nodes_that_were_not_begun_nobody_says_that_they_were_read_back(home: Path) -> None:
+    chain, path = refused(home, "7:refuse@1=0x06090030")
+    before = chain.held()
+    with pytest.raises(DvtcliError) as raised:
+        chain.apply(path)
+    assert (raised.value.state, chain.held()) == ("rolled_back", before)
+    assert raised.value.state_text == (
+        "rolled back: what was changed is as it was on node 5, 7, read back equal; nothing was written to node 9; "
+        "nothing was stored"
+    )
+
+
+@heavy
+def test_beside_one_that_is_left_changed_too(home: Path) -> None:
+    chain, path = refused(home, "7:silent@1")
+    with pytest.raises(LeftChanged) as raised:
+        chain.apply(path)
+    assert raised.value.node == 7
+    others = [text for label, text in raised.value.details if label == "others"]
+    assert others == ["node 5: as before, read back equal", "node 9: nothing was written to it"]
+
+
+@heavy
+@pytest.mark.parametrize("node_id", [7, 9])
+def test_a_bus_that_is_gone_once_all_is_back_replaces_no_fault(home: Path, node_id: int) -> None:
+    chain, path = refused(home, f"{node_id}:refuse@1=0x06090030", Dead)
+    assert isinstance(chain.bus, Dead)
+    seen = list[bool]()
+
+    def gone() -> bool:
+        """Whether there were journals, and are none any more."""
+        seen.append(bool(chain.journals()))
+        return any(seen) and not seen[-1]
+
+    chain.bus.gone_once = gone
+    with pytest.raises(DvtcliError) as raised:
+        chain.apply(path)
+    assert (raised.value.exit_code, raised.value.node, raised.value.abort) == (1, node_id, 0x06090030)
+    told = {
+        9: "rolled back: every node is as it was, read back equal; nothing was stored",
+        7: "rolled back: what was changed is as it was on node 5, 7, read back equal; nothing was written to node 9; "
+        "nothing was stored; whether node 9 restarted is not known: the bus is gone",
+    }
+    assert raised.value.state_text == told[node_id]
