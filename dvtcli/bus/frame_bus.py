@@ -242,6 +242,8 @@ _LSS_ANSWER_ID = 0x7E4
 
 #: how many nodes are asked at once where nothing runs: enough for the wire to be busy with servers that take 10 ms
 MOST_AT_ONCE = 64
+#: how many where nobody said the bit rate
+FEW_AT_ONCE = 8
 #: how long no PDO must have been heard for a bus to be one on which nothing runs (s)
 QUIET_S = 10.0
 
@@ -298,13 +300,16 @@ class FrameBus(ReadBus[M]):
         """Send one frame, of which *dlc* is a remote one's, and tell those who watch; raises BusUnavailable."""
 
     def _most_at_once(self) -> int:
-        """One as long as a machine may be running, or the bit rate is not known.
+        """One as long as a machine may be running: SDO at full speed would keep heartbeats off the bus.
 
-        SDO at full speed would keep heartbeats off the bus; where the bit rate is known its pace is kept.
+        Several keep to the pace of the bit rate; if it is not known, a few keep to `unknown_pace`, or there is one.
         """
         running = NmtState.OPERATIONAL in self._watch.states.values() or monotonic() - self._pdo_s < QUIET_S
-        paced = self.bitrate is not None or self.simulated
-        return MOST_AT_ONCE if paced and not running else 1
+        if running:
+            return 1
+        if self.bitrate is not None or self.simulated:
+            return MOST_AT_ONCE
+        return 1 if self.unknown_pace is None else FEW_AT_ONCE
 
     def _channel(self, node_id: int) -> SdoChannel:
         return self._channels.channel(node_id)

@@ -114,6 +114,10 @@ SEND_PATIENCE = 150
 
 #: drivers that would send a data frame where a remote frame is asked for
 _NO_REMOTE_FRAMES = frozenset({"socketcand"})
+#: drivers of adapters that send and receive at once whatever the bit rate is, which they do not tell
+_QUICK = frozenset({"socketcand"})
+#: the least bit rate (bit/s) that is usual: whoever keeps to its pace leaves gaps on all of them
+LEAST_BIT_RATE = 125_000
 #: how long every frame must have been heard before silence says that no PDOs are on their way (s)
 HEARD_S = 0.25
 
@@ -137,6 +141,8 @@ class CanBus(FrameBus[can.Message]):
         setter: BitRateSetter | None = None,
     ) -> None:
         super().__init__(name, frame_of, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
+        if self.name.partition(":")[0] in _QUICK:
+            self.unknown_pace = LEAST_BIT_RATE
         self._bus = bus
         self._carrier = carrier or Carrier()
         self._setter = setter

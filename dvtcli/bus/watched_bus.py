@@ -168,6 +168,8 @@ class WatchedBus(HeardNodes):
         self.simulated = simulated
         #: bit/s, None where nobody said
         self.bitrate = bitrate
+        #: the pace (bit/s) of several requests at once where nobody said the bit rate; None: there are not several
+        self.unknown_pace: int | None = None
         self.settings = SdoSettings(timeout_s, retries)
         super().__init__()
         self._watch.now_s = self.now_s
@@ -264,15 +266,13 @@ class WatchedBus(HeardNodes):
     def await_share(self) -> None:
         """Wait until an SDO exchange leaves the load within the share (SdoLink), 1 s at most.
 
-        Only where the bit rate is known: all but a few gaps is the share of several transfers at once, and a smaller
-        one is kept while a node was heard OPERATIONAL, or one watches another's heartbeat (0x1016).
+        All but a few gaps is the share of several transfers at once. A smaller one is kept while a node was heard
+        OPERATIONAL, or one watches another's heartbeat (0x1016), where the bit rate is known.
         """
-        if self.bitrate is None:
-            return
-        if self._share or self._may_run():
+        if self.bitrate is not None and (self._share or self._may_run()):
             self._keep_share(self.bitrate)
-        if len(self._transfers) > 1:
-            self._keep_pace(self.bitrate)
+        if len(self._transfers) > 1 and (pace := self.bitrate or self.unknown_pace):
+            self._keep_pace(pace)
 
     def _keep_share(self, bit_rate: int) -> None:
         """Wait until an exchange leaves the load within what was allowed while something may run."""

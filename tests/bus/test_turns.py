@@ -12,7 +12,7 @@ import can
 import pytest
 
 from dvtcli.bus.carrier import Carrier
-from dvtcli.bus.frame_bus import MOST_AT_ONCE
+from dvtcli.bus.frame_bus import FEW_AT_ONCE, MOST_AT_ONCE
 from dvtcli.bus.kernel_carrier import _SERVICES
 from dvtcli.bus.python_can import HEARD_S, CanBus
 from dvtcli.errors import BusUnavailable, NoAnswer
@@ -144,8 +144,8 @@ class Filtering(Carrier):
         self._bus.set_filters(None if everything else cast("can.typechecking.CanFilters", services))
 
 
-def at_once(bus: CanBus, least: int = 1) -> int:
-    """How many of three pieces of work are on their way at a time; they wait until *least* are."""
+def at_once(bus: CanBus, least: int = 1, of: int = 3) -> int:
+    """How many *of* pieces of work are on their way at a time; they wait until *least* are."""
     until_s = bus.now_s() + PATIENCE_S
     going, most = list[int](), 0
 
@@ -158,7 +158,7 @@ def at_once(bus: CanBus, least: int = 1) -> int:
             bus.sleep(0.001)
         going.pop()
 
-    assert bus.side_by_side([works] * 3) == []
+    assert bus.side_by_side([works] * of) == []
     return most
 
 
@@ -207,6 +207,15 @@ def test_nodes_are_asked_one_by_one_where_nothing_is_known_of_the_bit_rate() -> 
     assert at_once(bus) == 1
     bus.bitrate = 1_000_000
     assert at_once(bus, 3) == 3
+    bus.close()
+
+
+def test_a_few_are_asked_at_once_over_a_server_that_does_not_tell_the_bit_rate() -> None:
+    end = can.Bus("served", interface="virtual", ignore_config=True)
+    bus = CanBus(end, "socketcand:127.0.0.1:29536")
+    bus.receive(0)
+    bus.sleep(HEARD_S)
+    assert at_once(bus, FEW_AT_ONCE, 2 * FEW_AT_ONCE) == FEW_AT_ONCE
     bus.close()
 
 

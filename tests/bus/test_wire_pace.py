@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.bus.frame_bus import FEW_AT_ONCE
+from dvtcli.bus.python_can import LEAST_BIT_RATE
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.bus.wire_pace import AHEAD_S, LONGEST_WAIT_S, WirePace
 from dvtcli.domain.bus_load import frame_bits
@@ -56,6 +58,19 @@ def test_no_node_starves_behind_those_with_lower_can_ids(count: int, bitrate: in
     assert max(heartbeats) < 1.5 * HEARTBEAT_S
     assert max(answers) < DEFAULT_TIMEOUT_S / 3
     assert bus.bits / bus.wire_bitrate > 0.94 * (bus.now_s() - began_s), "the wire is used"
+
+
+@heavy
+@pytest.mark.parametrize("bitrate", [LEAST_BIT_RATE, 500_000])
+def test_a_few_leave_gaps_where_nobody_said_the_bit_rate(bitrate: int) -> None:
+    bus = nodes(16, bitrate, 0.002)
+    bus.bitrate, bus.unknown_pace, bus.most_at_once = None, LEAST_BIT_RATE, FEW_AT_ONCE
+    bus.begin()
+    until_s = bus.now_s() + 0.8
+    assert bus.side_by_side([reads(bus, node_id, until_s) for node_id in range(1, FEW_AT_ONCE + 1)]) == []
+    heartbeats = [waited_s for can_id, waited_s in bus.waited_s.items() if can_id > HEARTBEAT_ID]
+    assert len(heartbeats) == 16
+    assert max(heartbeats) < 1.5 * HEARTBEAT_S
 
 
 @heavy

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
-    """Say that so many *nodes* are asked one by one where the bit rate is not known, and how to say it; once a session.
+    """Say that so many *nodes* are asked slowly where the bit rate is not known, and how to say it; once a session.
 
-    Of a bus alone that would ask them side by side: not of simulated nodes, twins, or a gateway to objects.
+    Of a bus alone that would ask them faster: not of simulated nodes, twins, or a gateway to objects.
     """
     bus = session.bus
     if nodes < 2 or session.dry_run or bus.simulated or not bus.carries_frames or bus.bitrate is not None:
@@ -25,7 +25,7 @@ def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
         Hint(
             Action.GIVE_BIT_RATE,
             {"rate": 250000},
-            f"{verbatim(unknown)}: its {nodes} nodes are asked one by one, and nothing of the bus is kept free for a "
+            f"{verbatim(unknown)}: its {nodes} nodes are asked slowly, and nothing of the bus is kept free for a "
             "running machine; say what it is, as {} or as bitrate = 250000 in dvtcli.toml",
         )
     )
