@@ -98,6 +98,13 @@ def _made_again(kind: type[DvtcliError], *args: object) -> DvtcliError:
     return kind.__new__(kind, *args)
 
 
+def ended_with(exit_code: int, text: str, *, hint: Hint | str | None = None, state: State = "unchanged") -> DvtcliError:
+    """Why an answer whose own screen says all of it ended with *exit_code*: for documents."""
+    failed = DvtcliError(text, hint=hint, state=state)
+    failed.exit_code = exit_code
+    return failed
+
+
 class UsageError(DvtcliError):
     """What was typed is not understood."""
 

@@ -109,7 +109,7 @@ def _stopped(session: Conversation) -> int:
 
     code, staying = session.cancellation.exit_code, session.staying()
     word = "interrupted" if code == INTERRUPTED else "terminated"
-    if session.tells_state:
+    if session.tells_state or session.output.json:
         state, said = session.state_now()
         stopped = Interrupted(word, state=state)
         stopped.exit_code, stopped.state_text = code, said

@@ -159,9 +159,11 @@ def _deliver(session: Conversation, result: Any) -> Any:
     failure: DvtcliError | None = getattr(result, "failure", None)
     if failure is not None and session.output.format in result.formats:  # a case of its own
         return _code(result)
-    if failure is None and session.in_script:  # where lines follow one another it must be said which of them it was
+    if failure is None and (session.in_script or session.output.json):  # it must be said which line it was
         failure = getattr(result, "failure_of_line", None)
-    if failure is not None and not session.output.json:  # a document says it all
+    if failure is None and session.output.json:  # a program finds the reason of each exit code in one place
+        failure = getattr(result, "failure_of_document", None)
+    if failure is not None:
         raise failure
     return _code(result)
 

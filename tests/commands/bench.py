@@ -105,9 +105,18 @@ class Ran:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The one JSON document on stdout."""
-        (document,) = self.documents
+        """The one answer on stdout, or the one error; an answer with an exit code is followed by its error."""
+        document, *more = self.documents
+        if more:
+            (error,) = more
+            assert (error["schema"], error["exit_code"]) == ("dvtcli.error/1", self.code), error
         return document
+
+    @property
+    def answer(self) -> dict[str, Any]:
+        """The last answer on stdout, whether or not an error follows it; the last error where nothing was answered."""
+        *_, last = [one for one in self.documents if one["schema"] != "dvtcli.error/1"] or self.documents
+        return last
 
     @property
     def documents(self) -> list[dict[str, Any]]:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from tests.process import PATIENCE_S, environment
-from tests.serve.served import ANSWER_S, Served
+from tests.serve.served import ANSWER_S, Served, own_environment
 from tests.surroundings import ROOT
 
 #: what the last lines of a playbook's run say of a host
 _RECAP = re.compile(r"^(?P<host>[\w-]+) +: (?P<counts>(?:\w+=\d+ *)+)$", re.MULTILINE)
+_RESULT = re.compile(r"^\w+: \[(?P<host>[\w-]+)\](?:: \w+!)? => (?P<result>\{.*\})$", re.MULTILINE)
 BINARIES = Path(sys.executable).parent
 
 
@@ -32,6 +35,11 @@ class Played:
             found["host"]: {key: int(count) for key, count in re.findall(r"(\w+)=(\d+)", found["counts"])}
             for found in _RECAP.finditer(self.said)
         }
+
+    def results(self, task: str) -> dict[str, dict[str, Any]]:
+        """Of each host what *task* ended with, the last time; with -v or for a failure."""
+        part = self.said.rpartition(f"TASK [{task}] ")[2].partition("\nTASK [")[0]
+        return {found["host"]: json.loads(found["result"]) for found in _RESULT.finditer(part)}
 
     def hosts(self, what: str) -> set[str]:
         """The hosts of which *what* was counted at least once."""
@@ -55,17 +63,20 @@ class Fleet:
         self.hosts[name] = {
             "ansible_connection": "local",
             "ansible_python_interpreter": sys.executable,
-            "dvtcli": str(BINARIES / "dvtcli"),
-            "bus": bus,
+            "canopen_bus": bus,
             **variables,
         }
 
     def play(self, tasks: list[dict[str, object]], *options: str, roles: tuple[str, ...] = ()) -> Played:
         """Run *roles* and *tasks* on all hosts, with *options* of ansible-playbook."""
-        inventory, playbook = self.folder / "hosts.json", self.folder / "play.json"
-        inventory.write_text(json.dumps({"all": {"hosts": self.hosts}}), "utf-8")
         play = {"hosts": "all", "gather_facts": False, "tasks": tasks, "roles": list(roles)}
-        playbook.write_text(json.dumps([play]), "utf-8")
+        return self.play_text(json.dumps([play]), *options)
+
+    def play_text(self, text: str, *options: str) -> Played:
+        """Run the playbook *text*; all hosts are the group `benches`."""
+        inventory, playbook = self.folder / "hosts.json", self.folder / "play.yaml"
+        inventory.write_text(json.dumps({"all": {"children": {"benches": {"hosts": self.hosts}}}}), "utf-8")
+        playbook.write_text(text, "utf-8")
         ran = subprocess.run(
             [str(BINARIES / "ansible-playbook"), "-i", str(inventory), *options, str(playbook)],
             env=environment() | self.settings(),
@@ -78,9 +89,14 @@ class Fleet:
         return Played(ran.returncode, ran.stdout + ran.stderr)
 
     def settings(self) -> dict[str, str]:
-        """Where Ansible finds the collection, where it puts its own files, and patience with the nodes."""
+        """Where Ansible finds the collection and dvtcli, where both put their files, and patience with the nodes."""
+        state = own_environment(self.folder)
         return {
             "DVTCLI_TIMEOUT": ANSWER_S,
+            "XDG_STATE_HOME": state["XDG_STATE_HOME"],
+            "PATH": os.pathsep.join([str(BINARIES), state["PATH"]]),
+            "ANSIBLE_PIPELINING": "1",
+            "ANSIBLE_CALLBACK_FORMAT_PRETTY": "0",
             "ANSIBLE_COLLECTIONS_PATH": str(self.folder / "collections"),
             "ANSIBLE_HOME": str(self.folder / "ansible"),
             "ANSIBLE_LOCAL_TEMP": str(self.folder / "controller"),

@@ -68,7 +68,8 @@ def test_a_rule_that_speaks_often_is_cut_short_unless_it_is_asked_alone(tmp_path
 
 
 def test_json_names_the_rule_and_the_object(tmp_path: Path) -> None:
-    document = json.loads(check(tmp_path, FAULTY, "--json").stdout)
+    document, error = map(json.loads, check(tmp_path, FAULTY, "--json").stdout.splitlines())
+    assert (error["exit_code"], error["text"]) == (4, f"{document['file']} has 1 finding")
     assert document["count"] == {"error": 1, "warning": 1, "note": 1}
     assert document["findings"][-1] == {
         "line": LINE, "column": 14, "end_column": 16, "severity": "error", "rule": "default-outside-limits",
@@ -203,7 +204,8 @@ def test_several_files_are_checked_each_and_summed_up(tmp_path: Path) -> None:
 
 def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
     done = several(tmp_path, "[bc].eds", "b.*", "--json")
-    document = json.loads(done.stdout)
+    document, error = map(json.loads, done.stdout.splitlines())
+    assert (error["exit_code"], error["text"]) == (4, "b.eds has 1 finding")
     assert (document["schema"], document["bad"]) == ("dvtcli.eds-files/1", 1)
     assert [one["file"] for one in document["files"]] == ["b.eds", "c.eds"]
     assert document["count"] == {"error": 1, "warning": 2, "note": 1}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,7 +20,7 @@ USUAL = {(0x1005, 0): 0x80, (0x1012, 0): 0x100, (0x1014, 0): 0x85}
 
 def said(bench: Bench, line: str) -> dict[str, str]:
     """The rules that find something, each with its severity."""
-    (file,) = json.loads(bench.run(f"{line} --json").stdout)["files"]
+    (file,) = bench.run(f"{line} --json").document["files"]
     return {found["rule"]: found["severity"] for found in file["findings"]}
 
 

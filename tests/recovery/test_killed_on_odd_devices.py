@@ -70,7 +70,8 @@ def test_half_a_pdo_that_could_not_be_enabled_again(tmp_path: Path) -> None:
     try:
         bench.killed(1, "disable", "tpdo2")
         code, stdout, stderr = bench.run("--json", "recover", "--yes")
-        (document,) = map(json.loads, stdout.splitlines())
+        document, error = map(json.loads, stdout.splitlines())
+        assert (error["exit_code"], error["state"]) == (1, "left_changed")
         assert (code, document["verified"], document["state"]) == (1, False, "left_changed"), stderr
         (text,) = document["not_put_back"]
         assert "the device does not take that back" in text

@@ -79,7 +79,8 @@ def test_a_document_says_what_is_not_put_back(tmp_path: Path) -> None:
         words = ("-n", "1", "--eds", str(path))
         assert server.dvtcli(*words, "map", "tpdo2", "6000:3").returncode == 0
         done = server.dvtcli(*words, "--json", "undo")
-        (document,) = map(json.loads, done.stdout.splitlines())
+        document, error = map(json.loads, done.stdout.splitlines())
+        assert error["exit_code"] == done.returncode
         assert (done.returncode, document["verified"], document["state"]) == (1, False, "left_changed"), done
         (text,) = document["not_put_back"]
         assert "TPDO2 was inconsistent, and the device does not take that back: it is off and empty now" in text

@@ -22,7 +22,8 @@ options:
     description: SDO time-out in seconds.
     type: float
   executable:
-    description: The dvtcli to run.
+    description:
+      - The dvtcli to run.
+      - Left out, the one on the host's PATH, or else that of the role P(dvtcli.canopen.bench#role) in /opt/dvtcli.
     type: str
-    default: dvtcli
 """

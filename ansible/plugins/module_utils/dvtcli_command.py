@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import json
 
-#: exit codes of dvtcli that a task's result is made of (docs/reference/exit-codes.md)
-DONE, DIFFERS, NO_ANSWER = 0, 3, 5
+from ansible.module_utils.basic import AnsibleModule
+
+#: exit codes that a task's result is made of (docs/how-to/fleets.md)
+DONE, DIFFERS, NO_ANSWER, REFUSED, NOT_FOUND = 0, 3, 5, 6, 127
+#: where the role bench puts the program
+HOME = "/opt/dvtcli/venv/bin"
 
 #: how a task says which bus, for every module of this collection
 BUS_OPTIONS = {
@@ -20,13 +24,23 @@ BUS_OPTIONS = {
 }
 ARGUMENTS = {
     "bus": {"type": "dict", "default": {}, "options": BUS_OPTIONS},
-    "executable": {"type": "str", "default": "dvtcli"},
+    "executable": {"type": "str"},
     "timeout": {"type": "float"},
 }
 
 
+def dvtcli_module(**arguments):
+    """A module that takes *arguments* beside those of all."""
+    return AnsibleModule(argument_spec=dict(ARGUMENTS, **arguments), supports_check_mode=True)
+
+
+def flags(module, *names):
+    """The options of dvtcli that are called as the arguments *names* are, of those that are true."""
+    return ["--" + name.replace("_", "-") for name in names if module.params[name]]
+
+
 def bus_words(bus):
-    """The options of dvtcli that choose *bus*; none where the host's own dvtcli.toml chooses."""
+    """The options of dvtcli that choose *bus*; none if the host's own dvtcli.toml chooses."""
     words = []
     for key in ("interface", "channel", "bitrate"):
         if bus.get(key) is not None:
@@ -39,36 +53,94 @@ def bus_words(bus):
 
 
 class Ended:
-    """One run of dvtcli: its exit code, its result, and its error, each None where there is none."""
+    """One run of dvtcli: its exit code *code*, its answers *results*, and its *error*, None if there is none."""
 
     def __init__(self, module, words):
+        self.module = module
+        self.messages = ""
+        self.results = []
+        self.error = None
         asked = module.params
-        command = [asked["executable"], "--json", "--color", "never", *bus_words(asked["bus"])]
+        program = asked["executable"] or module.get_bin_path("dvtcli", opt_dirs=[HOME]) or "dvtcli"
+        command = [program, "--json", "--color", "never", *bus_words(asked["bus"])]
         if asked["timeout"] is not None:
             command += ["--timeout", str(asked["timeout"])]
-        self.code, stdout, self.messages = module.run_command(command + words, handle_exceptions=True)
-        found = [json.loads(line) for line in stdout.splitlines() if line.startswith("{")]
-        errors = [one for one in found if one["schema"].startswith("dvtcli.error/")]
-        results = [one for one in found if not one["schema"].startswith("dvtcli.error/")]
-        self.error = errors[-1] if errors else None
-        self.result = results[-1] if results else None
-        self.module = module
+        try:
+            self.code, stdout, self.messages = module.run_command(command + words, handle_exceptions=False)
+        except OSError as failed:
+            self.code = NOT_FOUND
+            why = f"{program} cannot be run: {failed.strerror}; the role dvtcli.canopen.bench installs it"
+            self.error = {"message": why, "state": "unchanged"}
+            return
+        documents = [json.loads(line) for line in stdout.splitlines() if line.startswith("{")]
+        for document in documents:
+            if document["schema"].startswith("dvtcli.error/"):
+                self.error = document
+            else:
+                self.results.append(document)
+        self.warn()
+
+    @property
+    def result(self):
+        """The last answer."""
+        return self.results[-1] if self.results else None
+
+    @property
+    def wrote(self):
+        """Whether anything was written to a node, as far as is known."""
+        state = (self.error or {}).get("state", "unchanged" if self.code == DONE else "unknown")
+        return state != "unchanged" or any(map(changes, self.results))
+
+    def warn(self):
+        """Hand on notes and warnings: those of stderr, and what rules found."""
+        said = [line for line in self.messages.splitlines() if line.startswith(("note: ", "warning: "))]
+        for result in self.results:
+            for part in [result] if "findings" in result else result.get("nodes", ()):
+                said += [finding_text(finding, part.get("node")) for finding in part.get("findings", ())]
+            said += ["note: " + note for note in result.get("notes", ())]
+        for line in dict.fromkeys(said):
+            self.module.warn(line)
 
     def unless(self, *fine):
-        """End the task as failed, or its host as unreachable, where the exit code is none of *fine*."""
+        """The last answer; the task fails if the exit code is none of *fine*."""
         if self.code in fine and self.result is not None:
             return self.result
         error = self.error or {}
-        wrong = [f"{one['file']}:{one['line']}:{one['column']}: {one['text']}" for one in error.get("complaints", ())]
-        said = [*wrong, error.get("text"), error.get("why"), error.get("hint")]
-        told = {
-            "msg": "; ".join(part for part in said if part) or self.messages.strip() or "dvtcli said nothing",
-            "exit_code": self.code,
-            "state": error.get("state", "unknown"),
-            "error": error,
-            "document": self.result,
-        }
-        if self.code == NO_ANSWER:
-            self.module.exit_json(unreachable=True, changed=False, **told)
-        self.module.fail_json(changed=error.get("state") == "left_changed", **told)
-        return None
+        message = error.get("message") or self.messages.strip() or f"dvtcli ended with {self.code} and said nothing"
+        return self.fail(message, error.get("state", "unknown"))
+
+    def fail(self, message, state, code=None):
+        """End the task as failed, with all that is known."""
+        code = self.code if code is None else code
+        self.module.fail_json(
+            msg=message,
+            changed=self.wrote,
+            exit_code=code,
+            retry=code == NO_ANSWER,
+            state=state,
+            error=self.error or {},
+            document=self.result,
+        )
+
+    def done(self, changed, **more):
+        """End the task as ok or changed."""
+        self.module.exit_json(changed=changed, exit_code=self.code, retry=False, **more)
+
+
+def changes(result):
+    """Whether *result* says that something was written or stored."""
+    schema = result["schema"]
+    if result.get("dry_run"):
+        return False
+    if schema == "dvtcli.apply/1":
+        return bool(result["changed"] or result["stored"])
+    if schema == "dvtcli.change/1":
+        return result["writes"] > 0
+    return schema == "dvtcli.store/1" and not result["skipped"]
+
+
+def finding_text(finding, node):
+    """A finding of a rule in one line."""
+    place = "" if node is None else f"node {node}: "
+    hint = f"; {finding['hint']}" if finding.get("hint") else ""
+    return f"{finding['severity']}: {place}{finding['text']}{hint}"

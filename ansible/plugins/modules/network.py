@@ -10,7 +10,10 @@ description:
   - Runs C(dvtcli plan) and, where something differs, C(dvtcli apply) on the host that has the bus.
   - In check mode nodes are read and nothing is written.
   - A fault on one node brings every node of the bus back to what it held; the task fails and says so.
-  - A bus or a node that does not answer makes the host unreachable.
+  - A bus or a node that does not answer fails with exit code 5 and C(retry=true), so that C(retries), C(rescue),
+    C(max_fail_percentage) and C(any_errors_fatal) see it.
+  - A change that was interrupted before fails with exit code 6, also in check mode; M(dvtcli.canopen.recover)
+    finishes it.
 options:
   file:
     description: The network file, or a plan that C(dvtcli plan -o) saved, on the host.
@@ -29,7 +32,7 @@ attributes:
   check_mode: {support: full, description: Nodes are read and compared.}
   diff_mode: {support: full, description: Each parameter before and after.}
 author:
-  - the authors of dvtcli
+  - The dvtcli developers (@dvtcli)
 """
 
 EXAMPLES = r"""
@@ -51,7 +54,7 @@ writes:
   type: int
   returned: success
 stored:
-  description: The node-IDs that stored.
+  description: The node-IDs that stored; in check mode, that would.
   type: list
   elements: int
   returned: success
@@ -61,44 +64,57 @@ nodes:
   elements: dict
   returned: success
 exit_code:
-  description: The exit code of dvtcli.
+  description: The exit code of dvtcli; 127 if it is not installed.
   type: int
-  returned: failure
+  returned: always
+retry:
+  description: Whether the same task may succeed later, which is so of exit code 5 alone.
+  type: bool
+  returned: always
 state:
   description: In which state the nodes are, C(unchanged), C(rolled_back), C(left_changed) or C(unknown).
   type: str
   returned: failure
 """
 
-from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.dvtcli.canopen.plugins.module_utils.dvtcli_command import ARGUMENTS, DIFFERS, DONE, Ended
+from ansible_collections.dvtcli.canopen.plugins.module_utils.dvtcli_command import (
+    DIFFERS,
+    DONE,
+    REFUSED,
+    Ended,
+    changes,
+    dvtcli_module,
+    flags,
+)
 
 #: what a plan is carried out by, and of no use to who reads a task's result
-_INNER = ("changes", "holds")
+_INNER = ("changes", "holds", "also_holds")
 
 
 def main():
-    """Plan; carry it out where something differs and this is no check."""
-    module = AnsibleModule(
-        argument_spec=dict(
-            ARGUMENTS,
-            file={"type": "path", "required": True},
-            prove={"type": "bool", "default": False},
-            force={"type": "bool", "default": False},
-        ),
-        supports_check_mode=True,
+    """Plan; carry it out if something differs and this is no check."""
+    module = dvtcli_module(
+        file={"type": "path", "required": True},
+        prove={"type": "bool", "default": False},
+        force={"type": "bool", "default": False},
     )
-    force = ["--force"] if module.params["force"] else []
+    file, force = module.params["file"], flags(module, "force")
     if module.check_mode:
-        ended = Ended(module, [*force, "plan", "--exit-code", module.params["file"]])
+        ended = Ended(module, [*force, "plan", "--exit-code", file])
         document = ended.unless(DONE, DIFFERS)
+        if document["interrupted"]:
+            nodes = ", ".join(map(str, document["interrupted"]))
+            why = f"an interrupted change of node {nodes} is not finished yet: apply would refuse; recover finishes it"
+            ended.fail(why, "unchanged", code=REFUSED)
+        stored = [node["node"] for node in document["nodes"] if node["store"] and (node["changes"] or node["unstored"])]
+        changed = bool(document["changed"] or stored)
     else:
-        prove = ["--prove"] if module.params["prove"] else []
-        ended = Ended(module, [*force, "--yes", "apply", *prove, module.params["file"]])
+        ended = Ended(module, [*force, "--yes", "apply", *flags(module, "prove"), file])
         document = ended.unless(DONE)
-    stored = [one["node"] for one in document.get("stored") or []]
-    module.exit_json(
-        changed=bool(document["changed"] or stored or (ended.code == DIFFERS and not document["remaining"])),
+        stored = [node["node"] for node in document["stored"]]
+        changed = changes(document)
+    ended.done(
+        changed=changed,
         writes=document["writes"],
         stored=stored,
         nodes=[{key: value for key, value in node.items() if key not in _INNER} for node in document["nodes"]],

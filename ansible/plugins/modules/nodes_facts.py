@@ -12,7 +12,7 @@ extends_documentation_fragment: dvtcli.canopen.program
 attributes:
   check_mode: {support: full, description: It only reads.}
 author:
-  - the authors of dvtcli
+  - The dvtcli developers (@dvtcli)
 """
 
 EXAMPLES = r"""
@@ -30,17 +30,27 @@ ansible_facts:
   description: C(canopen_nodes), a list with node, state, device_type, vendor_id, product_code, revision, serial, name.
   type: dict
   returned: success
+exit_code:
+  description: The exit code of dvtcli; 127 if it is not installed.
+  type: int
+  returned: always
+retry:
+  description: Whether the same task may succeed later, which is so of exit code 5 alone.
+  type: bool
+  returned: always
+state:
+  description: In which state the nodes are, C(unchanged), C(rolled_back), C(left_changed) or C(unknown).
+  type: str
+  returned: failure
 """
 
-from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.dvtcli.canopen.plugins.module_utils.dvtcli_command import ARGUMENTS, DONE, Ended
+from ansible_collections.dvtcli.canopen.plugins.module_utils.dvtcli_command import DONE, Ended, dvtcli_module
 
 
 def main():
     """Scan."""
-    module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
-    document = Ended(module, ["scan"]).unless(DONE)
-    module.exit_json(changed=False, ansible_facts={"canopen_nodes": document["nodes"]})
+    ended = Ended(dvtcli_module(), ["scan"])
+    ended.done(changed=False, ansible_facts={"canopen_nodes": ended.unless(DONE)["nodes"]})
 
 
 if __name__ == "__main__":

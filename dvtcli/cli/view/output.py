@@ -149,9 +149,12 @@ class Output:
         """
         self.failed, self._node = error, error.node
         if self.json and not readable:
-            from dvtcli.cli.view.error_lines import error_document
+            from dvtcli.cli.view.error_lines import error_document, error_lines
+            from dvtcli.cli.view.paint import painted, with_hints
 
-            self._document(error_document(error, at))
+            shown = (with_hints(line, self.hints) for line in error_lines(error, at))
+            message = "\n".join(painted(line, self.stdout, colored=False, plain=self.plain) for line in shown)
+            self._document({**error_document(error, at), "message": message})
             self._node = None
             return
         from dvtcli.cli.view.error_lines import error_lines
@@ -212,7 +215,7 @@ class Output:
 
     def note(self, text: Hint | str) -> None:
         """Print one message to stderr, unless only errors are wanted."""
-        if not self.quiet and not self.json:
+        if not self.quiet:
             from dvtcli.cli.view.lines import Cell, part
 
             self.lines([[Cell("note: ", "cyan"), part(text)]])

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
+from dvtcli.domain.several import join_some, plural
+from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 #: From bad to harmless.
@@ -106,6 +108,11 @@ class FileReport(Judged, Answer):
         """4 where a finding is bad enough."""
         return 4 if any(self.is_bad(finding) for finding in self.findings) else 0
 
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        return ended_with(4, wrong_reports(self.reports)) if self.exit_code else None
+
     def document(self) -> Document:
         """`dvtcli.eds/1`."""
         return {"schema": "dvtcli.eds/1", **self.fields()}
@@ -153,6 +160,11 @@ class FileReports(Answer):
         counted = [file.count() for file in self.files]
         return {severity: sum(file_counts[severity] for file_counts in counted) for severity in SEVERITIES}
 
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        return ended_with(4, wrong_reports(self.reports)) if self.exit_code else None
+
     def document(self) -> Document:
         """`dvtcli.eds-files/1`."""
         bad = sum(1 for file in self.files if file.exit_code)
@@ -162,6 +174,12 @@ class FileReports(Answer):
             "count": self.count(),
             "files": [file.fields() for file in self.files],
         }
+
+
+def wrong_reports(reports: Sequence[Report]) -> str:
+    """Which of *reports* are of something wrong, and by how many findings."""
+    counted = ((report.path, sum(map(report.is_bad, report.findings))) for report in reports)
+    return join_some([f"{path} has {plural(count, 'finding')}" for path, count in counted if count])
 
 
 class Report(Protocol):

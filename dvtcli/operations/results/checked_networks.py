@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileRule, Judged
+from dvtcli.errors import DvtcliError, ended_with
+from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileRule, Judged, wrong_reports
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 if TYPE_CHECKING:
@@ -111,6 +112,14 @@ class NetworksChecked(Answer):
     def exit_code(self) -> int:
         """4 where a file is wrong, else 3 where nodes on a bus are, else 2 where a file is not there."""
         return max((report.exit_code for report in self.reports), default=0)
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        code = self.exit_code
+        unread = [report.path for report in self.reports if report.unread]
+        wrong = wrong_reports(self.reports) or f"{', '.join(unread)} cannot be read"
+        return ended_with(code, wrong) if code else None
 
     def document(self) -> Document:
         """`dvtcli.network-check/1`."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from dvtcli.domain.hint import Hint, next_step
+from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 Verdict = Literal["ok", "warn", "FAIL"]
@@ -44,6 +45,12 @@ class Diagnosis(Answer):
     def exit_code(self) -> int:
         """0, or that of the first check that failed."""
         return next((check.code for check in self.checks if check.verdict == "FAIL"), 0)
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        failed = next((check for check in self.checks if check.verdict == "FAIL"), None)
+        return None if failed is None else ended_with(failed.code, f"{failed.name}: {failed.text}", hint=failed.hint)
 
     def document(self) -> Document:
         """`dvtcli.doctor/1`."""

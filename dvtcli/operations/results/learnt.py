@@ -8,6 +8,8 @@ from typing import ClassVar
 
 from dvtcli.domain.learning.learnt_value import Conclusions, Learnt, Value
 from dvtcli.domain.learning.probe import Probe, ProbeAnswer
+from dvtcli.domain.several import plural
+from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer as Answered
 from dvtcli.operations.results.documents import Document, Short
 
@@ -58,6 +60,15 @@ class LearntDevice(Answered):
     def exit_code(self) -> int:
         """3 where the device differs from the profile that it was compared with."""
         return 3 if self.compared is not None and self.compared[1] else 0
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        if self.compared is None or not self.exit_code:
+            return None
+        name, differences = self.compared
+        verb = "differs" if len(differences) == 1 else "differ"
+        return ended_with(3, f"{plural(len(differences), 'key')} of the profile {name} {verb}")
 
     @property
     def changed_nothing(self) -> bool:

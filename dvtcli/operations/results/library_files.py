@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.hint import Hint, next_step
+from dvtcli.domain.several import join_some
+from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short
 
 
@@ -138,6 +140,12 @@ class LibraryAdded(Answer, Rows[AddedFile]):
         return {
             outcome: sum(row.outcome == outcome for row in self.rows) for outcome in (ADDED, REPLACED, THERE, REFUSED)
         }
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        refused = [row.file for row in self.rows if row.outcome == REFUSED]
+        return ended_with(4, f"refused: {join_some(refused)}") if refused else None
 
     def document(self) -> Document:
         """`dvtcli.eds-added/1`."""

@@ -7,6 +7,8 @@ from typing import ClassVar
 
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.several import join_some
+from dvtcli.errors import DvtcliError, State, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 
@@ -52,6 +54,11 @@ class BitRateFound(Answer):
     def exit_code(self) -> int:
         """1 where no bit rate was found."""
         return 0 if self else 1
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        return None if self else ended_with(1, f"no bit rate was found on {self.bus}")
 
     def document(self) -> Document:
         """`dvtcli.bit-rate/1`."""
@@ -122,6 +129,13 @@ class LssFound(Answer):
         """1 where a node was found, and did not answer to its address, or more than one did."""
         return 0 if all(node.confirmed for node in self.nodes) else 1
 
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        unsure = [str(node.address) for node in self.nodes if not node.confirmed]
+        text = f"not exactly one node answered to {join_some(unsure)}"
+        return ended_with(1, text) if unsure else None
+
     def document(self) -> Document:
         """`dvtcli.lss/1`."""
         return {
@@ -183,6 +197,14 @@ class LssChanged(Answer):
     def exit_code(self) -> int:
         """1 where a node of the file was not found."""
         return 1 if self.missing else 0
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        if not self.missing:
+            return None
+        state: State = "left_changed" if self.nodes and not self.dry_run else "unchanged"
+        return ended_with(1, f"not found: {join_some(self.missing)}", state=state)
 
     def document(self) -> Document:
         """`dvtcli.lss-change/1`."""

@@ -85,6 +85,7 @@ class NetworkPlanned(Answer):
             "sync_master": plan.has_sync_master,
             "unknown_syncs": list(plan.unknown_syncs),
             "untold": list(plan.untold),
+            "interrupted": list(self.interrupted),
             "load": None if self.need is None else need_document(self.need),
             "lacking": lacking_documents(plan.lacking),
             "nodes": [_node_document(node) for node in plan.nodes],

@@ -8,7 +8,7 @@ from typing import ClassVar
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural
 from dvtcli.domain.typed_frame import frame_text
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
 from dvtcli.operations.results.frames import FrameExplained
 
@@ -107,6 +107,13 @@ class OfFrames(Answer):
     def failure(self) -> DvtcliError | None:
         """What is to be said where not all were sent."""
         return self.outcome.error
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        code = self.exit_code
+        text = f"interrupted: {self.outcome.counted} handed to the interface"
+        return ended_with(code, text, state="unknown") if code else None
 
 
 @dataclass(frozen=True, slots=True)

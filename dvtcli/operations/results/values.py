@@ -9,6 +9,8 @@ from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.several import join_some
+from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document
 
 
@@ -142,6 +144,12 @@ class RecordRead(Answer):
         """1 where the device refused an entry for another reason than that it can only be written."""
         refused = (entry.abort for entry in self.entries if isinstance(entry, EntryUnread))
         return int(any(abort not in (None, Abort.WRITE_ONLY) for abort in refused))
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """What a program is told where the exit code is not 0."""
+        unread = [f"{entry.object} ({entry.text})" for entry in self.entries if isinstance(entry, EntryUnread)]
+        return ended_with(1, f"node {self.node} refused {join_some(unread)}") if self.exit_code else None
 
     def document(self) -> Document:
         """`dvtcli.value/1` of sub-index 0, with the *entries*."""

@@ -85,7 +85,7 @@ def both() -> Iterator[Bench]:
 
 def found(ran: Ran) -> set[tuple[str, str, int | None, int | None]]:
     """Rule, severity, line and column of all that *ran* reported as JSON, whatever it ended with."""
-    document = ran.documents[-1]
+    document = ran.answer
     if "files" in document:
         said = [one for file in document["files"] for one in file["findings"]]
     elif "findings" in document:
@@ -143,7 +143,7 @@ def test_what_names_no_profile_and_no_device_file_is_an_error_with_its_place(
 
 def found_complaints(ran: Ran) -> list[tuple[int, int, str]]:
     """Line, column and text of each complaint about the file."""
-    said = ran.documents[-1]
+    said = ran.answer
     rows = said["complaints"] if "complaints" in said else said["files"][0]["findings"]
     return [(row["line"], row["column"], row["text"]) for row in rows]
 

@@ -65,7 +65,7 @@ def test_doctor_warns_of_it() -> None:
 
 def test_its_defaults_are_not_what_a_restore_is_measured_by() -> None:
     with Wire(device("tmcm")) as wire, bench(wire, family_eds("gen4")) as one:
-        (document,) = one.run("restore --prove --json").documents
+        document = one.run("restore --prove --json").answer
         assert document["against"] == "what was stored before"
         assert document["differences"] == []
         ran = one.run("restore --prove")

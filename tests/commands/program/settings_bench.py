@@ -142,7 +142,7 @@ class Place:
         before = self.relay.visitors
         ran = self.run("-n", "1", "--json", *(words or ("read", "1018:1")), **more)
         assert ran.returncode == code, ran.stderr + ran.stdout
-        (document,) = documents(ran.stdout)
+        document, *_ = documents(ran.stdout)
         assert (document["exit_code"], document["error"], document["state"]) == (code, error, "unchanged")
         assert self.relay.visitors == before, "something was sent"
         return document

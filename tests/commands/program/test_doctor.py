@@ -30,8 +30,9 @@ def checks(ran_document: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def doctor(folder: Path, *words: str, **variables: str) -> tuple[int, dict[str, dict[str, Any]]]:
     """Exit code and checks of a doctor in a process of its own, in *folder*."""
     done = run([*words, "doctor", "--json"], cwd=folder, env=environment() | {"HOME": str(folder)} | variables)
-    (document,) = documents(done.stdout)
+    document, *errors = documents(done.stdout)
     assert document["healthy"] == (done.returncode == 0)
+    assert [error["exit_code"] for error in errors] == [done.returncode] * bool(done.returncode)
     return done.returncode, checks(document)
 
 

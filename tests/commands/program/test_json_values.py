@@ -31,7 +31,7 @@ def test_a_read_back_is_equal_or_it_is_not(tmp_path: Path, timer_ms: int, equal:
     wanted = tmp_path / "wanted.dcf"
     wanted.write_text(eds.replace(heading, f"{heading}\nParameterValue=70", 1), "latin-1")
     ran = dvtcli("--sim", "gen4", "--json", stdin=f"set tpdo1 --timer {timer_ms}\nverify tpdo1 {wanted}\n")
-    verified = documents(ran.stdout)[-1]
+    (verified,) = (one for one in documents(ran.stdout) if one["schema"] == "dvtcli.verify/1")
     assert verified["schema"] == "dvtcli.verify/1", verified
     assert (verified["equal"], ran.returncode) == (equal, code)
     assert [one["pdo"] for one in verified["differences"]] == ([] if equal else ["tpdo1"])

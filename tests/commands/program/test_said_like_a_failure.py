@@ -110,13 +110,20 @@ def test_all_nodes_that_did_not_obey_stand_in_one_error() -> None:
     ("fault", "lines"),
     [("ignores-nmt", ["nmt start"]), ("keeps-ram", ["store --prove"]), ("stores-nothing", [MAP, "store --prove"])],
 )
-def test_a_document_says_it_all(fault: str, lines: list[str]) -> None:
+def test_a_program_gets_the_answer_and_then_the_error_with_the_words_of_the_screen(
+    fault: str, lines: list[str]
+) -> None:
     with sim(fault) as bench:
         ran = bench.script(*[f"{line} --json" for line in lines])
-        assert ran.code == 1
-        assert [document["schema"] for document in ran.documents if "error" in document["schema"]] == []
-        assert len(ran.documents) == len(lines)
-        assert "error" not in ran.stderr
+    with sim(fault) as bench:
+        screen = bench.script(*lines).stderr
+    *answers, error = ran.documents
+    assert len(answers) == len(lines)
+    assert all(answer["schema"] != "dvtcli.error/1" for answer in answers)
+    assert (ran.code, error["schema"], error["exit_code"]) == (1, "dvtcli.error/1", 1)
+    assert error["message"].startswith(f"test.dvt:{len(lines)}: error: ")
+    assert {*error["message"].splitlines()} <= {*screen.splitlines()}
+    assert "error" not in ran.stderr
 
 
 def test_an_atomic_script_tells_the_reason_of_its_failing_line() -> None:
@@ -149,7 +156,7 @@ def test_a_single_object_that_was_not_kept_is_no_proof(written: str, now: str) -
     with sim("stores-nothing") as bench:
         assert bench.run(f"write {written}").code == 0
         ran = bench.run("store --prove --json")
-        document = ran.documents[-1]
+        document = ran.answer
         assert (ran.code, document["proved"], document["stored"]) == (1, False, False)
         assert document["differences"] == [now]
 
@@ -160,7 +167,7 @@ def test_a_single_object_that_was_kept_is_counted() -> None:
         ran = bench.run("store --prove")
         assert ran.code == 0, ran.stderr
         assert "proved: after the reset 8 PDOs and 1 object read back equal" in ran.stdout
-        document = bench.run("store --prove --json").documents[-1]
+        document = bench.run("store --prove --json").answer
         assert (document["compared"], document["objects"], document["proved"]) == (8, 1, True)
 
 
@@ -168,7 +175,7 @@ def test_a_store_of_a_part_compares_only_what_it_takes() -> None:
     with sim() as bench:
         assert bench.run("write 6083 500").code == 0
         ran = bench.run("store --prove communication --json")
-        document = ran.documents[-1]
+        document = ran.answer
         assert (ran.code, document["objects"], document["lost"]) == (0, 0, ["6083:00"])
 
 
@@ -191,6 +198,6 @@ def test_a_device_that_refuses_the_canary_is_not_said_to_have_no_pdo_that_is_off
     assert (ran.code, ran.document["state"]) == (1, "unchanged")
     assert "it lets nothing be changed harmlessly to test the reset" in ran.document["why"]
     with sim("refuse@4=0x06090030") as bench:
-        document = bench.run("store --prove --json").documents[-1]
+        document = bench.run("store --prove --json").answer
     assert document["canary"] is None
     assert document["unproved"] == "it refused event timer of TPDO3 after the store, and took it before"

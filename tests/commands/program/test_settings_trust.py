@@ -179,7 +179,7 @@ def test_commands_that_need_no_bus_go_on(here: Place, text: str | None) -> None:
         ran = here.run(*words.split())
         assert (ran.returncode, bool(ran.stdout)) == (0, True), (words, ran.stderr)
     ran = here.run("doctor", "--json")
-    (document,) = documents(ran.stdout)
+    document, *_ = documents(ran.stdout)
     (said,) = [check for check in document["checks"] if check["check"] == "settings"]
     assert (ran.returncode, said["verdict"]) == ((4 if text else 6), "fail")
     assert str(here.project / "dvtcli.toml") in said["text"]

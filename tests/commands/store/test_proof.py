@@ -50,7 +50,7 @@ def timers(bench: Bench) -> list[int | None]:
 
 def proved(ran: Ran) -> dict[str, Any]:
     """The fields of the proof that the last line printed."""
-    document = ran.documents[-1]
+    document = ran.answer
     assert document["schema"] == "dvtcli.store/1"
     return document
 

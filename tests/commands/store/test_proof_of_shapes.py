@@ -69,7 +69,7 @@ def test_proved_only_where_what_was_in_ram_only_is_gone_and_all_else_is_equal(
         untap = bench.session.open_network().bus.tap(note)
         ran = bench.run("store --prove --json")
         untap()
-        document = ran.documents[-1]
+        document = ran.answer
         if not saves:
             assert (ran.code, document["state"]) == (1, "unchanged"), ran
             assert "could not be proved" in document["text"]

@@ -123,7 +123,8 @@ def example(how: Document) -> Document:
             assert ran.returncode == how.get("code", 0), f"{_OWN_RUN}: {lines} ended with {ran}"
             said = ran.stdout
     documents: list[Document] = [json.loads(line) for line in said.splitlines()]
-    return documents[0 if words else -1]
+    answers = [document for document in documents if document["schema"] != "dvtcli.error/1"] or documents
+    return answers[0 if words else -1]
 
 
 def _first_line(words: list[str], folder: Path, env: dict[str, str]) -> str:
