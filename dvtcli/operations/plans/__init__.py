@@ -1,1 +1,1 @@
-"""From what is wanted of a network to a judged plan, and carrying it out."""
+"""Plan what brings a network to a wanted state, judge the plan and carry it out."""

@@ -1,6 +1,6 @@
-"""Carrying out a plan for a network: all nodes get what was planned, or every one is as it was.
+"""Carry out the plan for a network: all nodes are changed, or all are rolled back.
 
-Decides nothing about what is legal (`plan_network`). Does not know files.
+Takes plans as `plan_network` judged them.
 """
 
 from __future__ import annotations
@@ -41,13 +41,12 @@ if TYPE_CHECKING:
 def apply_network(
     session: Session, plan: NetworkPlan, *, prove: str | None = None, name: str = "", asks: bool = True
 ) -> NetworkApplied:
-    """Carry *plan* out on all its nodes, in phases; with a fault on one of them every node is brought back.
+    """Carry out *plan* on all its nodes, in phases; a fault on one node rolls back all of them.
 
-    *name* is what it is called, `apply FILE` unless it is given. Asks first; without *asks* only where a node is
-    OPERATIONAL. Once all nodes were read back equal those store whose file says so; with *prove* each is restarted then
-    and compared (`reset`, `power`). SafetyRefusal where a node is not as it was planned from, or another master is
-    heard; any error of a node with state `rolled_back`; LeftChanged where a node could not be brought back, or not all
-    of them stored.
+    *name* is the name of the change (default: `apply FILE`). Asks first; without *asks* only if a node is OPERATIONAL.
+    After all nodes were verified, those whose file says `store` store; with *prove* (`reset`, `power`) each of them is
+    restarted and compared. Raises SafetyRefusal if a node differs from what it was planned from or another master is
+    active; any error of a node with state `rolled_back`; LeftChanged if a roll-back or a store failed.
     """
     planned = [node for node in plan.nodes if len(node.plan) or node.stores]
     nodes = {node.node_id: session.node(node.node_id) for node in plan.nodes}
@@ -101,7 +100,7 @@ def apply_network(
 
 
 def _kept_without(node: Node, plan: Plan) -> tuple[str, ...]:
-    """Labels of what *node* keeps of *plan* without a store."""
+    """List the labels of *plan* that *node* keeps without a store."""
     policy = node.profile.store
     return tuple(
         change.label
@@ -111,16 +110,16 @@ def _kept_without(node: Node, plan: Plan) -> tuple[str, ...]:
 
 
 def _listened(session: Session, plan: NetworkPlan) -> NetworkPlan:
-    """*plan*, which knows the SYNCs that were heard; SafetyRefusal where another master is."""
+    """Add the received SYNCs to *plan*; raises SafetyRefusal if another master is active."""
     with short_frames(session.bus) as frames:
         refuse_other_master(session)
     return with_unknown_syncs(session, plan, frames)
 
 
 def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list[NodePlan], *, kept: bool) -> None:
-    """As `refuse_stale`, for all nodes at once; with *kept* also if a node holds what is to stay otherwise by now.
+    """Apply `refuse_stale` to all nodes; with *kept* also if values that are to stay have changed.
 
-    Somebody may have changed that while the question stood: it would be rolled back as if a write had altered it.
+    Somebody may have changed them while the question was open: a roll-back would treat that as a side effect.
     """
 
     def refuse(one: NodePlan) -> None:
@@ -132,7 +131,7 @@ def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list
 
 
 def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan]) -> None:
-    """What was *done* can be undone from now on, and is in the record of the session."""
+    """Make *done* undoable and add it to the session's record."""
     for node_id, plan in done.items():
         nodes[node_id].keep(plan)
         if not session.dry_run:
@@ -142,7 +141,7 @@ def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan])
 def _claims_at_store(
     session: Session, course: NetworkTransaction, claims: Claims, found: Mapping[int, InitialState]
 ) -> ClaimsAtStore:
-    """What each node that is written or stores holds by now: what it was changed to, and what the file says."""
+    """Read what each node that is written or stores holds: changed values and other values of the file."""
     planned = [plan for plan in claims.planned if len(plan.plan) or plan.stores]
     held = {plan.node_id: plan.holds for plan in planned if not len(plan.plan)}
     boot_ups = {plan.node_id: found[plan.node_id].boot_ups for plan in planned if not plan.stores}
@@ -151,7 +150,7 @@ def _claims_at_store(
 
 
 def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
-    """The stores of *planned*; a node that is not changed with what it is to hold, since no journal says it."""
+    """List the stores of *planned*; an unchanged node comes with its values, as no journal has them."""
     return tuple(
         Storing(plan.node_id, plan.store, identity=plan.identity, holds=() if len(plan.plan) else plan.holds)
         for plan in planned
@@ -160,7 +159,7 @@ def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
 
 
 def _equal(nodes: Mapping[int, Node], planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
-    """The nodes that are as *planned* already, and neither are changed nor store, each with what it is to hold."""
+    """List the nodes that equal *planned* and neither change nor store, each with its values."""
     return tuple(
         Storing(plan.node_id, "", identity=plan.identity, holds=tuple(steady(nodes[plan.node_id], plan.holds)))
         for plan in planned

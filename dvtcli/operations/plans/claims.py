@@ -1,7 +1,4 @@
-"""What is claimed of the nodes of a network plan besides what is written to them, and reading it once more.
-
-Writes nothing.
-"""
+"""Verify the values of a network plan that need no write. Writes nothing."""
 
 from __future__ import annotations
 
@@ -32,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Claims:
-    """What is claimed of *nodes* by what was *planned* for them, all of which was read before."""
+    """The values that *planned* claims for *nodes* without writing them; all were read before."""
 
     session: Session
     nodes: Mapping[int, Node]
@@ -40,9 +37,9 @@ class Claims:
     _seen: dict[int, int] = field(default_factory=dict)
 
     def held(self) -> dict[int, tuple[Change, ...]]:
-        """What each node that is written holds already: what the file says; before a store all its PDOs.
+        """Read what each node that is written holds of the file's values, and before a store all its PDOs.
 
-        Each as a change to what it is. Raises as reading the PDOs of the nodes that store does.
+        Each value is a change to itself. Raises the errors of reading PDOs for nodes that store.
         """
         written = [plan for plan in self.planned if len(plan.plan)]
         stores = [plan.node_id for plan in written if plan.stores and is_of_pdo(plan.plan)]
@@ -50,9 +47,9 @@ class Claims:
         return {plan.node_id: _held(self.nodes[plan.node_id], plan, beside=plan.node_id in stores) for plan in written}
 
     def verify(self) -> None:
-        """Read the nodes to which nothing is written, and the settings of all that the file says and nobody writes.
+        """Verify nodes without writes, and the unwritten settings of the file on the others.
 
-        Restarted if a node restarted and lost what was planned from, DeviceRefused if it holds something else.
+        Raises Restarted if a node restarted and lost what was planned from, DeviceRefused if a value differs.
         """
         equal = self._equal()
         reads = [partial(_refuse_unequal, self.nodes[plan.node_id], plan) for plan in equal if plan.is_read]
@@ -66,7 +63,7 @@ class Claims:
         raise _restarts(restarted[0])
 
     def verify_restarted(self) -> None:
-        """Restarted if a node to which nothing is written restarted and lost what was planned from."""
+        """Raises Restarted if a node without writes restarted and lost what was planned from."""
         try:
             self.require_as_planned({plan.node_id for plan in self._equal()})
         except SafetyRefusal as lost:
@@ -74,11 +71,11 @@ class Claims:
             raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
 
     def _equal(self) -> list[NodePlan]:
-        """The plans of nodes to which nothing is written, also if they store: they are read before the first store."""
+        """List the plans of nodes without writes, including nodes that store: they are read before the first store."""
         return [plan for plan in self.planned if not len(plan.plan)]
 
     def require_as_planned(self, of: Collection[int] | None = None) -> None:
-        """SafetyRefusal if one of the nodes *of*, None for all, restarted and is not as it was planned from."""
+        """Raises SafetyRefusal if a node of *of* (None: all) restarted and differs from what it was planned from."""
         for _ in range(MOST_LOOKS):
             restarted = [
                 node_plan
@@ -146,7 +143,7 @@ def _restarts(node_id: int) -> Restarted:
 
 
 def _refuse_unequal(node: Node, planned: NodePlan) -> None:
-    """DeviceRefused if *node*, to which nothing is written, does not hold any more what the file says."""
+    """Raises DeviceRefused if *node*, which gets no write, no longer holds the file's values."""
     require_held(node, steady(node, planned.holds))
 
 
@@ -155,7 +152,7 @@ def _read_pdos(node: Node) -> None:
 
 
 def _held(node: Node, planned: NodePlan, *, beside: bool) -> tuple[Change, ...]:
-    """What *node* holds and *planned* does not write; with *beside* also the PDOs of which the file says nothing."""
+    """List what *node* holds and *planned* does not write; with *beside* also PDOs outside the file."""
     own = {change.pdo for change in planned.plan.changes if isinstance(change, PdoChange)}
     said = [change for change in steady(node, planned.holds) if _pdo_of(change) not in own]
     told = {change.pdo for change in said if isinstance(change, PdoChange)}
@@ -168,22 +165,22 @@ def _held(node: Node, planned: NodePlan, *, beside: bool) -> tuple[Change, ...]:
 
 
 def _pdo_of(change: Change) -> Pdo | None:
-    """The PDO of which *change* writes a single object."""
+    """Return the PDO if *change* writes a single object of a PDO."""
     return Pdo.at(change.step.index) if isinstance(change, ValueChange) else None
 
 
 def steady(node: Node, changes: Sequence[Change]) -> list[Change]:
-    """*changes* without those of objects that the machine changes all the time."""
+    """Leave out *changes* of objects that the machine changes all the time."""
     return [change for change in changes if _is_steady(node, change)]
 
 
 def _is_steady(node: Node, change: Change) -> bool:
-    """Whether *change* is not of an object that the machine changes all the time."""
+    """Tell whether the object of *change* stays constant while the machine runs."""
     return not (isinstance(change, ValueChange) and moves(node, change.step.index, change.step.sub_index))
 
 
 def _refuse_altered(node: Node, planned: NodePlan) -> None:
-    """DeviceRefused if *node* altered settings that the file says, that were equal, and that nobody writes."""
+    """Raises DeviceRefused if *node* altered settings of the file that were equal and got no write."""
     altered = node.observed(partial(_altered, node, planned))
     if altered:
         raise DeviceRefused(
@@ -195,7 +192,7 @@ def _refuse_altered(node: Node, planned: NodePlan) -> None:
 
 
 def _altered(node: Node, planned: NodePlan) -> dict[str, str]:
-    """The settings that are not as they were, each with how it differs; not those that change by themselves."""
+    """Map altered settings to their difference, except those that change by themselves."""
     differing = {
         change: found
         for change in planned.also_holds
@@ -207,9 +204,9 @@ def _altered(node: Node, planned: NodePlan) -> dict[str, str]:
 
 
 def refuse_stale(node: Node, planned: NodePlan, changes: Collection[Change], what: str = "has changed") -> None:
-    """SafetyRefusal if *node* is another device than *planned* is for, or *changes* would replace something else.
+    """Raises SafetyRefusal if *node* is another device than planned or *changes* would replace new values.
 
-    *what* is said to have become of it then.
+    *what* completes the message: what happened to the value.
     """
     if node.identity() != planned.identity:
         raise _stale(node, "is another device than the plan is for")
@@ -221,7 +218,7 @@ def refuse_stale(node: Node, planned: NodePlan, changes: Collection[Change], wha
 
 
 def _refuse_unlike(node: Node, planned: NodePlan) -> None:
-    """SafetyRefusal if *node*, which restarted, is not as it was *planned* from, or nobody had looked at that."""
+    """Raises SafetyRefusal if *node* restarted and differs from *planned*, or was not checked since."""
     if not planned.is_read:
         raise _stale(node, "restarted, and its stamp was trusted before that")
     refuse_stale(node, planned, (*planned.plan.changes, *planned.holds), "restarted, and has changed")

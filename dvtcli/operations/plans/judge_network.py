@@ -1,4 +1,4 @@
-"""What the rules say of a whole network's plan, before anything of it is written. Writes nothing."""
+"""Judge the plan of a whole network before its first write. Writes nothing."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ ERROR, WARNING = Severity.ERROR, Severity.WARNING
 
 
 def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
-    """*planned* with what the rules say of it as a whole, and what is to be asked about it.
+    """Judge *planned* as a whole and add the questions to ask.
 
-    RuleError with all errors of all nodes, and InputFileError for a concise DCF (0x1F22) that is none, unless forced.
+    Raises RuleError with all errors of all nodes, and InputFileError for an invalid concise DCF (0x1F22), unless
+    forced.
     """
     planned = list(planned)
     found = judged(nodes, planned, force=force, placed=in_objects(planned))
@@ -57,9 +58,10 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
 def judged(
     nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool, placed: Placed | None = None
 ) -> list[NodePlan]:
-    """*planned* with what the rules say of it as a whole, errors among it, and what is to be asked about it.
+    """Judge *planned* as a whole; errors are added as findings, and so are the questions to ask.
 
-    *placed* gives a finding its place in a file. InputFileError for a concise DCF (0x1F22) that is none, unless forced.
+    *placed* gives a finding its place in a file. Raises InputFileError for an invalid concise DCF (0x1F22), unless
+    forced.
     """
     planned = [_doubted(nodes[plan.node_id], plan, force=force) for plan in planned]
     after = {plan.node_id: _cob_ids(plan) for plan in planned}
@@ -76,7 +78,7 @@ def judged(
 
 
 def refusals(planned: Iterable[NodePlan]) -> list[RuleError]:
-    """An error for each node of *planned* of which the rules found errors."""
+    """Make an error for each node of *planned* with findings of severity error."""
     return [
         RuleError(f"node {plan.node_id}: {errors[0].text}", errors, node=plan.node_id)
         for plan in planned
@@ -119,7 +121,7 @@ _BITS = {
 
 
 def _in_keys(hint: Hint | str | None) -> Hint | str | None:
-    """*hint* with the keys of a network file for the actions that it has keys for."""
+    """Replace actions in *hint* by the keys of a network file, if it has such keys."""
     return _each_step(hint, _step_in_keys)
 
 
@@ -131,7 +133,7 @@ def _each_step(hint: Hint | str | None, change: Callable[[Hint], Hint]) -> Hint 
 
 
 def in_objects(planned: Sequence[NodePlan]) -> Placed:
-    """Give findings of a file that says values of objects the place there at which their hints are carried out."""
+    """Give findings of a file of object values the object where their hints apply."""
     wanted = {(plan.node_id, pdo) for plan in planned for pdo in plan.wanted}
 
     def placed(node_id: int | None, finding: Finding) -> Finding:
@@ -174,13 +176,13 @@ def _step_in_keys(step: Hint) -> Hint:
 
 
 def _said_together(step: Hint, words: str) -> Hint:
-    """*step* with *words* for its action, and nothing of it first: what a file says is carried out together."""
+    """Put *words* for the action of *step*, without a first step: a file is carried out as a whole."""
     why = step.why if has_place(step.why) else f"{{}} {step.why}".rstrip()
     return Hint(None, why=sentence(replace(step, why=why.replace("{} first", "{}")), lambda _step: words))
 
 
 def _doubted(node: Node, planned: NodePlan, *, force: bool) -> NodePlan:
-    """*planned* with the question about what its node, as a manager, is to download to others."""
+    """Add the question about what the node, as a manager, would download to others."""
     steps = [change.step for change in planned.plan.changes if isinstance(change, ValueChange)]
     concise = {step.sub_index: step.after for step in steps if step.index == CONCISE_DCF and step.sub_index}
     if not concise:
@@ -223,12 +225,12 @@ def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Findi
 def judged_network(
     session: Session, plan: NetworkPlan, wish: NetworkWish, log: FileLog, *, of_device: bool = False
 ) -> NetworkPlan:
-    """Add what the rules of networks say of the state that *plan* leaves: errors, and warnings of what *wish* names.
+    """Judge the state after *plan* by the rules of networks: errors, and warnings about what *wish* names.
 
-    Reads what its nodes hold; a node that was not to be read is left out. If these are not all nodes of a file, only
-    errors count: what a warning misses, another node may have. An error by a rule of what one device takes is a warning
-    if the device holds the PDO so already, and the plan does not change it; so is every error if *log* is of a file
-    about a device. Other nodes that the session knows count with the CAN-IDs that they take.
+    Reads its nodes, except those that must not be read. If they are only a part of the file's nodes, only errors count:
+    a warning may miss another node. An error by a rule about one device becomes a warning if the device already holds
+    the PDO so and the plan does not change it; so does every error if *log* is of a device's file. CAN-IDs of the
+    session's other nodes count.
     """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, mark_of
     from dvtcli.domain.network.check.network_rules import (
@@ -286,7 +288,7 @@ def judged_network(
 
 
 def _changed(planned: NodePlan) -> set[Pdo | int]:
-    """The PDOs that *planned* changes, be it by a number of its parameters alone, and the indices of other objects."""
+    """List the PDOs that *planned* changes, even by a single parameter, and the indices of other objects."""
     changes = planned.plan.changes
     return {
         change.pdo if isinstance(change, PdoChange) else Pdo.at(change.step.index) or change.step.index
@@ -295,7 +297,7 @@ def _changed(planned: NodePlan) -> set[Pdo | int]:
 
 
 def _place(spot: NetSpot, file: str) -> str:
-    """*spot* as a finding has it: an object, else *file*."""
+    """Name *spot* for a finding: an object, else *file*."""
     if spot.index is not None:
         return f"0x{spot.object}"
     if spot.pdo is not None:

@@ -1,4 +1,4 @@
-"""`link` and `unlink`: a TPDO and the RPDOs that hear it, carried out as a network file would be."""
+"""`link` and `unlink` a TPDO and RPDOs, carried out like a network file."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def link_pdos(
     heartbeat: int | Literal[False] | None = None,
     on_plan: OnPlan = lambda _plan: None,
 ) -> NetworkApplied:
-    """Let the RPDOs *consumers* hear the TPDO *producer*, on all nodes or on none; *on_plan* is told the plan first.
+    """Link the RPDOs *consumers* to the TPDO *producer*, on all nodes or on none; calls *on_plan* first.
 
-    The TPDO keeps its CAN-ID where it may, or gets a free one. *heartbeat* is that of the producer in ms (1..65535),
-    None for what it has, False for watching nothing. Asks where a node is OPERATIONAL. UsageError for ends that make
-    no link, RuleError where the layouts do not fit, else as `apply`.
+    The TPDO keeps its CAN-ID if allowed, else gets a free CAN-ID. *heartbeat* is the producer's time in ms (1..65535);
+    None keeps it, False adds no heartbeat consumer. Asks if a node is OPERATIONAL. Raises UsageError for ends that
+    cannot be linked, RuleError if the layouts differ, else the errors of `apply`.
     """
     _refuse_ends(producer, consumers)
     ids = sorted({producer.node_id, *(end.node_id for end in consumers)})
@@ -53,10 +53,10 @@ def unlink_pdos(
     heartbeat: bool = True,
     on_plan: OnPlan = lambda _plan: None,
 ) -> NetworkApplied:
-    """Disable the RPDOs *consumers*, which hear the TPDO *producer*; that one goes on: others may hear it.
+    """Disconnect the RPDOs *consumers* from the TPDO *producer*, which stays enabled for other consumers.
 
-    A node that hears nothing of the producer's node any more stops watching its heartbeat, unless *heartbeat* is False.
-    UsageError where an RPDO does not hear the TPDO, else as `apply`.
+    A node with no other link to the producer's node stops consuming its heartbeat, unless *heartbeat* is False.
+    Raises UsageError if an RPDO does not receive the TPDO, else the errors of `apply`.
     """
     _refuse_ends(producer, consumers)
     sent = session.node(producer.node_id).pdo(producer.pdo).communication.cob_id
@@ -76,7 +76,7 @@ def _spelled(word: str, producer: Endpoint, consumers: Sequence[Endpoint]) -> st
 
 
 def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
-    """UsageError where the ends are no link."""
+    """Raises UsageError if the ends cannot be linked."""
     hint = Hint(Action.LINK, {"producer": "NODE:tpdo1", "consumer": "NODE:rpdo2"})
     if not producer.pdo.is_tpdo:
         raise UsageError(f"{producer.node_id}:{producer.pdo} sends nothing: a link begins with a TPDO", hint=hint)
@@ -97,7 +97,7 @@ def _refuse_unlinked(node: Node, end: Endpoint, producer: Endpoint, sent: CobId)
 
 
 def _no_watches(session: Session, node: Node, ends: Sequence[Endpoint], producer: int) -> tuple[HeartbeatWatch, ...]:
-    """That the node stops watching *producer*, where *ends* are all that it hears of it."""
+    """Stop consuming the heartbeat of *producer* if *ends* are all its links with *node*."""
     if not watched_ms(heartbeat_slots(node.memory), producer):
         return ()
     cob_ids = session.node(producer).known_cob_ids()

@@ -1,6 +1,6 @@
-"""What the nodes of a network hold, read from them, and what they will hold once a plan is carried out.
+"""The state of a network's nodes, read now or computed after a plan.
 
-Reads nodes, and writes nothing. Judges nothing.
+Writes nothing and judges nothing.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ _ARRAYS = {
 
 
 def node_state(node: Node, *, for_rules: bool = False, only_enabled: bool = False) -> NodeState:
-    """What *node* holds now; with *for_rules* also what only the rules of `check` look at. Raises as its reads do.
+    """Read the state of *node*; *for_rules* adds what the rules of `check` need. Raises as its reads do.
 
-    With *only_enabled* no PDO that is off is read.
+    *only_enabled* skips disabled PDOs.
     """
     pdos = node.observed(lambda: _enabled(node)) if only_enabled else dict(node.known_pdos())
     places = (*TIMING, *(JUDGED if for_rules else ()))
@@ -87,7 +87,7 @@ def _enabled(node: Node) -> dict[Pdo, PdoConfig]:
 
 
 def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
-    """What *nodes* hold now as far as a rule of `check` looks at it, read side by side; raises as their reads do."""
+    """Read, in parallel, what the rules of `check` need of *nodes*; raises as their reads do."""
     found: list[NodeState] = []
 
     def read(node: Node) -> None:
@@ -99,9 +99,9 @@ def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
 
 
 def states_beside(session: Session, read: Collection[int]) -> list[NodeState]:
-    """What other nodes that the session has met, or simulates, take of CAN-IDs; those in *read* are left out.
+    """Return the CAN-IDs used by other known or simulated nodes; leaves out the nodes in *read*.
 
-    Of their PDOs that is the COB-ID. A node that does not answer takes none.
+    Only the COB-IDs of their PDOs are read. A node without an answer uses none.
     """
     network, found = session.network, []
     for node_id in sorted({*network.nodes, *network.simulated_ids} - {*read}):
@@ -116,12 +116,12 @@ def states_beside(session: Session, read: Collection[int]) -> list[NodeState]:
 
 
 def timing_numbers(sdo: SdoReader) -> dict[Place, int]:
-    """What a load is computed from besides PDOs, as far as *sdo* tells it."""
+    """Read the numbers besides PDOs that a bus load depends on, if the node has them."""
     return dict(_numbers(sdo, TIMING, {CONSUMER_HEARTBEAT: 4}))
 
 
 def _downloads(sdo: SdoReader) -> Iterator[tuple[int, bytes]]:
-    """What a manager downloads to each node at its boot-up (0x1F22), where it tells."""
+    """List what a manager downloads to each node at its boot-up (0x1F22), if readable."""
     for node_id in range(1, min(_number(sdo, CONCISE_DCF, 0, 1) or 0, 127) + 1):
         try:
             data = sdo.upload(CONCISE_DCF, node_id)
@@ -144,7 +144,7 @@ def _numbers(
 
 
 def _number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int | None:
-    """A number, None where the node does not tell it, for whatever reason it gives."""
+    """Read a number; None if the node does not return it, for any reason."""
     try:
         return read_number(sdo, index, sub_index, size)
     except (SdoAborted, SdoProtocolError):
@@ -152,13 +152,13 @@ def _number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int | None
 
 
 def network_state(nodes: Iterable[Node], *, for_rules: bool = False) -> NetworkState:
-    """What *nodes* hold now; raises as their reads do."""
+    """Read the state of *nodes*; raises as their reads do."""
     states = (node_state(node, for_rules=for_rules) for node in nodes)
     return NetworkState(tuple(sorted(states, key=lambda state: state.node_id)))
 
 
 def network_after(state: NetworkState, plan: NetworkPlan, wish: NetworkWish | None = None) -> NetworkState:
-    """*state* once *plan* is carried out; *wish* is what the plan comes from, where that is known."""
+    """Compute *state* after *plan*; *wish* is the plan's origin, if known."""
     planned = {node.node_id: node for node in plan.nodes}
     wished = {node.node_id: node for node in wish.nodes} if wish else {}
     nodes = (_node_after(node, planned.get(node.node_id), wished.get(node.node_id)) for node in state.nodes)
@@ -181,7 +181,7 @@ def _node_after(state: NodeState, plan: NodePlan | None, wish: NodeWish | None) 
 
 
 def with_link_marks(state: NetworkState, links: Sequence[LinkWish]) -> NetworkState:
-    """*state*, whose PDOs that only *links* of a file speak of have their places there, too."""
+    """Add to *state* the file places of PDOs that are named only in *links*."""
     nodes = []
     for node in state.nodes:
         linked = {end.pdo: link.mark for link in links for end in link.ends if end.node_id == node.node_id}
@@ -190,7 +190,7 @@ def with_link_marks(state: NetworkState, links: Sequence[LinkWish]) -> NetworkSt
 
 
 def with_wish(state: NodeState, wish: NodeWish) -> NodeState:
-    """*state* with where *wish* speaks of it, and the identity that it asks for."""
+    """Add to *state* the file places of *wish* and its identity."""
     asked = {name: getattr(wish.identity, name) for name in ("vendor", "product", "revision", "serial")}
     marks = {pdo.pdo: pdo.mark for pdo in wish.pdos}
     return replace(state, name=wish.name, mark=wish.mark, marks=marks, places=wish.marks, asked=asked)

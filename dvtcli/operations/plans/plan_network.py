@@ -1,7 +1,4 @@
-"""From a network file to what is to be written: every node is read, everything wrong is said at once, nothing is sent.
-
-Writes nothing. Does not know how a plan is carried out.
-"""
+"""Plan the writes for a network file: reads every node and reports all errors at once. Writes nothing."""
 
 from __future__ import annotations
 
@@ -63,13 +60,14 @@ ASKS_NOTHING = "the file asks for nothing of it: nothing is set, and nothing is 
 
 
 def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_far: bool = False) -> NetworkPlan:
-    """What has to be written for the nodes of the network *file* to hold what it says; reads them, writes nothing.
+    """Plan the writes that bring the nodes of the network *file* to its values; reads them, writes nothing.
 
-    With *trust_stamp* not those whose 0x1020 says that they do, which the answer says. With *as_far* what devices lack
-    is `lacking` in the answer, which has all the rest, where nothing else is wrong; without it that is a RuleError.
-    SafetyRefusal where a node is another device, InputFileError with everything that is wrong in the file, also what
-    only a node's dictionary knows, RuleError with all that the rules refuse, NoAnswer where nodes are silent: the first
-    of these that there is, with all else that is wrong among its details.
+    *trust_stamp* skips nodes whose stamp (0x1020) matches, and reports them. *as_far* lists objects that devices lack
+    as
+    `lacking` and plans the rest, if nothing else is wrong; without it they are a RuleError.
+    Raises SafetyRefusal if a node is another device, InputFileError with all errors of the file, even those that only
+    a node's dictionary shows, RuleError with all refusals of the rules, NoAnswer for silent nodes: the first of these
+    that applies, with all other errors in its details.
     """
     wish = read_wish(file)
     for note in wish.notes:
@@ -94,11 +92,12 @@ def plan_wish(
     of_network: bool = False,
     failures: list[DvtcliError] | None = None,
 ) -> NetworkPlan:
-    """What has to be written for the nodes of *wish* to hold what it says; what it cannot mean is told to *log*.
+    """Plan the writes that bring the nodes of *wish* to its values; *log* gets what makes no sense.
 
-    With *of_network* the rules of networks are asked, too, of the state that the plan leaves.
-    *trust_stamp*, *as_far* and what is raised as of `plan_network`; if *failures* is given, what would be raised is put
-    there, and the plan has all that can be planned.
+    *of_network* adds the rules of networks for the state after the plan.
+    *trust_stamp*, *as_far* and errors are those of `plan_network`; if *failures* is given, errors are appended to it,
+    and
+    the plan has all that could be planned.
     """
     with (
         short_frames(session.bus) as frames,
@@ -113,7 +112,7 @@ def plan_wish(
 
 
 def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds, placed: Placed) -> None:
-    """RuleError if a TPDO of *plan* is to get a CAN-ID that somebody unknown was *heard* to send, unless forced.
+    """Raises RuleError if a TPDO of *plan* would get a CAN-ID *heard* from an unknown sender, unless forced.
 
     *placed* gives a finding its place in the file.
     """
@@ -130,9 +129,9 @@ def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds, placed: P
 
 
 def checked_network(session: Session, plan: NetworkPlan, heard: HeardIds, *, of_device: bool) -> NetworkPlan:
-    """*plan* of a file that names no network, a saved plan or one *of_device*, with what the rules of networks say.
+    """Judge *plan* of a file without a network, a saved plan or a plan *of_device*, by the rules of networks.
 
-    RuleError if they find an error, or a TPDO gets a CAN-ID that somebody unknown was *heard* to send, unless forced.
+    Raises RuleError for their errors, or if a TPDO gets a CAN-ID *heard* from an unknown sender, unless forced.
     """
     wish = NetworkWish(tuple(NodeWish(node.name, node.node_id) for node in plan.nodes))
     plan = judged_network(session, plan, wish, FileLog(plan.file, ""), of_device=of_device)
@@ -147,7 +146,7 @@ def _master_syncs(wish: NetworkWish) -> bool:
 
 
 def with_unknown_syncs(session: Session, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
-    """*plan* with SYNC among *frames* that nobody who is known sends; what is new of that is told."""
+    """Add to *plan* the SYNCs among *frames* from unknown producers; reports new ones."""
     if plan.has_sync_master:
         return plan
     found = unknown_syncs(frames, [session.network.nodes[node_id] for node_id in sorted(session.network.nodes)])
@@ -201,7 +200,7 @@ def _planned_wish(
 
 
 def _with_nothing_asked(planned: NodePlan, wish: NetworkWish, log: FileLog) -> NodePlan:
-    """*planned* with a warning if the file of *wish* says nothing that the node should hold."""
+    """Warn if the file of *wish* names no value for the node."""
     if not planned.is_asked_nothing or planned.node_id not in wish.asked_nothing:
         return planned
     found = warning("asked-nothing", "", ASKS_NOTHING)
@@ -209,15 +208,15 @@ def _with_nothing_asked(planned: NodePlan, wish: NetworkWish, log: FileLog) -> N
 
 
 def _unread(node: Node, wish: NodeWish) -> NodePlan:
-    """Nothing is to be done about *node*, which was not read."""
+    """Make the plan of *node* if it was not read: no changes."""
     plan = Plan(node.node_id, ())
     return NodePlan(wish.name, plan, node.identity(), node.title, wish.mark.line, is_read=False)
 
 
 def _judged(session: Session, met: IdentifiedNodes, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
-    """The plan of each node that was met; what is wrong is put to its failures.
+    """Plan each identified node; errors are added to its failures.
 
-    If a node's words mean nothing there, the others are judged all the same, and its own PDOs that mean something.
+    If names of a node are unknown, its other PDOs and all other nodes are judged all the same.
     """
     nodes = met.nodes
     said: Mapping[int, tuple[Finding, ...]] = {}
@@ -250,7 +249,7 @@ def _judged(session: Session, met: IdentifiedNodes, wish: NetworkWish, log: File
 
 
 def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
-    """The other nodes that this session knows and that answer: what they use is not free."""
+    """List the session's other answering nodes: their CAN-IDs are not free."""
     for node_id in session.known_ids():
         with suppress(NoAnswer, SdoProtocolError):  # a node that is off hinders no change of another one
             if node_id not in nodes:
@@ -261,7 +260,7 @@ def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
 def plans_of(
     nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants], stamps: Mapping[int, Stamp]
 ) -> tuple[list[NodePlan], list[RuleError]]:
-    """What brings each of *nodes* to its *wants*, not judged yet, and why PDOs are left out of it."""
+    """Plan, without judging, what brings each of *nodes* to its *wants*; adds why PDOs are left out."""
     senders = Senders(
         nodes, {wanted_node.node_id: {pdo.pdo: _said(pdo) for pdo in wanted_node.pdos} for wanted_node in wish.nodes}
     )
@@ -280,27 +279,27 @@ def plans_of(
 
 
 def _look_ahead(node: Node, wants: NodeWants) -> None:
-    """Read what the plan of *node* needs; what cannot be read is told where it is needed."""
+    """Read ahead for the plan of *node*; read errors are raised later, at their use."""
     with suppress(DvtcliError):
         node.observed(lambda: [node.known_pdo(pdo) for pdo in wants.pdos])
         node.observed(lambda: [node.known_value(*place) for place in wants.values])
 
 
 def _look_at_stamp(node: Node, stamp: Stamp | None, changes: Sequence[Change]) -> None:
-    """The same of what the stamp of *node* becomes with *changes*."""
+    """Read ahead for the stamp of *node* after *changes*."""
     with suppress(DvtcliError):
         stamping(node, stamp, changes)
 
 
 def _said(wish: PdoWish) -> CobId | None:
-    """The COB-ID that the file itself names, while it is not known yet what the others will come to."""
+    """Return the COB-ID in the file itself, before those of other PDOs are known."""
     if not isinstance(wish.cob_id, int) or wish.enabled is False:
         return None
     return CobId(wish.cob_id, extended=wish.extended)
 
 
 class _Differences(NamedTuple):
-    """What a node's PDOs are to be, the *changes* that make them and its values so, and what `auto` chose instead."""
+    """The wanted PDOs of a node, the *changes* to reach them and its values, and the choices of `auto`."""
 
     node_id: int
     wanted: dict[Pdo, PdoConfig]
@@ -309,7 +308,7 @@ class _Differences(NamedTuple):
 
 
 def _differences(node: Node, wants: NodeWants, senders: Senders, refused: list[RuleError]) -> _Differences:
-    """What *node* is to be, without the PDOs of which *refused* gets why they cannot be made."""
+    """Compare *node* with *wants*; *refused* gets the reasons for PDOs that cannot be made."""
     elsewhere = cache(partial(senders.besides, node.node_id))
     lengths = untyped_lengths(node, wants.pdos.values())
     now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
@@ -335,7 +334,7 @@ def _differences(node: Node, wants: NodeWants, senders: Senders, refused: list[R
 def _node_plan(
     node: Node, wish: NodeWish, wants: NodeWants, differences: _Differences, stamp: Stamp | None
 ) -> NodePlan:
-    """The plan of *node*, which ends its stamp or gives it *stamp*."""
+    """Make the plan of *node*, which ends its stamp or writes *stamp*."""
     wanted, changes = differences.wanted, differences.changes
     stamped = stamping(node, stamp, changes)
     plan = Plan(node.node_id, (*stamped.changes, *changes))
@@ -350,7 +349,7 @@ def _node_plan(
 
 
 def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Finding]:
-    """A warning for each PDO that gets a mapping or a timer and stays off, and that the file does not call off."""
+    """Warn about each PDO that gets a mapping or a timer but stays disabled, unless the file disables it."""
     for pdo in wish.pdos:
         sets = [name for name, value in (("a mapping", pdo.mapping), ("an event timer", pdo.event_timer)) if value]
         if sets and pdo.enabled is None and pdo.pdo in wanted and not wanted[pdo.pdo].enabled:
@@ -361,7 +360,7 @@ def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Findi
 
 
 def _values(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> list[ValueChange]:
-    """The values that differ; and a SYNC period that is held and has to be 0 while the counter's overflow changes."""
+    """List differing values, and a SYNC period that must be 0 while the counter overflow (0x1019) changes."""
     wanted = {**_period_kept(node, wants, held), **wants.values}
     changes = {
         place: value_change(node, place, held.get(place, data), data, wants.reasons.get(place, "write"))
@@ -371,7 +370,7 @@ def _values(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -
 
 
 def _period_kept(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> Mapping[ObjectAddress, bytes]:
-    """The node's SYNC period, where nobody wants another one and it is in the way of what is wanted."""
+    """Return the SYNC period to keep, if it blocks a wanted change and no other period is wanted."""
     overflow, period = (SYNC_OVERFLOW, 0), (SYNC_PERIOD, 0)
     if period in wants.values or held.get(overflow) == wants.values.get(overflow):
         return {}
@@ -380,9 +379,9 @@ def _period_kept(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, byte
 
 
 def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
-    """Labels of what *node* holds and no store is known to have taken, whoever of dvtcli set it.
+    """List labels of changes that *node* holds and that are not known to be stored.
 
-    Not what *plan* changes: what that was need not be stored, and what it will be may be what is stored.
+    Leaves out what *plan* changes: the old value need not be stored, and the new value may equal the stored value.
     """
     remembered = {} if node.keeper is None else held_unstored(node, node.keeper.past, node.identity())
     changed = {change.label for change in plan.changes}
@@ -390,5 +389,5 @@ def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
 
 
 def value_change(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
-    """The change of the object at *place* of *node* from *held* to *data*."""
+    """Make the change of the object at *place* of *node* from *held* to *data*."""
     return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))
