@@ -1,1 +1,1 @@
-"""What a network file wants: read, and put in the terms of the nodes that are there. Writes nothing."""
+"""Read the wanted state from a network file and resolve it for the nodes present. Writes nothing."""

@@ -1,4 +1,4 @@
-"""The part of a network file that is meant: of the nodes that were named, without what needs others. Sends nothing."""
+"""Restrict a network file to the chosen nodes, without what needs other nodes. Sends nothing."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 
 
 def named_nodes(session: Session) -> tuple[int, ...]:
-    """The nodes that the user means, none: all of the file.
+    """Return the nodes that the user chose; empty for all of the file.
 
-    One alone counts where `-n` stands in the line itself: at a prompt and in scripts, in settings and variables it only
-    says which node is selected.
+    A single node counts only if `-n` is on the line itself: at a prompt and in scripts, settings and variables `-n`
+    only
+    selects the current node.
     """
     ids = session.base.nodes
     typed = session.settings.is_typed("node") and session.ends_with_line
@@ -27,7 +28,7 @@ def named_nodes(session: Session) -> tuple[int, ...]:
 
 
 def of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
-    """What *wish* says of the nodes *ids* where some were named (`-n 1,3`); UsageError for one that it has not."""
+    """Restrict *wish* to the nodes *ids*, if any (`-n 1,3`); raises UsageError for a node not in the file."""
     if not ids:
         return wish
     if unknown := [chosen_id for chosen_id in ids if chosen_id not in {node.node_id for node in wish.nodes}]:
@@ -43,16 +44,16 @@ def of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...
 
 
 def _without_stamps(wish: NetworkWish, chosen: NetworkWish) -> NetworkWish:
-    """*chosen* of *wish*, where no node gets a stamp that stands for links with nodes that are left out, too."""
+    """Drop from *chosen* the stamps that also cover links with nodes outside it."""
     ids = {node.node_id for node in chosen.nodes}
     nodes = (node if linked_with(wish, node.node_id) <= ids else replace(node, stamp=None) for node in chosen.nodes)
     return replace(chosen, nodes=tuple(nodes))
 
 
 def _without_torn_links(wish: NetworkWish, chosen: NetworkWish) -> tuple[NetworkWish, list[Endpoint]]:
-    """*chosen* of *wish* without the links that lack an end, and without their PDOs, which are answered, too.
+    """Drop links of *chosen* that lack an end, and their PDOs; returns those PDOs, too.
 
-    What one end of such a link has must not change while the other stays: it would hear another layout.
+    One end of such a link must not change while the other stays: the RPDO would receive another layout.
     """
     links, torn = chosen.links, {end for link in wish.links if link not in chosen.links for end in link.ends}
     while shared := [link for link in links if not torn.isdisjoint(link.ends)]:

@@ -1,6 +1,6 @@
-"""The nodes of a network file, met: those that answer and are who the file means; of the others, why not.
+"""Identify the nodes of a network file: those that answer and match, and why others do not.
 
-Writes nothing. Does not know what the nodes should hold.
+Writes nothing.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _ATTACH = "attach the device that is meant, or say in the file which one it is"
 
 @dataclass(slots=True)
 class IdentifiedNodes:
-    """The *nodes* that are as the file means them, by node-ID, and what speaks against going on.
+    """The *nodes* that match the file, by node-ID, and the failures of the others.
 
-    *boot_ups* are those that were heard of each before anything was read of it.
+    *boot_ups* counts the boot-ups received from each node before its first read.
     """
 
     nodes: dict[int, Node] = field(default_factory=dict)
@@ -39,7 +39,7 @@ class IdentifiedNodes:
     boot_ups: dict[int, int] = field(default_factory=dict)
 
     def end(self) -> None:
-        """One error for all failures, where there is one: what trying again does not mend comes first."""
+        """Raise one error for all failures, if any; failures that a retry cannot fix come first."""
         if not self.failures:
             return
         refused = [failure for failure in self.failures if isinstance(failure, RuleError)]
@@ -56,7 +56,7 @@ class IdentifiedNodes:
 
 
 def meet(session: Session, file: str, wish: NetworkWish) -> IdentifiedNodes:
-    """The nodes of *wish*, each with the files that it names."""
+    """Identify the nodes of *wish*, each with its EDS or profile."""
     met = IdentifiedNodes()
     for node in wish.nodes:
         _choose_files(session, file, node)
@@ -79,9 +79,9 @@ def meet(session: Session, file: str, wish: NetworkWish) -> IdentifiedNodes:
 
 
 def _ask_all(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
-    """Ask *ids* anew who they are, side by side where nothing runs; of those that do not tell it, why not.
+    """Identify *ids* again, in parallel if nothing else runs; returns the failures.
 
-    Nothing is said to the user here, so that what is to be said has the order of the file.
+    Messages are left to the caller, which keeps the order of the file.
     """
     network = session.network
     silent: dict[int, DvtcliError] = {}
@@ -102,7 +102,7 @@ def _ask_all(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
 
 
 def _joined(failures: list[DvtcliError]) -> None:
-    """Nodes that are silent are one failure."""
+    """Merge failures of silent nodes into one."""
     silent = [failure for failure in failures if isinstance(failure, NoAnswer) and failure.node is not None]
     if len(silent) > 1:
         silent[0].text = f"nodes {', '.join(str(no_answer.node) for no_answer in silent)} do not answer"
@@ -120,14 +120,14 @@ def _choose_files(session: Session, file: str, node: NodeWish) -> None:
 
 
 def is_wanted(node: Node, wanted: WantedIdentity) -> bool:
-    """Whether *node* is no other device than the one *wanted*."""
+    """Tell whether *node* matches the identity *wanted*."""
     held = node.identity()
     parts = ((getattr(wanted, name), held[name]) for name in ("vendor", "product", "revision", "serial"))
     return all(number is None or number == told for number, told in parts)
 
 
 def unlike_wanted(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:
-    """What says that *node* is another device than the one *wanted*, or than its EDS is about."""
+    """Yield why *node* is not the device *wanted*, or not the device of its EDS."""
     held = node.identity()
     for name in ("vendor", "product", "revision", "serial"):
         number = getattr(wanted, name)
@@ -148,7 +148,7 @@ def _weight(failure: DvtcliError) -> int:
 
 
 def placed_complaints(refused: Sequence[RuleError]) -> Iterator[FileComplaint]:
-    """What *refused* found and a file asks for, each in its place there."""
+    """Yield the findings of *refused* at their places in the file."""
     for error in refused:
         for finding in error.findings:
             if finding.complaint is not None:
@@ -157,7 +157,7 @@ def placed_complaints(refused: Sequence[RuleError]) -> Iterator[FileComplaint]:
 
 
 def _texts(failure: DvtcliError, told_by: DvtcliError) -> Iterator[str]:
-    """The sentences of *failure* that are not among the complaints of the file which *told_by* has."""
+    """Yield sentences of *failure* that are not among the file complaints of *told_by*."""
     if isinstance(failure, RuleError):
         node = "" if failure.node is None else f"node {failure.node}: "
         placed = isinstance(told_by, InputFileError)

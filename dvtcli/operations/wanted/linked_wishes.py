@@ -1,7 +1,4 @@
-"""What the links of a network come to on its nodes: PDOs of both sides, CAN-IDs, heartbeats. Reads, and writes nothing.
-
-Does not know how a wish is planned or carried out.
-"""
+"""Resolve the links of a network into PDOs of both sides, CAN-IDs and heartbeats. Writes nothing."""
 
 from __future__ import annotations
 
@@ -47,7 +44,7 @@ _CONSUMER = 0x1016
 
 @dataclass(slots=True)
 class LinkedHeartbeats:
-    """The heartbeats of links between *nodes*, beside those that *before* wishes; *say* takes findings on a node."""
+    """The heartbeats for links between *nodes*, in addition to those in *before*; *say* takes findings."""
 
     nodes: Mapping[int, Node]
     before: NetworkWish
@@ -57,7 +54,7 @@ class LinkedHeartbeats:
     _slots: dict[int, dict[int, int]] = field(default_factory=dict)
 
     def watch(self, link: LinkWish, asked_ms: int | None) -> None:
-        """The consumers wait for the producer's heartbeat, which is set to *asked_ms* where that is given."""
+        """Let the consumers expect the producer's heartbeat; *asked_ms* sets its producer time in ms."""
         node_id = link.producer.node_id
         time_ms = self._period_ms(node_id, asked_ms, link.mark)
         if not time_ms:
@@ -93,7 +90,7 @@ class LinkedHeartbeats:
         return asked_ms
 
     def _watch_one(self, consumer: int, heartbeat: HeartbeatWatch) -> None:
-        """Node *consumer* waits longer than *heartbeat*, which its producer sends."""
+        """Let node *consumer* expect *heartbeat* with a longer time than its producer's."""
         producer, time_ms = heartbeat.producer, heartbeat.time_ms
         if any(watch.producer == producer for watch in _node(self.before, consumer).watches):
             return  # somebody said how long
@@ -114,7 +111,7 @@ class LinkedHeartbeats:
         self._watches.setdefault(consumer, {})[producer] = replace(heartbeat, time_ms=late_ms)
 
     def taken_by(self, node: NodeWish) -> NodeWish:
-        """*node* with the heartbeat that it sends, and those that it waits for."""
+        """Return *node* with its heartbeat producer and consumer times."""
         objects = (*node.objects, *self._producers.get(node.node_id, ()))
         watches = (*node.watches, *self._watches.get(node.node_id, {}).values())
         return replace(node, objects=objects, watches=watches)
@@ -131,7 +128,7 @@ def _node(wish: NetworkWish, node_id: int) -> NodeWish:
 
 
 def _said_slots(values: Iterable[ValueWish]) -> dict[int, int]:
-    """The entries of 0x1016 that *values* name by number, by sub-index: what is no number is told where it is meant."""
+    """Map entries of 0x1016 that *values* name by number; invalid numbers are reported elsewhere."""
     found: dict[int, int] = {}
     for value in values:
         place = parse_object(value.object.text)
@@ -142,7 +139,7 @@ def _said_slots(values: Iterable[ValueWish]) -> dict[int, int]:
 
 
 def _wished_ms(said: Iterable[ObjectWish], held_ms: int) -> int:
-    """What is *said* of 0x1017, else what the node holds."""
+    """Return the wanted 0x1017 in ms, else the node's value."""
     return next((int.from_bytes(wish.data, "little") for wish in said if wish.key == _HEARTBEAT), held_ms)
 
 
@@ -154,16 +151,16 @@ RULES = (
 
 @dataclass(frozen=True, slots=True)
 class LinkedWish:
-    """A *wish* with what its links come to, and what there is to say of them, by node-ID."""
+    """A *wish* with its links resolved, and findings by node-ID."""
 
     wish: NetworkWish
     findings: Mapping[int, tuple[Finding, ...]]
 
 
 def with_links(nodes: Mapping[int, Node], known: Iterable[Node], wish: NetworkWish) -> LinkedWish:
-    """*wish* with the PDOs, CAN-IDs and heartbeats that its links need; *nodes* are those of the wish.
+    """Resolve the links of *wish* into PDOs, CAN-IDs and heartbeats; *nodes* are those of the wish.
 
-    No CAN-ID is given that a node among *known* uses. Reads them. RuleError with every link that cannot be made.
+    A new CAN-ID is free on all *known* nodes, which are read. Raises RuleError with every link that cannot be made.
     """
     linking = _Linking(nodes, [*nodes.values(), *(node for node in known if node.node_id not in nodes)], wish)
     for link in wish.links:
@@ -176,7 +173,7 @@ def with_links(nodes: Mapping[int, Node], known: Iterable[Node], wish: NetworkWi
 
 @dataclass(slots=True)
 class _Linking:
-    """The links of *before*, one after the other: what they make of each PDO and node."""
+    """The links of *before*, resolved one after another."""
 
     nodes: Mapping[int, Node]
     known: list[Node]
@@ -191,7 +188,7 @@ class _Linking:
             self._pdos |= {Endpoint(node.node_id, pdo.pdo): pdo for pdo in node.pdos}
 
     def link(self, link: LinkWish) -> None:
-        """Take one link in: its findings, and what it makes of both sides."""
+        """Resolve a link: its findings, and the changes of both sides."""
         producer = self._side(link.producer)
         cob_id = self._cob_id(link, producer)
         if cob_id is None:
@@ -208,7 +205,7 @@ class _Linking:
         self.findings.setdefault(node_id, {}).update(dict.fromkeys(findings))
 
     def _side(self, end: Endpoint) -> LinkSide:
-        """A PDO as the wish has it, and as the node holds what that does not say."""
+        """Return a PDO as wanted, completed with the node's values."""
         node = self.nodes[end.node_id]
         config = node.known_pdo(end.pdo)
         wish = self._pdos.get(end)
@@ -218,7 +215,7 @@ class _Linking:
         return LinkSide(end, config, node.profile, node.dictionary)
 
     def _cob_id(self, link: LinkWish, producer: LinkSide) -> CobId | None:
-        """The one that the wish names, or the TPDO has and may keep, else a free one; None where none is."""
+        """Return the wanted COB-ID, the TPDO's own if it may stay, else a free COB-ID; None if none is free."""
         held = producer.config.communication.cob_id
         said = self._pdos.get(link.producer)
         if said is not None and isinstance(said.cob_id, int):
@@ -230,7 +227,7 @@ class _Linking:
         return None if can_id is None else replace(held, can_id=can_id, extended=False)
 
     def _used(self, link: LinkWish, producer: LinkSide) -> Iterator[tuple[int, bool]]:
-        """Every CAN-ID, and whether it has 29 bits, that is not free for the producer."""
+        """Yield every used CAN-ID, and whether it is a 29-bit identifier."""
         for node in self.known:
             yield from service_ids(node.memory, node.node_id, node.dictionary)
             for pdo, cob_id in node.known_cob_ids().items():
@@ -245,7 +242,7 @@ class _Linking:
                 yield wish.cob_id, wish.extended
 
     def _hears_already(self, node: Node, end: Endpoint, cob_id: CobId, producer: LinkSide) -> bool:
-        """Whether an RPDO hears this producer anyway, or hears it as it is meant once it is on."""
+        """Tell whether an RPDO already receives this producer, or will once it is enabled."""
         held = producer.config.communication.cob_id
         if end.pdo.is_tpdo or end.node_id == producer.end.node_id:
             return False
@@ -275,7 +272,7 @@ class _Linking:
         self._pdos[end] = changed
 
     def wish(self) -> NetworkWish:
-        """The nodes with everything that the links made of them; no links are left."""
+        """Return all nodes with the changes by links, without links."""
         return replace(self.before, nodes=tuple(map(self._node, self.before.nodes)), links=())
 
     def _node(self, node: NodeWish) -> NodeWish:

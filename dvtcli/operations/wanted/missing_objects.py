@@ -45,7 +45,7 @@ _HINT = Hint(
 
 
 def refuse_lacking(plan: NetworkPlan) -> NetworkPlan:
-    """*plan*; RuleError where devices lack something of its file, since nothing of it can be carried out then."""
+    """Return *plan*; raises RuleError if devices lack objects of its file: nothing is carried out."""
     if plan.lacking:
         from dvtcli.operations.results.failures import lacking_error
 
@@ -54,7 +54,7 @@ def refuse_lacking(plan: NetworkPlan) -> NetworkPlan:
 
 
 def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -> tuple[NetworkWish, LackedOfWish]:
-    """*wish* without what its *nodes* lack and the links of such PDOs, and what that is."""
+    """Drop from *wish* what its *nodes* lack and the links of such PDOs; returns both."""
     asked: dict[int, dict[Pdo, Mark]] = {}
     for node_wish in wish.nodes:
         asked[node_wish.node_id] = {pdo.pdo: pdo.mark for pdo in node_wish.pdos}
@@ -76,7 +76,7 @@ def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -
 
 
 def _look_ahead(node: Node, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mark]) -> None:
-    """Read *pdos* and *places*; what cannot be read is told where it is needed."""
+    """Read *pdos* and *places* ahead; read errors are raised later, at their use."""
     for pdo in pdos:
         with suppress(DvtcliError):
             node.known_pdo(pdo)
@@ -86,7 +86,7 @@ def _look_ahead(node: Node, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mar
 
 
 def _places(node: Node, wish: NodeWish) -> Iterator[tuple[Place, Mark]]:
-    """The single objects that *wish* sets, and where it does; those that it may not set are complained of elsewhere."""
+    """Yield the single objects that *wish* sets, with their places in the file; forbidden objects are left out."""
     wishes: tuple[ObjectWish | ValueWish, ...] = (*wish.objects, *wish.values)
     for object_wish in wishes:
         place, mark = (
@@ -98,7 +98,7 @@ def _places(node: Node, wish: NodeWish) -> Iterator[tuple[Place, Mark]]:
 
 
 def _place_of(node: Node, one: ObjectWish | ValueWish) -> Place | None:
-    """Where *one* is; None where its words mean nothing there."""
+    """Resolve an object name; None if *node* does not know it."""
     if not isinstance(one, ValueWish):
         return one.index, one.sub_index
     try:
@@ -109,7 +109,7 @@ def _place_of(node: Node, one: ObjectWish | ValueWish) -> Place | None:
 
 @dataclass(slots=True)
 class LackedOfWish:
-    """*found* is not there, *torn* is linked with such PDOs; *log* says where the file asks for it."""
+    """The missing objects (*found*) and PDOs linked with them (*torn*); *log* has their places in the file."""
 
     log: FileLog
     found: list[Lacked] = field(default_factory=list)
@@ -117,11 +117,11 @@ class LackedOfWish:
     _places: set[tuple[int, Place]] = field(default_factory=set)
 
     def of(self, node_id: int) -> tuple[str, ...]:
-        """What the node with *node_id* lacks, as labels."""
+        """List labels of what the node with *node_id* lacks."""
         return tuple(lacked.label for lacked in self.found if lacked.node_id == node_id)
 
     def look(self, node: Node, pdo: Pdo, mark: Mark) -> None:
-        """Take *pdo* in where *node* says that it has none; raises as reading it does for any other reason."""
+        """Add *pdo* if *node* does not have it; raises other errors of reading it."""
         try:
             node.known_pdo(pdo)
         except (SdoAborted, UsageError) as lacked:
@@ -132,7 +132,7 @@ class LackedOfWish:
             self._take(node, pdo, finding, mark, lacked.abort)
 
     def look_at(self, node: Node, place: Place, mark: Mark) -> None:
-        """Take the object at *place* in where *node* says that there is none; another reason is told elsewhere."""
+        """Add the object at *place* if *node* does not have it; other errors are reported elsewhere."""
         try:
             node.known_value(*place)
         except SdoAborted as lacked:
@@ -173,7 +173,7 @@ class LackedOfWish:
         )  # fmt: skip
 
     def torn_of(self, wish: NetworkWish, left: NetworkWish) -> tuple[tuple[int, Pdo], ...]:
-        """The other ends of links of *wish* that are not in *left*: what these want of them is not known."""
+        """List the other ends of links of *wish* missing in *left*: their configuration is unknown."""
         linked = {link.producer for link in left.links}
         gone = [end for link in wish.links if link.producer not in linked for end in link.ends]
         return tuple(dict.fromkeys((end.node_id, end.pdo) for end in gone if not self._has(end)))

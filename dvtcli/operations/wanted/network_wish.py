@@ -1,4 +1,4 @@
-"""What a network file wants, read. Needs no bus and no session."""
+"""Read a network file. Needs no bus and no session."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ BESIDE = "@BUS_CONFIG_PATH@/"
 
 
 def read_wish(file: str) -> NetworkWish:
-    """Read the network file *file*; UsageError if it cannot be opened, InputFileError with all that is wrong in it.
+    """Read the network file *file*.
 
-    A `dcf` or a `profile` that names nothing is wrong, too: without it no rule could be asked that needs it.
+    Raises UsageError if it cannot be opened, InputFileError with all its errors; an unresolvable `dcf` or `profile` is
+    an
+    error, too, since rules need it.
     """
     try:
         why_not: dict[str, WhyNot] = {"dcf": partial(_why_no_dcf, Path(file).parent), "profile": _why_no_profile}
@@ -32,9 +34,9 @@ def read_wish(file: str) -> NetworkWish:
 
 
 def eds_of(file: str, node: NodeWish) -> Path | None:
-    """Find what `dcf` of *node* in the network *file* names: a file beside it, a simulated family's, or the library's.
+    """Find the `dcf` of *node* in *file*: a file beside it, of a simulated family, or of the library.
 
-    None if it names none of these, or nothing.
+    Returns None if there is none.
     """
     return None if node.dcf is None else _dcf_path(Path(file).parent, node.dcf.text)
 
@@ -50,7 +52,7 @@ def _dcf_path(folder: Path, name: str) -> Path | None:
 
 
 def _why_no_dcf(folder: Path, name: str) -> str:
-    """Tell why `dcf: NAME` of a network file in *folder* describes no device, and what is meant; empty if it does."""
+    """Explain why `dcf: NAME` in *folder* names no device description, with a suggestion; empty if it does."""
     found = _dcf_path(folder, name)
     if found is not None:
         return _why_no_description(found)
@@ -72,7 +74,7 @@ def _why_no_dcf(folder: Path, name: str) -> str:
 
 
 def _why_no_description(path: Path) -> str:
-    """Tell why the file at *path* describes no device; empty if it does. What is read here is not read again."""
+    """Explain why the file at *path* describes no device; empty if it does. Caches the parsed file."""
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
 
     try:
@@ -85,7 +87,7 @@ def _why_no_description(path: Path) -> str:
 
 
 def _why_no_profile(name: str) -> str:
-    """Tell why `profile: NAME` names none, and what may be meant; empty if it does."""
+    """Explain why `profile: NAME` is unknown, with a suggestion; empty if known."""
     from dvtcli.files.profile.library import profile_path
 
     try:
@@ -97,6 +99,6 @@ def _why_no_profile(name: str) -> str:
 
 
 def skipped_rules(ids: Collection[int]) -> str:
-    """Say that the rules that need an EDS were not asked about the nodes *ids*, which nothing describes."""
+    """Say that rules which need an EDS were skipped for the nodes *ids* without a description."""
     nodes = f"node{'' if len(ids) == 1 else 's'} {', '.join(map(str, sorted(ids)))}"
     return f"no EDS is known of {nodes}: rules that need an EDS were skipped; `dcf:` beside the node_id names one"

@@ -1,6 +1,6 @@
-"""What the words of a network file mean on a node: names of its dictionary, types, slots of its heartbeat consumer.
+"""Resolve the names of a network file on a node: dictionary entries, types, heartbeat consumer entries.
 
-Complains where they mean nothing there, and of everything at once. Reads values; judges none, and writes nothing.
+Reports all unknown names at once. Reads values, writes nothing.
 """
 
 from __future__ import annotations
@@ -43,21 +43,21 @@ _FOLLOWS = re.compile(r"\$NODEID\s*(?:\+\s*(?P<more>\S+))?|(?P<first>\S+)\s*\+\s
 
 
 def following(number: int) -> str:
-    """The value that is *number* more than the node-ID."""
+    """Write node-ID plus *number* as `$NODEID+…`."""
     return f"$NODEID+0x{number:X}"
 
 
 def of_node(text: str, node_id: int) -> str:
-    """What the value *text* is on the node with *node_id*; *text* itself where it does not follow it.
+    """Evaluate the value *text* on the node with *node_id*; returns *text* if it has no `$NODEID`.
 
-    ValueError where something else than a number is added to `$NODEID`.
+    Raises ValueError if anything but a number is added to `$NODEID`.
     """
     found = _FOLLOWS.fullmatch(text.strip())
     return str(parse_number(found["more"] or found["first"] or "0") + node_id) if found else text
 
 
 class WantedValue(NamedTuple):
-    """Bytes that the object at *place* should hold, why in words, and where the file says so."""
+    """The bytes wanted at *place*, the reason in words, and the place in the file."""
 
     place: tuple[int, int]
     data: bytes
@@ -66,7 +66,7 @@ class WantedValue(NamedTuple):
 
 
 def wanted_pins(node: Node, wishes: Iterable[PinWish], log: FileLog) -> Iterator[WantedValue]:
-    """The objects of virtual PDOs as *wishes* want them, pins before the number of active ones."""
+    """Resolve *wishes* into objects of virtual PDOs, pins before the number of active pins."""
     for name, group in groupby(wishes, key=lambda wish: wish.group):
         pins = list(group)
         if name in node.profile.vpdo:
@@ -115,7 +115,7 @@ _NO_EDS = (
 
 @dataclass(slots=True)
 class NodeWants:
-    """What a node should hold: PDOs, single objects in their order, with reasons; *pruned*: PDOs that no file names."""
+    """The wanted PDOs and objects of a node in order, with reasons; *pruned*: PDOs not in any file."""
 
     pdos: dict[Pdo, PdoWant] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
@@ -126,7 +126,7 @@ class NodeWants:
 
 
 def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
-    """What *wish* means on *node*; what it cannot mean there is told to *log*."""
+    """Resolve *wish* on *node*; *log* gets what has no meaning there."""
     wants = NodeWants()
     for pdo in wish.pdos:
         complaints = log.count
@@ -147,7 +147,7 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
 
 
 def _wanted(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
-    """What *wish* means objects of *node* to hold; where two of its lines want an object otherwise, that is told."""
+    """Resolve the object values of *wish* on *node*; reports lines that contradict each other."""
     said = (*_objects(wish), *_values(node, wish, log))
     watches = _watches(node, wish, said, log)
     taken = {watch.place for watch in watches}
@@ -169,7 +169,7 @@ def _wanted(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
 
 
 def _whence(want: WantedValue) -> str:
-    """Which line of the file wants it, or what it is for, where that is no line."""
+    """Name the file line of *want*, or its purpose if there is no line."""
     return f"line {want.mark.line}: {want.reason}" if want.mark.line else want.reason
 
 
@@ -178,7 +178,7 @@ def _shown(place: Place) -> str:
 
 
 def pdo_request(node: Node, wish: PdoWish, log: FileLog) -> PdoRequest:
-    """What *wish* asks of a PDO of *node*; entries that mean nothing there are told to *log*, and left out."""
+    """Resolve a PDO of *wish* on *node*; unknown entries are reported to *log* and left out."""
     objects = None if wish.mapping is None else tuple(_entries(node, wish.mapping, log))
     return PdoRequest(
         cob_id=wish.cob_id, transmission_type=wish.transmission_type, inhibit_time=wish.inhibit_time,
@@ -196,7 +196,7 @@ def _entries(node: Node, words: tuple[FileWord, ...], log: FileLog) -> Iterator[
 
 
 def _judge_entries(node: Node, wish: PdoWish, log: FileLog) -> None:
-    """Tell *log* which known entries of *wish* the rules refuse: the unknown ones keep its PDO from being judged."""
+    """Report known entries of *wish* that the rules refuse; unknown entries prevent judging the PDO."""
     if wish.pdo not in node.present():
         return
     now = node.known_pdo(wish.pdo)
@@ -216,7 +216,7 @@ def _judge_entries(node: Node, wish: PdoWish, log: FileLog) -> None:
 
 
 def _unknown(node: Node, wrong: UsageError) -> str:
-    """Why a word means nothing there, and what helps in a file."""
+    """Explain why a name is unknown on *node*, with help for a file."""
     if node.dictionary is None and isinstance(wrong.__cause__, UnknownName):
         return f"{wrong.text}: {_NO_EDS}"
     return _text(wrong)
@@ -259,7 +259,7 @@ def _name(node: Node, place: Place) -> str:
 
 
 def set_elsewhere(node: Node, place: Place) -> str:
-    """Why the object at *place* of *node* is none that a file's `sdo` sets, and what does; empty where it may be."""
+    """Explain why `sdo` of a file must not set the object at *place*, and what does; empty if it may."""
     index, text = place[0], _shown(place)
     if index in SIGNATURES:
         return f"{text} is a command: `store: true` stores once all nodes are verified"
@@ -273,7 +273,7 @@ def set_elsewhere(node: Node, place: Place) -> str:
 
 
 def _why_not(node: Node, place: Place) -> str:
-    """Why the object at *place* is none that a file may set; empty where it may."""
+    """Explain why a file must not set the object at *place*; empty if it may."""
     if elsewhere := set_elsewhere(node, place):
         return elsewhere
     try:
@@ -284,10 +284,10 @@ def _why_not(node: Node, place: Place) -> str:
 
 
 def _watches(node: Node, wish: NodeWish, said: Collection[WantedValue], log: FileLog) -> Collection[WantedValue]:
-    """The entries of 0x1016 that *wish* means: that of the producer where it has one, else a free one.
+    """Choose entries of 0x1016 for *wish*: the producer's own entry, else a free entry.
 
-    Not those that are *said* to hold something else; one that is said to hold 0 is free, and the last that is taken.
-    Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in one of them is not used.
+    Skips entries *said* to hold another value; an entry said to hold 0 is free, and taken last.
+    Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in either is unused.
     """
     if not wish.watches:
         return ()
@@ -322,12 +322,12 @@ def _watches(node: Node, wish: NodeWish, said: Collection[WantedValue], log: Fil
 
 
 def _entry_of(producer: int, entries: Mapping[int, int]) -> int | None:
-    """The sub-index that watches node *producer*, if one does."""
+    """Return the sub-index that consumes the heartbeat of node *producer*, if any."""
     return next((sub for sub, value in entries.items() if _used(value) and _producer(value) == producer), None)
 
 
 def _is_free_entry(want: WantedValue) -> bool:
-    """Whether an entry of 0x1016 is to watch nobody."""
+    """Tell whether an entry of 0x1016 is to be unused."""
     return want.place[0] == _CONSUMER_HEARTBEAT and want.place[1] > 0 and not any(want.data)
 
 

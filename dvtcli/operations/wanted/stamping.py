@@ -1,6 +1,6 @@
-"""The stamps (0x1020) of a network file: which a node is to get, and whom a stamp says to be as the file wants.
+"""The stamps (0x1020) of a network file: which to write, and which nodes match by their stamp.
 
-Writes nothing. Does not know how a plan is carried out.
+Writes nothing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _VERSION = "dvtcli stamp 1"
 
 
 def wanted_stamp(nodes: Mapping[int, Node], wish: NetworkWish, node_id: int) -> Stamp:
-    """The stamp of what *wish* says of a node, of those that it is linked with, and who the node is (0x1018)."""
+    """Compute a node's stamp from its part of *wish*, the nodes linked with it, and its identity (0x1018)."""
     joined = linked_with(wish, node_id)
     links = [
         [[[end.node_id, str(end.pdo)] for end in link.ends], link.heartbeat]
@@ -46,7 +46,7 @@ def wanted_stamp(nodes: Mapping[int, Node], wish: NetworkWish, node_id: int) -> 
 
 
 def linked_with(wish: NetworkWish, node_id: int) -> frozenset[int]:
-    """The nodes that the links of *wish* join with *node_id*, however far, and itself."""
+    """List the nodes that links of *wish* join with *node_id*, directly or not, including itself."""
     found = {node_id}
     while more := {end.node_id for link in wish.links for end in link.ends if _touches(link, found)} - found:
         found |= more
@@ -78,7 +78,7 @@ def _pdo_words(node: Node, pdo: PdoWish) -> list[Any]:
 
 
 def _at(resolve: Callable[[Node, str], object], node: Node, word: FileWord) -> str:
-    """What *word* means there; itself where that is nothing, which is told where it is planned."""
+    """Resolve *word* on *node*; returns *word* if unknown (reported when planned)."""
     try:
         return str(resolve(node, word.text))
     except UsageError:
@@ -99,7 +99,7 @@ _COMMUNICATION = range(0x1000, 0x2000)
 
 @dataclass(frozen=True, slots=True)
 class Stamping:
-    """What a plan does about a node's stamp: the objects that it should hold, how they become so, what to say."""
+    """A plan's part about a node's stamp: wanted objects, their changes, findings."""
 
     values: Mapping[tuple[int, int], bytes]
     changes: tuple[ValueChange, ...] = ()
@@ -107,7 +107,7 @@ class Stamping:
 
 
 def stamps_of(nodes: Mapping[int, Node], wish: NetworkWish) -> dict[int, Stamp]:
-    """The stamp of each node of *wish* that is to get one, as the file says it, by node-ID."""
+    """Map node-IDs of *wish* to their wanted stamps."""
     return {
         node.node_id: wanted_stamp(nodes, wish, node.node_id)
         for node in wish.nodes
@@ -116,9 +116,9 @@ def stamps_of(nodes: Mapping[int, Node], wish: NetworkWish) -> dict[int, Stamp]:
 
 
 def stamping(node: Node, wanted: Stamp | None, changes: Sequence[Change]) -> Stamping:
-    """What happens to the stamp of *node* where *changes* are made of it; *wanted* None: it is to get none.
+    """Plan the stamp of *node* with *changes*; *wanted* None: no stamp.
 
-    Ours ends with the first change; somebody else's is left alone.
+    Our stamp ends with the first change; a stamp by another tool is left alone.
     """
     if wanted is None:
         return Stamping({}, ended_stamp(node, changes))
@@ -135,12 +135,13 @@ def stamping(node: Node, wanted: Stamp | None, changes: Sequence[Change]) -> Sta
 
 
 def trusted(nodes: Mapping[int, Node], wish: NetworkWish) -> frozenset[int]:
-    """The nodes of *wish* whose stamp says that they hold, and have stored, what it says of them.
+    """List nodes whose stamp proves that they hold and have stored their part of *wish*.
 
-    Not one of which a change waits to be recovered, or is remembered and not stored; and where links join several,
-    all of them or none. Not one either of which the file names objects that go other ways than 0x1020: those kept
-    without a store, and all but 0x1000..0x1FFF, which an RPDO may write, and which have a group of their own in 0x1010
-    and 0x1011. An old stamp may come back with a restart then, beside a new value.
+    Excluded are nodes with a change to recover or a remembered change not stored. Linked nodes are trusted together or
+    not at all. Also excluded are nodes for which the file names objects that are not stored along with 0x1020: objects
+    kept without a store, and all outside 0x1000..0x1FFF, which an RPDO may write and which have their own group in
+    0x1010
+    and 0x1011: a restart could restore an old stamp beside a new value.
     """
     stamps = stamps_of(nodes, wish)
     own = {node.node_id for node in wish.nodes if _is_stamped(nodes, node, stamps.get(node.node_id))}
@@ -159,7 +160,7 @@ def _is_stamped(nodes: Mapping[int, Node], wish: NodeWish, wanted: Stamp | None)
 
 
 def _indices(node: Node, wish: NodeWish) -> Iterator[int]:
-    """The objects that *wish* names besides PDOs, which are communication like 0x1020; 0 for one nobody knows."""
+    """Yield the indices of objects that *wish* names, a PDO's by its communication record; 0 for unknown names."""
     yield from (pdo.pdo.communication_index for pdo in wish.pdos)
     yield from (object_wish.index for object_wish in wish.objects)
     for word in (value.object for value in wish.values):
