@@ -1,1 +1,1 @@
-"""From a request to a verified change, on one node or on several together, and taking it back."""
+"""Make verified changes on a node or on several nodes together, and undo them."""

@@ -1,4 +1,4 @@
-"""What commands that change PDOs share: from a request to an answered change."""
+"""Shared by commands that change PDOs: from a request to the report of its change."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _STORE = 0x1010
 
 
 def configure_pdo(session: Session, node_id: int | None, pdo: Pdo, want: PdoWant) -> Changed:
-    """Make *pdo* of the node with *node_id* (None: the selected one) what *want* says, or leave it as it is."""
+    """Configure *pdo* of the node with *node_id* (None: the selected node) as *want* requests."""
     return configure(session, session.node(node_id), {pdo: want})
 
 
 def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found: InitialState | None = None) -> Changed:
-    """Carry *wants* out on *node*, all or none, and answer what was done.
+    """Carry out *wants* on *node*, all or none, and report the changes.
 
-    *found* is how the node was claimed, where it was: what was read since then counts.
+    *found* is the node's initial state if it is claimed already; later reads count.
     """
     started = time.monotonic()
     applied = node.configure(wants, force=session.options.force, found=found)
@@ -49,7 +49,7 @@ def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found:
 
 
 def _without_producer(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
-    """Warnings about RPDOs that nobody feeds, on a family that minds."""
+    """Warn about enabled RPDOs without a producer, for families that object."""
     changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
     if not node.profile.silent_rpdo or all(change.pdo.is_tpdo for change in changes):
         return iter(())
@@ -58,7 +58,7 @@ def _without_producer(session: Session, node: Node, applied: Applied) -> Iterato
 
 
 def _other_lengths(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
-    """Warnings about PDOs of other nodes, as this session knows them, that have another length than a changed one."""
+    """Warn about linked PDOs of other known nodes whose length differs from a changed PDO."""
     changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
     others = (
         [other_node for other_node in session.network.nodes.values() if other_node.node_id != node.node_id]
@@ -108,14 +108,14 @@ def changed(
 
 
 def _is_as_stored(node: Node, applied: Applied) -> bool:
-    """Whether no store of dvtcli took anything else of what *applied* put back."""
+    """Tell whether no store by dvtcli took another value than *applied* rolled back to."""
     from dvtcli.device.may_be_unstored import may_be_unstored
 
     return not may_be_unstored(node, [change.label for change in applied.plan.changes if alters(change)])
 
 
 def keep_words(node: Node, plan: Plan) -> Hint | str:
-    """What keeps what *plan* wrote to *node*: a store, or its maker's way; empty where the node does so by itself."""
+    """Say what makes *plan* permanent on *node*: a store, or the maker's way; empty if automatic."""
     policy = node.profile.store
     if not any(policy.needed_for(step.index) for step in plan.steps):
         return ""
@@ -137,7 +137,7 @@ def _described(node: Node, step: Step) -> OdEntry | None:
 
 
 def understood(node: Node, changes: Iterable[Change]) -> dict[str, ScaledValue]:
-    """What the values of single objects among *changes* mean, by object, where somebody says."""
+    """Map single objects among *changes* to their scaled values, if a scaling is known."""
     steps = [change.step for change in changes if isinstance(change, ValueChange)]
     if not steps:
         return {}
@@ -147,7 +147,7 @@ def understood(node: Node, changes: Iterable[Change]) -> dict[str, ScaledValue]:
 
 
 def names(node: Node, changes: Iterable[object]) -> dict[str, str]:
-    """Names of the objects that *changes* map, by their printed form."""
+    """Map objects mapped by *changes*, as printed, to their names."""
     found: dict[str, str] = {}
     for change in changes:
         if isinstance(change, PdoChange) and node.dictionary is not None:

@@ -1,7 +1,6 @@
-"""Carrying out plans on several nodes together: phase by phase over all of them, and all or nothing.
+"""Carry out plans on several nodes together, phase by phase, all or nothing.
 
-Does not know what the plans are for: `apply_network` makes a network what a file says, `undo_together` takes changes
-back.
+`apply_network` and `undo_together` make the plans.
 """
 
 from __future__ import annotations
@@ -42,14 +41,15 @@ def carry_out_together(
     findings: Mapping[int, tuple[Finding, ...]],
     also: AlsoClaimed | None = None,
 ) -> NetworkTransaction:
-    """Every phase of *plans* on every one of *nodes*, as each was *found*; *name* is what that is called.
+    """Carry out every phase of *plans* on all *nodes*, each as *found*; *name* is the name of the change.
 
-    What is *also* claimed is verified with the plans, and what nodes held rolled back with them. If nodes store next
-    nothing can be taken back after that: a request to stop that came while all nodes were verified counts, and of
-    several nodes that store each is verified once more.
+    The values *also* claimed are verified with the plans, and rolled back with them. If nodes store next, no roll-back
+    is
+    possible after that: a request to stop received during verification still counts, and if several nodes store, each
+    is verified once more.
 
-    Any error of a node with state `rolled_back`: everything is taken back then; LeftChanged where a node could not be.
-    *findings* are what the rules had said of each.
+    Raises any error of a node with state `rolled_back` after all nodes were rolled back; LeftChanged if a roll-back
+    failed. *findings* are those of the rules for each node.
     """
     also = also or AlsoClaimed()
     boot_ups = {node_id: read_part.boot_ups for node_id, read_part in found.items()}
@@ -81,9 +81,9 @@ def carry_out_together(
 
 
 def _open_journals(course: NetworkTransaction, found: Mapping[int, InitialState], also: AlsoClaimed) -> None:
-    """Before the first write to any node: the journals of all, with the space that all their later forms need.
+    """Open the journals of all nodes before the first write, with room for all their later contents.
 
-    One a node for all its parts: each of five would wait for the disk, and all other nodes with it.
+    A node has a single journal for all its parts: each further journal would make all nodes wait for the disk.
     """
     ids = ", ".join(str(store.node_id) for store in also.stores)
     ends = GroupMember(
@@ -106,7 +106,7 @@ _PHASES = ("producers off", "consumers off", "writing", "consumers on", "produce
 
 @dataclass(slots=True)
 class _Run:
-    """The parts of *course* on their way, *total* writes; side by side within a phase where the bus lets them."""
+    """The parts of *course* in progress, *total* writes; parallel within a phase if the bus allows it."""
 
     session: Session
     course: NetworkTransaction
@@ -116,7 +116,7 @@ class _Run:
     taken: int = 0
 
     def phases(self, plans: Mapping[int, Plan]) -> list[BaseException]:
-        """Carry every phase out, up to the first that fails; what went wrong."""
+        """Carry out the phases, up to the first failure; returns the errors."""
         for number, phase in enumerate(phases(plans.values())):
             faults = self._side_by_side([partial(self._part, number, part) for part in phase])
             if faults:
@@ -127,7 +127,7 @@ class _Run:
         return self.session.bus.side_by_side(jobs)
 
     def _part(self, phase: int, part: Plan) -> None:
-        """Carry *part* out; noted before it is done: what fails once it was verified must be taken back, too."""
+        """Carry out *part*; noted beforehand, as a failure after its verification must roll it back, too."""
         node = self.course.nodes[part.node_id]
         changes = self.course.plans[part.node_id].changes
         part = replace(part, looked_at=frozenset(change.pdo for change in changes if isinstance(change, PdoChange)))
@@ -145,9 +145,9 @@ class _Run:
 
     @contextmanager
     def _told(self, phase: int, node: Node) -> Iterator[None]:
-        """While a part of *phase* (0..4) is carried out on *node*: steps count as those of the whole.
+        """Count the steps of a part of *phase* (0..4) on *node* as steps of the whole change.
 
-        Interrupted says how far the whole had come.
+        Interrupted says how far the whole change had come.
         """
         tell = node.on_step
 
@@ -180,7 +180,7 @@ def _stop_if_cancelled(session: Session, where: str = "before the next part") ->
 
 
 def complete(course: NetworkTransaction) -> None:
-    """Everything stays; JournalKept where a journal cannot be removed."""
+    """Keep the changes; raises JournalKept if a journal cannot be removed."""
     kept = complete_wholes(course.journals())
     if kept is not None:
         raise kept

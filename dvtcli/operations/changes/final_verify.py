@@ -1,6 +1,6 @@
-"""The final verification: whether nodes hold all that is claimed of them, after the last write and the last boot-up.
+"""Verify, after the last write and boot-up, that nodes hold all claimed values.
 
-Claimed is what was written, and what was to be so and was equal before. Writes nothing.
+Claimed are written values and those that were equal before. Writes nothing.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ Changes = Mapping[int, Sequence["Change"]]
 
 
 class OtherClaims(Protocol):
-    """What a change of several nodes claims beside what it writes, as of nodes that are equal and not written."""
+    """Claims of a change of several nodes besides its writes, such as equal nodes without writes."""
 
     def verify(self) -> None:
-        """Read all of it; Restarted if a node restarted and lost it, DeviceRefused if it holds something else."""
+        """Read all claims; raises Restarted if a node lost them by a restart, DeviceRefused if a value differs."""
 
     def verify_restarted(self) -> None:
-        """Read it again of each node that restarted since it was read; errors as `verify`."""
+        """Read the claims of nodes that restarted since their last read again; raises as `verify`."""
 
 
 class NoOtherClaims:
-    """Nothing is claimed beside what is written."""
+    """No claims besides the writes."""
 
     def verify(self) -> None:
         """Do nothing."""
@@ -54,10 +54,11 @@ def final_verify(
     boot_ups: Mapping[int, int],
     others: OtherClaims | None = None,
 ) -> list[BaseException]:
-    """Read everything that is claimed; return the faults: a node restarted since *boot_ups*, or holds another value.
+    """Read all claimed values and return the faults: a restart since *boot_ups*, or another value.
 
-    *changes* are the claims of each node by node-ID. Each node is read, since a node that restarts does not always say
-    so. *others* are read first: a restart of which no boot-up message was heard shows in what was written.
+    *changes* are the claims by node-ID. Every node is read, since not every restart sends a boot-up message. *others*
+    are
+    read first: a restart without a received boot-up message shows in the written values.
     """
     others = others or NoOtherClaims()
     require_not_restarted = partial(_require_not_restarted, nodes, boot_ups)
@@ -70,10 +71,10 @@ def final_verify(
 
 @dataclass(frozen=True, slots=True)
 class AlsoClaimed:
-    """What is claimed beside the plans that are carried out, and the *stores* that follow; *proves*: with a proof.
+    """Claims besides the plans, and the *stores* that follow; *proves*: the stores are proved.
 
-    *held* is what each node is to hold and held before, by node-ID. *equal* are the nodes that were as wanted already:
-    they are neither changed nor stored. *others* are the claims that are no plan's.
+    *held* has unchanged values that each node must keep, by node-ID. *equal* are nodes that were as wanted and
+    neither change nor store. *others* are claims without a plan.
     """
 
     held: Mapping[int, Sequence[Change]] = field(default_factory=dict)
@@ -85,10 +86,9 @@ class AlsoClaimed:
 
 @dataclass(frozen=True, slots=True)
 class ClaimsAtStore:
-    """What every node must hold before the first store and after the last one: *changes*, on these devices.
+    """The *changes* that each node must hold before the first store and after the last.
 
-    *identities* are those of the devices, *boot_ups* what was heard by then of the nodes that are not to store, both by
-    node-ID.
+    *identities* of the devices and *boot_ups* received from nodes that do not store are by node-ID.
     """
 
     session: Session
@@ -99,7 +99,7 @@ class ClaimsAtStore:
     others: OtherClaims = field(default_factory=NoOtherClaims)
 
     def verify_before_store(self, node_id: int) -> None:
-        """SafetyRefusal if *node_id* is another device than before, DeviceRefused if it lost what it held."""
+        """Raises SafetyRefusal if *node_id* is another device than before, DeviceRefused if it lost values."""
         node = self.nodes[node_id]
         if self.identities.get(node_id, node.identity()) != node.identity():
             raise SafetyRefusal(
@@ -114,7 +114,7 @@ class ClaimsAtStore:
         require_held(node, self.changes.get(node_id, ()))
 
     def verify_after_stores(self) -> list[BaseException]:
-        """Return where a node does not hold any more what is claimed of it, once the stores have ended."""
+        """Return the faults of nodes that lost claimed values by the end of the stores."""
         try:
             now = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in self.changes}
         except BusUnavailable as failed:
@@ -141,7 +141,7 @@ def _lost(node: Node, changes: Sequence[Change]) -> Iterator[str]:
 
 
 def _require_not_restarted(nodes: Mapping[int, Node], boot_ups: Mapping[int, int]) -> None:
-    """Restarted where a node has lost what was verified, while another one was changed."""
+    """Raises Restarted if a node lost verified values while another node was changed."""
     again = [node_id for node_id, seen in boot_ups.items() if nodes[node_id].bus.boot_ups(node_id) != seen]
     if again:
         raise Restarted(

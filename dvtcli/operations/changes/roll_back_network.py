@@ -1,6 +1,6 @@
-"""What of a network plan was done, and taking it back: phase by phase, the last one first, over all nodes.
+"""The progress of a network plan, and its roll-back over all nodes, last phase first.
 
-No consumer hears a layout that is not its own on the way back either. Does not know why it is taken back.
+During the roll-back, too, no consumer receives a layout other than its own.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
 
 @dataclass(frozen=True, slots=True)
 class NodeBefore:
-    """What the session knew of a node before: what it had set, and what was not stored."""
+    """A node's state in the session before the change: set values and unstored changes."""
 
     wanted: dict[Pdo, PdoConfig]
     values: dict[tuple[int, int], bytes]
@@ -52,15 +52,15 @@ class NodeBefore:
 
     @classmethod
     def of(cls, node: Node, boot_ups: int) -> NodeBefore:
-        """What is known of *node* now, of which *boot_ups* were heard by then."""
+        """Take the state of *node* after *boot_ups* received boot-ups."""
         return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
 
     def restarted(self, boot_ups: int) -> bool:
-        """Whether a boot-up was heard since then, where *boot_ups* were by the last look at the node."""
+        """Tell whether *boot_ups*, the count at the last read of the node, has grown."""
         return boot_ups != self.boot_ups
 
     def restore(self, node: Node, boot_ups: int) -> None:
-        """Know that again, once *node* is as it was, when *boot_ups* were heard; what a restart took stays said."""
+        """Return the session to this state after *node* was rolled back; losses by a restart stay recorded."""
         node.wanted.clear()
         node.wanted.update(self.wanted)
         node.wanted_values.clear()
@@ -71,7 +71,7 @@ class NodeBefore:
 
 
 def put_back(node: Node, plan: Plan) -> None:
-    """Put back what *plan* replaced, whatever is there now; a node that is silent or refuses may be restarting."""
+    """Roll back *plan* whatever the node holds; a node that is silent or refuses may be restarting."""
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
@@ -87,7 +87,7 @@ def put_back(node: Node, plan: Plan) -> None:
 
 
 def difference_from_before(node: Node, plan: Plan) -> str | None:
-    """The first thing of *plan* that *node* holds neither as before nor as what it takes instead."""
+    """Return the first difference of *node* from the old values of *plan*, or their accepted substitutes."""
 
     def look() -> str | None:
         for change in plan.changes:
@@ -100,7 +100,7 @@ def difference_from_before(node: Node, plan: Plan) -> str | None:
 
 
 def is_otherwise(node: Node, change: Change) -> bool:
-    """Whether *node* holds what it takes instead of what it held."""
+    """Tell whether *node* holds the substitute that it takes instead of its old value."""
     if not isinstance(change, PdoChange) or change.back is None:
         return False
     if first_difference(node.sdo, change, wanted_before=True) is None:
@@ -115,10 +115,11 @@ def all_back(
     unknown: Sequence[int],
     look_at: int | None,
 ) -> str:
-    """The state where nothing is left changed: the nodes that were put *back* and read, and those *unwritten*.
+    """Describe the state after a complete roll-back: nodes rolled *back* and verified, and those *unwritten*.
 
-    Of those *restarted* meanwhile what else they held is lost; of the *unknown* ones nobody could ask whether they
-    did. *look_at* is one whose NMT state is not known.
+    The *restarted* nodes lost their other unstored values; for *unknown* nodes a restart could not be checked.
+    *look_at*
+    is a node of unknown NMT state.
     """
     who = f"node {_names(back)}" if unwritten else "every node"
     what = f"what was changed is as it was on {who}" if restarted or unwritten else "every node is as it was"
@@ -136,7 +137,7 @@ def all_back(
 
 
 def other_nodes(back: Sequence[int], unwritten: Sequence[int]) -> list[tuple[str, str]]:
-    """The labelled lines for the nodes beside those that are left changed: put *back* and read, and *unwritten*."""
+    """Make labelled lines about nodes not left changed: those rolled *back* and verified, and *unwritten* nodes."""
     rows = ((back, "as before, read back equal"), (unwritten, "nothing was written to it"))
     return [("others", f"node {_names(numbers)}: {text}") for numbers, text in rows if numbers]
 
@@ -150,9 +151,9 @@ _Put = Callable[["Node"], None]
 
 @dataclass(slots=True)
 class NetworkTransaction:
-    """The plan called *name* on its way: *done* are the parts that *nodes* took, *plans* what each is to hold.
+    """The plan *name* in progress: *done* parts on *nodes*, and their whole *plans*.
 
-    Where it ended with a fault the last one of *done* may not be taken: putting it back writes nothing then.
+    After a fault the last part of *done* may not be on the node: its roll-back then writes nothing.
     """
 
     session: Session
@@ -179,13 +180,13 @@ class NetworkTransaction:
         self._before = {node_id: NodeBefore.of(node, self.boot_ups[node_id]) for node_id, node in self.nodes.items()}
 
     def journals(self) -> list[OwnJournal]:
-        """Those of the nodes, where they are this plan's alone."""
+        """List the journals of the nodes that belong to this plan alone."""
         if not self._alone:
             return []
         return [node.keeper.own_journal for node in self.nodes.values() if node.keeper is not None]
 
     def claims(self) -> dict[int, tuple[Change, ...]]:
-        """What is claimed of each node that is changed: what was done on it, and what it held already."""
+        """Map changed nodes to their claims: completed changes and values held before."""
         parts = {node_id: [plan for plan in self.done if plan.node_id == node_id] for node_id in self.plans}
         return {
             node_id: (*combine_plans(node_id, some).changes, *self.held.get(node_id, ()))
@@ -193,7 +194,7 @@ class NetworkTransaction:
         }
 
     def guarded(self, node_id: int) -> Plan:
-        """What is put back on a node if this ends in a fault: its plan, and what it held that the plan may alter."""
+        """Return what a fault rolls back on a node: its plan, and values that the plan may alter."""
         held = (*self.held.get(node_id, ()), *self.beside.get(node_id, ()))
         return Plan(node_id, (*self.plans[node_id].changes, *held))
 
@@ -201,7 +202,7 @@ class NetworkTransaction:
         return self
 
     def __exit__(self, *_fault: object) -> None:
-        """However it ended: each change stands alone again."""
+        """End the transaction: each change counts for itself again."""
         for node in self.nodes.values():
             if node.keeper is not None:
                 node.keeper.own_journal.guard(None)
@@ -210,7 +211,7 @@ class NetworkTransaction:
 
     @contextmanager
     def doing(self, part: Plan) -> Iterator[None]:
-        """While *part* is carried out; where it fails before anything of it was written it is none that was done."""
+        """Carry out *part* inside; a failure before its first write leaves it out of *done*."""
         self.done.append(part)
         try:
             yield
@@ -220,9 +221,9 @@ class NetworkTransaction:
             raise
 
     def take_back(self, faults: Sequence[BaseException]) -> None:
-        """Put back all that was done, each part verified.
+        """Roll back all done parts and verify each.
 
-        The first of *faults* is to be told, with the state of the nodes; LeftChanged is raised where some stays.
+        Raises the first of *faults* with the state of the nodes, or LeftChanged if a roll-back failed.
         """
         fault = faults[0]
         failures = {
@@ -250,7 +251,7 @@ class NetworkTransaction:
             self._say_all_back(fault)
 
     def _read_beside(self, node_id: int) -> None:
-        """Before the first write of the way back: read the PDOs of which nobody wrote anything."""
+        """Read the unwritten PDOs before the roll-back's first write."""
         node, guarded = self.nodes[node_id], self.guarded(node_id)
         node.read_anew()
         present = present_beside(node, guarded)
@@ -267,13 +268,13 @@ class NetworkTransaction:
         fault.state, fault.state_text = "rolled_back", all_back(back, unwritten, restarted, unknown, look_at)
 
     def _others(self, failures: Collection[int]) -> tuple[list[int], list[int]]:
-        """All nodes but the *failures*: those that were put back and looked at, and those that nobody wrote to."""
+        """Return all nodes but the *failures*: those rolled back and verified, and those never written."""
         written = {part.node_id for part in self.done}
         others = [node_id for node_id in self.nodes if node_id not in failures]
         return [other for other in others if other in written], [other for other in others if other not in written]
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
-        """The first of *failures*, with what became of the other nodes."""
+        """Return the first of *failures* with the state of the other nodes."""
         from dvtcli.device.change.left_behind import Guarded, could_not, merge_left, name_left
 
         first, *others = failures.values()
@@ -295,9 +296,9 @@ class NetworkTransaction:
             failures[node_id] = self._left(node, fault, failed)
 
     def _settle_all(self, failures: dict[int, LeftChanged], fault: BaseException) -> None:
-        """Look at all nodes until they all were as before twice in turn; then forget what was put back.
+        """Verify all nodes until two passes in a row find them as before, then clear the roll-back.
 
-        Twice, since what was read of the first ones may be lost, unheard, while the last ones are put back.
+        Two passes, as the first nodes may restart unnoticed while the last are rolled back.
         """
         taken = list(dict.fromkeys(part.node_id for part in self.done))
         unsettled, clean = list[int](), 0
@@ -321,9 +322,9 @@ class NetworkTransaction:
                 self._looked[node_id] = self.nodes[node_id].bus.boot_ups(node_id)
 
     def _look_at(self, taken: Sequence[int], failures: dict[int, LeftChanged], fault: BaseException) -> list[int]:
-        """Look at each of *taken* but the *failures*, and put it back where it is not as it was.
+        """Verify each of *taken* but the *failures*, and roll back differences.
 
-        Which of them were put back once more, or restarted meanwhile.
+        Returns the nodes that were rolled back again or restarted.
         """
         rewritten: list[int] = []
         seen = self._boot_ups_of(taken, failures, fault)
@@ -340,7 +341,7 @@ class NetworkTransaction:
     def _boot_ups_of(
         self, taken: Sequence[int], failures: dict[int, LeftChanged], fault: BaseException
     ) -> dict[int, int]:
-        """How many boot-ups were heard of each of *taken* but the *failures*, to which a dead bus adds the rest."""
+        """Count received boot-ups of *taken* except the *failures*; a dead bus adds the rest to them."""
         found: dict[int, int] = {}
 
         def look(node: Node) -> None:
@@ -352,9 +353,9 @@ class NetworkTransaction:
         return found
 
     def _settle(self, node: Node, rewritten: list[int]) -> None:
-        """Once all nodes had their turn: *node* is as it was, or it is put back again, which *rewritten* notes.
+        """Roll *node* back again if it differs from before; *rewritten* notes it.
 
-        That is looked at of all that was planned: a restart takes what was not begun, too, back to what is stored.
+        All of the plan is compared: a restart also returns parts that were not begun to their stored values.
         """
         plan = self.guarded(node.node_id)
         if difference_from_before(node, plan):
@@ -367,13 +368,13 @@ class NetworkTransaction:
             raise DeviceRefused(f"the device does not take back what {join_some(untaken)} held")
 
     def _forget(self, node: Node) -> None:
-        """*node* is as it was, and so are the others: nothing of it is to be recovered."""
+        """Drop what could be recovered of *node*: it and all others are as before."""
         self._before[node.node_id].restore(node, self._looked[node.node_id])
         if self._alone:
             _end_journal(node)
 
     def _left(self, node: Node, fault: BaseException, failed: BaseException) -> LeftChanged:
-        """What stays on *node*, whose journal `recover` takes where there is one."""
+        """Describe what stays changed on *node*; `recover` uses its journal, if any."""
         why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
         left = not_taken_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
         path = node.keeper.open_journal() if node.keeper is not None else None

@@ -1,6 +1,6 @@
-"""Putting changes back: of this session, or where it made none, of earlier processes (`undo_remembered`).
+"""Undo changes of this session, or of earlier processes if it made none (`undo_remembered`).
 
-Parses no words. What a device must hold so that a change may be put back is decided in `device.change.way_back`.
+`device.change.way_back` decides what a device must hold for an undo.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ T = TypeVar("T")
 
 
 def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNodes:
-    """Put back the last change of this session, or with *everything* all of them, on every node.
+    """Undo the last change of this session, or with *everything* all of them, on every node.
 
-    Where it changed nothing, or has undone it all, those of earlier processes: of the selected node and what was
-    changed from there, or of every node of the bus where none is selected. Several nodes go back together, phase by
-    phase, all or none, unless one of them is expected to refuse what it held. SafetyRefusal where a device holds
-    something else than what was left; an error says which nodes were put back before it.
+    If there is none, or all are undone, changes of earlier processes are undone: of the selected node with the changes
+    made together with it, or of every node on the bus if none is selected. Several nodes are undone together, phase by
+    phase, all or none, unless a node is expected to refuse its old value. Raises SafetyRefusal if a device holds
+    another
+    value than the change left; an error names the nodes undone before it.
     """
     from dvtcli.operations.changes.undo_together import may_go_together, undo_together
 
@@ -54,7 +55,7 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
 
 
 def undo_on(session: Session, node_id: int, *, everything: bool = False) -> Changed:
-    """Put back the last change of one node alone, or with *everything* all of them: of this session, else as above."""
+    """Undo the last change of one node, or with *everything* all; of this session, else as `undo`."""
     if session.node(node_id).history:
         return _own_put_back(session, node_id, everything=everything)
     from dvtcli.operations.changes.undo_remembered import put_remembered_back, remembered_of
@@ -63,9 +64,9 @@ def undo_on(session: Session, node_id: int, *, everything: bool = False) -> Chan
 
 
 def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
-    """Put one after the other back; an error says which nodes were before it.
+    """Undo *things* one after another; an error names the nodes undone before it.
 
-    Restarted where one of them restarted while another was put back.
+    Raises Restarted if a node restarted while another was undone.
     """
     done: list[Changed] = []
     again: list[int] = []
@@ -90,7 +91,7 @@ def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], C
 
 
 def _undoing(session: Session, node: Node) -> Undoing:
-    """All that this session changed on *node*, to be put back."""
+    """Collect all changes of this session on *node* for an undo."""
     from dvtcli.operations.changes.undo_together import Undoing
 
     def forget(applied: Applied, count: int) -> list[str] | None:
@@ -115,9 +116,9 @@ def _own_put_back(session: Session, node_id: int, *, everything: bool) -> Change
 
 
 def _forgotten(session: Session, node_id: int, undone: list[Plan]) -> bool:
-    """Leave *undone* out of what `save` writes, where nothing came after it; whether that was so.
+    """Drop *undone* from what `save` writes if nothing came after it; returns whether it did.
 
-    What was stored, or commanded by NMT, in between belongs to what was done: then the undo is a change of its own.
+    After a store or an NMT command the undo is saved as a change of its own.
     """
     kept = list(session.record.lines)
     for plan in reversed(undone):

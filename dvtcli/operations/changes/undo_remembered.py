@@ -1,6 +1,6 @@
-"""Putting changes of earlier processes back, as they are remembered of the devices that are there.
+"""Undo remembered changes of earlier processes on the devices present.
 
-Parses no words. What a device must hold so that a change may be put back is decided in `device.change.way_back`.
+`device.change.way_back` decides what a device must hold for an undo.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the b
 
 @dataclass(frozen=True, slots=True)
 class RememberedDevice:
-    """What is remembered of a device that is there, oldest first; its node's lock is held."""
+    """The remembered changes of a device that is present, oldest first; its node is locked."""
 
     node: Node
     keeper: ChangeGuard
@@ -45,11 +45,11 @@ class RememberedDevice:
 
 
 def remembered(session: Session, *, everything: bool) -> list[RememberedDevice]:
-    """What of earlier processes is to be put back, the device that was changed last first.
+    """Find remembered changes of earlier processes to undo, latest device first.
 
-    Of the selected node and what was changed from there, or of every node of the bus where none is selected; with
-    *everything* of all these devices. UsageError where nothing is remembered, or a command of this session
-    changed nothing.
+    Covers the selected node and the changes made from it, or all nodes on the bus if none is selected; *everything*
+    takes
+    all these devices. Raises UsageError if nothing is remembered, or if a command of this session changed nothing.
     """
     selected, keeping = session.selected_id(), session.open_network().keeping
     if keeping is None:
@@ -64,7 +64,7 @@ def remembered(session: Session, *, everything: bool) -> list[RememberedDevice]:
 
 
 def remembered_of(session: Session, node_id: int, *, everything: bool) -> RememberedDevice:
-    """What of earlier processes is to be put back on one node; UsageError where nothing is remembered of it."""
+    """Find remembered changes of earlier processes on a node; raises UsageError if there is none."""
     keeping = session.open_network().keeping
     if keeping is None:
         raise _nothing_kept(node_id)
@@ -77,7 +77,7 @@ def remembered_of(session: Session, node_id: int, *, everything: bool) -> Rememb
 
 
 def _refuse_in_vain(nodes: Iterable[Node]) -> None:
-    """UsageError, once for each command of this session that changed nothing: who undoes it means no earlier one's."""
+    """Raises UsageError once per command of this session without a change: an undo of it must not hit older changes."""
     for node in nodes:
         if node.in_vain:
             node.in_vain -= 1
@@ -93,7 +93,7 @@ def _nothing_kept(node_id: int) -> UsageError:
 
 
 def put_remembered_back(session: Session, chain: RememberedDevice, *, everything: bool) -> Changed:
-    """Put the last change of *chain* back, or *everything*; SafetyRefusal where the device holds something else."""
+    """Undo the last change of *chain*, or *everything*; raises SafetyRefusal if the device has other values."""
     from dvtcli.device.change.way_back import TakeBack
 
     started, node = time.monotonic(), chain.node
@@ -106,7 +106,7 @@ def put_remembered_back(session: Session, chain: RememberedDevice, *, everything
 
 
 def _tell_of_others(session: Session, chain: RememberedDevice) -> None:
-    """Say which nodes that were meant, too, keep what was changed on them: one change is of one node."""
+    """Report the chosen nodes that keep their changes: a single change is on a single node."""
     tops = chain.keeper.past.tops(session.selected_id())
     others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
     if others:
@@ -116,7 +116,7 @@ def _tell_of_others(session: Session, chain: RememberedDevice) -> None:
 
 
 def undoing(session: Session, chain: RememberedDevice) -> Undoing:
-    """Everything of *chain*, to be put back together with that of other nodes."""
+    """Collect all changes of *chain*, to undo together with other nodes."""
     from dvtcli.device.change.way_back import unbroken
     from dvtcli.operations.changes.undo_together import Undoing
 
@@ -132,7 +132,7 @@ def _plans(chain: RememberedDevice) -> list[Plan]:
 
 
 def _forget(session: Session, chain: RememberedDevice, applied: Applied, count: int) -> None:
-    """The newest *count* entries of *chain* were put back, as *applied* says."""
+    """Drop the newest *count* entries of *chain*, undone by *applied*."""
     undone = chain.entries[-count:]
     session.tell.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
     if not session.dry_run:
@@ -140,7 +140,7 @@ def _forget(session: Session, chain: RememberedDevice, applied: Applied, count: 
 
 
 def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_newest: bool) -> list[RememberedDevice]:
-    """What is meant, the device that was changed last first."""
+    """Find the chosen changes, the latest device first."""
     found: list[RememberedDevice] = []
     ids = dict.fromkeys(entry.plan.node_id for entry in keeping.past().tops(selected))
     for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
@@ -153,7 +153,7 @@ def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_ne
 
 
 def _chain(session: Session, node_id: int, selected: int | None) -> RememberedDevice | None:
-    """What is remembered of the device at *node_id* as far as it is meant; None where that is nothing."""
+    """Find the chosen changes of the device at *node_id*; None if there is none."""
     keeper = session.open_network().node(node_id).keeper
     assert keeper is not None  # noqa: S101 - its changes are kept
     node = session.node(node_id)
@@ -171,7 +171,7 @@ def _chain(session: Session, node_id: int, selected: int | None) -> RememberedDe
 
 
 def _moved(session: Session, keeper: ChangeGuard, identity: Identity) -> list[ChangeHistoryEntry]:
-    """The changes of the device under another node-ID, unless a device of this *identity* still answers there."""
+    """List the device's changes under another node-ID, unless a device with this *identity* answers there."""
     entry = keeper.past.moved(keeper.node_id, identity)
     if entry is None:
         return []
@@ -185,7 +185,7 @@ def _moved(session: Session, keeper: ChangeGuard, identity: Identity) -> list[Ch
 
 
 def _newer_elsewhere(past: ChangeHistory, chains: list[RememberedDevice]) -> tuple[Finding, ...]:
-    """A warning where another node of the bus was changed after those that are meant."""
+    """Warn if another node of the bus was changed later than the chosen nodes."""
     last = past.newest_of_all()
     if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
         return ()
@@ -211,7 +211,7 @@ def _time(entry: ChangeHistoryEntry) -> str:
 
 
 def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError | SafetyRefusal:
-    """That there is nothing to undo of the *selected* node, or of any of the bus, or that nobody can tell."""
+    """Make the error if there is nothing to undo on the *selected* node or the bus, or if that is unknown."""
     if (unread := unreadable(keeping.past().folder)) is not None:
         unread.why = "whether a change is remembered is not known: that is where changes are kept"
         return unread

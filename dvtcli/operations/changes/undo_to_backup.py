@@ -1,6 +1,6 @@
-"""Putting an automatic backup back: all that it says of a node's PDOs, in one transaction.
+"""Undo to an automatic backup: all its PDOs in one transaction.
 
-Parses no words. Does not know which changes were made since; what a backup's lines wish is found by whoever asks.
+The caller finds what the backup's lines request.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 
 def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None) -> Changed:
-    """Make the node's PDOs what an automatic backup says, in one transaction: the newest, or one made at *when*.
+    """Set the node's PDOs to an automatic backup in one transaction: the newest, or the backup of *when*.
 
-    *rehearse* finds what the backup, which is a script, wishes. UsageError, with those there are, where none fits.
+    *rehearse* evaluates the backup, which is a script. Raises UsageError with the available backups if none fits.
     """
     keeper = _keeper(session)
     node = session.node(keeper.node_id)
@@ -58,7 +58,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
 
 
 def _keeper(session: Session) -> ChangeGuard:
-    """What keeps the selected node's files; where none is selected, of the node that was changed last on this bus."""
+    """Return the guard of the selected node's files, or of the node last changed on this bus."""
     network = session.open_network()
     node_id = session.selected_id()
     if node_id is None and network.keeping is not None:
@@ -80,7 +80,7 @@ def _keeper(session: Session) -> ChangeGuard:
 
 
 def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
-    """What of those PDOs that a backup cannot put back (*said* are its remarks) is not so already."""
+    """Report PDOs that differ and that a backup cannot restore (its remarks: *said*)."""
     for remark in said:
         pdo = Pdo.parse(remark.split()[0])
         if f"# {remark}" not in backup_of(pdo, node.pdo(pdo)):
@@ -89,9 +89,9 @@ def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
 
 
 def _backup_file(keeper: ChangeGuard, node: Node, when: str | None, *, force: bool) -> str:
-    """The newest backup of the device, or the newest of those made at *when*; UsageError lists what there is.
+    """Find the newest backup of the device, or of those made at *when*; UsageError lists the backups.
 
-    SafetyRefusal where those of its node-ID are of another device of its kind, unless *force* says that it counts.
+    Raises SafetyRefusal if the backups of its node-ID are of another device of its kind, unless *force* accepts them.
     """
     kind = backups(keeper.folder / "backups", keeper.bus, node.node_id, node.identity())
     found = kind if force else of_this_device(kind, node.identity())

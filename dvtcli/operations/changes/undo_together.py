@@ -1,6 +1,6 @@
-"""Taking changes of several nodes back together: phase by phase over all of them, and all or nothing.
+"""Undo changes of several nodes together, phase by phase, all or nothing.
 
-Does not know where the changes are remembered: what is to be forgotten once they were put back is told by whoever asks.
+The caller knows how to drop undone changes from its history.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Undoing:
-    """All changes of *node* that are to be put back: *plans*, oldest first; *own* are those of this session.
+    """The changes of *node* to undo: *plans*, oldest first; *own* are those of this session.
 
-    *forget* is called once they were, with what was done and how many changes that took back; it answers the lines
-    that `save` is to write for it, None for those of the plan. *findings* are to be said beside it.
+    *forget* is called after the undo with its result and the number of undone changes; it returns lines for `save`,
+    None
+    for those of the plan. *findings* are reported along.
     """
 
     node: Node
@@ -45,15 +46,15 @@ class Undoing:
 
 
 def may_go_together(undoings: Sequence[Undoing]) -> bool:
-    """Whether they are of several devices, none of which is expected to refuse what it held."""
+    """Tell whether the undos are on several devices, none of which is expected to refuse its old values."""
     return len(undoings) > 1 and not any(foreseen(undoing.plans) for undoing in undoings)
 
 
 def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Changed, ...]:
-    """Put back every change of *undoings*, or none; any error of a node with state `rolled_back`.
+    """Undo every change of *undoings*, or none; raises any error of a node with state `rolled_back`.
 
-    What a device alters of the other PDOs with that is a fault, too. SafetyRefusal where a device holds something else
-    than what was left; LeftChanged where one could not be brought back to what it held before this.
+    A side effect on other PDOs is a fault, too. Raises SafetyRefusal if a device holds another value than the change
+    left; LeftChanged if a node could not be returned to its state before the undo.
     """
     started = time.monotonic()
     nodes = {node_undoing.node.node_id: node_undoing.node for node_undoing in undoings}
@@ -93,7 +94,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
 
 @dataclass(frozen=True, slots=True)
 class _EqualNodes(NoOtherClaims):
-    """Nodes that hold already what they held before: nothing is written to them, and *held* is claimed of them."""
+    """Nodes that already hold their old values: nothing is written, and *held* is claimed."""
 
     nodes: Mapping[int, Node]
     held: Mapping[int, Sequence[Change]]
@@ -104,7 +105,7 @@ class _EqualNodes(NoOtherClaims):
 
 
 def _as_before(back: WayBack) -> tuple[Change, ...]:
-    """What the node holds as it was before the changes that go *back*, so that it is not written: each as a change."""
+    """List values that are as before the changes of *back* and need no write, each as a change."""
     written = {change.label for change in back.plan.changes if change.steps}
     changes = combine_plans(back.plan.node_id, back.undone).changes if back.undone else ()
     return tuple(_to_the_same(change) for change in changes if change.label not in written and _is_put_back(change))
@@ -115,13 +116,13 @@ def _read_pdos(node: Node) -> None:
 
 
 def _beside(node: Node, plan: Plan) -> tuple[Change, ...]:
-    """The PDOs of *node* of which *plan* says nothing: a device may alter them with what goes back."""
+    """List the PDOs of *node* outside *plan*: the undo may have side effects on them."""
     present = present_beside(node, plan)
     return as_they_are({pdo: config for pdo, config in node.last_read.items() if pdo in present})
 
 
 def _is_put_back(change: Change) -> bool:
-    """Whether what there was before is known, and comes back: a stamp does not."""
+    """Tell whether the old value is known and returns with the undo; a stamp does not."""
     return isinstance(change, PdoChange) or (change.is_readable and change.step.index != STAMP)
 
 
