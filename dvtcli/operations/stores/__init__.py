@@ -1,1 +1,1 @@
-"""`store` and `restore`, of a node and of all nodes of a network."""
+"""`store` and `restore` of a node and of all nodes of a network."""

@@ -1,7 +1,4 @@
-"""Whether the nodes of a network can store what is wanted of them, asked before anything is written.
-
-Writes nothing. Does not know what is to be stored.
-"""
+"""Check, before any write, whether the nodes of a network can store. Writes nothing."""
 
 from __future__ import annotations
 
@@ -30,12 +27,12 @@ _GROUPS = {"all": None, "communication": 2, "application": 3}
 
 
 def store_group(word: str) -> int | None:
-    """The sub-index of 0x1010 that *word* of a network file means, a name or a number; None: what the device takes."""
+    """Parse a network file's store group (name or number) into a sub-index of 0x1010; None: the device's default."""
     return _GROUPS[word] if word in _GROUPS else int(word)
 
 
 def refuse_impossible_stores(nodes: Mapping[int, Node], stores: Mapping[int, str]) -> None:
-    """RuleError with each of *nodes* that cannot store what *stores* ask of it, by node-ID; never to be forced."""
+    """Raises RuleError with each of *nodes* that cannot make its store of *stores* (by node-ID); never forced."""
     found = {node_id: _finding(nodes[node_id], word) for node_id, word in stores.items() if word}
     findings = [finding for finding in found.values() if finding is not None]
     if findings:
@@ -46,7 +43,7 @@ def refuse_impossible_stores(nodes: Mapping[int, Node], stores: Mapping[int, str
 
 
 def refuse_stores_of(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -> None:
-    """As `refuse_impossible_stores` for the nodes of *wish*, with the places in the file that *log* is about."""
+    """Apply `refuse_impossible_stores` to the nodes of *wish*, with places in the file of *log*."""
     refused: list[RuleError] = []
     for node in wish.nodes:
         try:
@@ -67,7 +64,7 @@ def refuse_stores_of(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog)
 
 
 def refuse_unprovable_stores(nodes: Mapping[int, Node], stores: Mapping[int, str], prove: str) -> None:
-    """DeviceRefused where one of *nodes* stores, as *stores* say, what a restart (`reset`, `power`) could not prove."""
+    """Raises DeviceRefused if a restart (`reset`, `power`) could not prove a store of *stores*."""
     from dvtcli.device.change.proven import refuse_unprovable
 
     for node_id, word in stores.items():
@@ -87,7 +84,7 @@ def _finding(node: Node, word: str) -> Finding | None:
 
 
 def _hint(node: Node, word: str, refused: DeviceRefused) -> Hint | str:
-    """What to say in the file instead, and how the device keeps its settings where that is known."""
+    """Suggest another word for the file, or the device's own way of storing, if known."""
     others = node.profile.store.sub_indices
     if word != "all" and others and store_group(word) not in others:
         return f"store: true takes what the device has (0x{STORE:04X}:{others[0]:02X}), store: false stores nothing"

@@ -1,7 +1,4 @@
-"""Storing on the nodes of a network, once all of them are verified: from the first store on nothing is taken back.
-
-Does not know what was changed.
-"""
+"""Store on the nodes of a verified network change; from the first store on there is no roll-back."""
 
 from __future__ import annotations
 
@@ -41,13 +38,14 @@ def store_network(
     prove: str | None,
     equal: tuple[Storing, ...] = (),
 ) -> tuple[Stored, ...]:
-    """Carry *stores* out, one node after the other; LeftChanged names who has stored and who has not.
+    """Carry out *stores* node by node; LeftChanged names the nodes that have stored and those that have not.
 
-    *equal* are the nodes that were as wanted already, and neither are changed nor store: the journals name them.
+    *equal* are nodes that were as wanted and neither change nor store: the journals name them.
 
-    Each node is verified to hold its *claims* right before its store, and all nodes once more after the last store.
-    A journal says from here on that stores have begun; the journals stay if not all have stored what was planned:
-    `recover` goes on, or back.
+    Each node is verified against its *claims* right before its store, and all nodes again after the last store. From
+    the
+    first store on the journals record the stores; they stay if some stores are missing: `recover` completes or rolls
+    back.
     """
     if not stores:
         return ()
@@ -69,9 +67,9 @@ def store_network(
 
 
 def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore) -> tuple[list[int], list[str]]:
-    """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it.
+    """End stamps of nodes that could not store: `--trust-stamp` would trust them otherwise.
 
-    The nodes whose stamp was ended, and what kept others from that.
+    Returns the nodes whose stamp was ended, and errors of the others.
     """
     ended, failures = list[int](), list[str]()
     for state in stores.states.values():
@@ -93,11 +91,11 @@ def store_each(
     journals: Sequence[OwnJournal],
     prove: str | None = None,
 ) -> tuple[Stored, ...]:
-    """Carry out what *stores* has not done, the end of what is called *name*; *journals* say how far it is.
+    """Carry out the missing *stores* of the change *name*; *journals* record the progress.
 
-    Each node is asked for its *claims* right before it stores, and all of them once more behind the last store.
-    A node that refuses does not keep the others from being asked. LeftChanged names who has stored and who has not;
-    *stores* says then whether a node held something else.
+    Each node is verified against its *claims* right before its store, and all again after the last store. A refusal
+    does not prevent the stores of other nodes. LeftChanged names the nodes that have stored and those that have not;
+    *stores* then says whether a node lost values.
     """
     states = list(stores.states.values())
 
@@ -164,7 +162,7 @@ def _store_one(
 
 
 def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal]) -> list[str]:
-    """Let *journals* say how the stores ended; what keeps one from it."""
+    """Record the result of the stores in *journals*; returns errors."""
     failures: list[str] = []
     states = tuple(stores.states.values())
     line = f"{name}: store on node {', '.join(str(state.node_id) for state in states)}"
@@ -177,7 +175,7 @@ def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal]) -> l
 
 
 def _say_too_late(session: Session, stores: Stores) -> None:
-    """Where a request to stop came while a node stored: who has stored, and that the others do so, too."""
+    """After a request to stop during a store: report who has stored, and that the others go on."""
     rest = [str(state.node_id) for state in stores.states.values() if state.waits]
     if session.cancellation.requested and rest and not stores.was_late:
         stores.was_late = True
@@ -189,9 +187,9 @@ def _say_too_late(session: Session, stores: Stores) -> None:
 
 
 def _to_note(journals: Sequence[OwnJournal], node_id: int) -> Sequence[OwnJournal]:
-    """The journals that say of the store of *node_id* that it begins: all of them where none says of a store yet.
+    """Return the journals that record the start of the store of *node_id*: all for the first store.
 
-    After that its own one is enough, else any: who reads them takes the one that says most (`furthest`).
+    Later its own journal suffices, else any: a reader takes the most advanced record (`furthest`).
     """
     ours = [journal for journal in journals if journal.is_begun]
     if not all(journal.says_stores for journal in ours):
@@ -200,7 +198,7 @@ def _to_note(journals: Sequence[OwnJournal], node_id: int) -> Sequence[OwnJourna
 
 
 def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
-    """What a `recover` says had begun, where this process ends in the middle of it."""
+    """Describe the progress for a `recover` if this process ends in the middle."""
     done = [str(before.node_id) for before in states if before.is_done]
     stored = f"; stored on node {', '.join(done)}" if done else ""
     return f"{name}: store on node {one.node_id}{stored}"

@@ -1,4 +1,4 @@
-"""What `store`, `restore` and a `write` to 0x1010 or 0x1011 share."""
+"""Shared by `store`, `restore` and a `write` to 0x1010 or 0x1011."""
 
 from __future__ import annotations
 
@@ -44,11 +44,12 @@ def store_settings(
     wait_s: float = POWER_CYCLE_S,
     is_part: bool = False,
 ) -> Stored:
-    """Store what the node holds, and read again what of it this session changed: a restart may not have been heard.
+    """Store the node's parameters, and verify this session's changes: a restart may go unnoticed.
 
-    *is_part* says that others follow, and that all of them are read then. With *prove* restart it (`reset`, or by
-    `power`, which is waited for *wait_s* seconds), and compare the PDOs that it comes back with. With *if_changed* only
-    unless the PDOs are what came up with a boot-up that was heard.
+    *is_part*: stores of other nodes follow, after which all are verified. *prove* restarts the node (`reset`, or
+    `power`,
+    waiting *wait_s* seconds) and compares its PDOs. *if_changed* skips the store if the PDOs equal those of a received
+    boot-up.
     """
     because = why_to_store(node, sub_index) if if_changed else ""
     if if_changed and not because:
@@ -90,9 +91,9 @@ def store_settings(
 def look_before_stores(
     session: Session, node_ids: Sequence[int], sub_index: int | None, *, prove: str | None = None
 ) -> None:
-    """Before the first of several nodes stores: raise if one of them must not, cannot, or could not prove it.
+    """Check all nodes before the first store: raises if a node must not store, cannot, or could not prove it.
 
-    The PDOs of all of them are read, since a store of one cannot be taken back once another one is refused.
+    Reads the PDOs of all nodes, since a store cannot be rolled back if a later node refuses.
     """
     for node_id in node_ids:
         node = session.node(node_id)
@@ -104,7 +105,7 @@ def look_before_stores(
 
 
 def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:
-    """Raise DeviceRefused where *node* restarted after it was read for the last time before it *signed* a store."""
+    """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
             f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
@@ -116,7 +117,7 @@ def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:
 
 
 def _refuse_lost(node: Node, signed: Signed) -> None:
-    """Raise DeviceRefused if *node* holds something else, behind the store that it *signed*, of what was changed."""
+    """Raises DeviceRefused if changed values of *node* differ after the store that it *signed*."""
     lost = node.expected.lost(node, node.pending.covered(signed.sub_index))
     if lost:
         raise DeviceRefused(
@@ -131,7 +132,7 @@ def _refuse_lost(node: Node, signed: Signed) -> None:
 
 
 def why_to_store(node: Node, sub_index: int | None) -> str:
-    """Why what the node holds may not be what it has stored; empty where it came up with that, and nobody wrote it."""
+    """Say why the node's values may differ from its stored ones; empty if unwritten since boot-up."""
     if sub_index not in (None, EVERYTHING, COMMUNICATION):
         return f"nothing is known of what group {sub_index} covers"
     node.begin_change()  # from here on no other dvtcli writes to it
@@ -151,7 +152,7 @@ def _skipped(session: Session, node: Node, sub_index: int | None) -> Stored:
 
 
 def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart | None:
-    """How the node is to be restarted, after consent to that; None on a twin, whose restart would prove nothing."""
+    """Ask for consent and choose the restart; None on a twin, where a restart proves nothing."""
     if session.dry_run:
         return None
     if way == "power":
@@ -179,7 +180,7 @@ def _reset(node: Node, command: NmtCommand) -> None:
 
 
 def restore_defaults(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
-    """Ask the node for its defaults; they come with the next reset, which *prove* does at once, and looks."""
+    """Restore the node's defaults (0x1011), active after its next reset; *prove* resets and reads it."""
     session.consent(
         f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?", node.node_id
     )
@@ -228,7 +229,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
 
 
 def _end_stamp_before(session: Session, node: Node, sub_index: int | None) -> None:
-    """Before *node* is asked for its defaults: a stamp of ours ends, since what it stands for is stored no longer."""
+    """End our stamp on *node* before its defaults are restored: its values are no longer stored."""
     held = held_stamp(node)
     if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
         chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
@@ -236,7 +237,7 @@ def _end_stamp_before(session: Session, node: Node, sub_index: int | None) -> No
 
 
 def end_stamp(session: Session, node: Node, why: str) -> bool:
-    """Write 0 to 0x1020 of *node* where it holds a stamp of ours, and say *why*; whether it held such a stamp."""
+    """Write 0 to 0x1020 of *node* if it holds our stamp, and report *why*; returns whether it did."""
     held = held_stamp(node)
     if held is not None and held.is_own:
         session.tell.note(f"0x1020 of node {node.node_id} <- 0: {why}")
@@ -247,7 +248,7 @@ def end_stamp(session: Session, node: Node, why: str) -> bool:
 
 
 def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tuple[str, ...]]:
-    """What *node* holds ahead of a restore, and what was lost to find out: without its EDS, what it comes up with."""
+    """Read *node* before a restore; also lists read losses: boot-up values are unknown without its EDS."""
     if node.dictionary is None or node.unlike_file:
         return restart_and_read(node, restart)
     try:
@@ -257,7 +258,7 @@ def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tupl
 
 
 def _says(node: Node) -> Says:
-    """How values of *node* are said, as on all screens."""
+    """Return the printing of values of *node*, as used on all screens."""
     from dvtcli.operations.meanings.planned_words import planned_words
 
     return partial(planned_words, node)

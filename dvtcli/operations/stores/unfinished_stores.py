@@ -1,7 +1,4 @@
-"""What is told of the stores of a network that came to nothing: who has stored, who has not, and what helps.
-
-Asks no node. Does not know how stores are carried out.
-"""
+"""Report failed stores of a network: who has stored, who has not, what to do. Asks no node."""
 
 from __future__ import annotations
 
@@ -29,9 +26,9 @@ _ALL_BACK = Hint(Action.RECOVER_ALL, why=", {} puts every node back")
 
 @dataclass(slots=True)
 class Stores:
-    """The stores of one whole on their way, by node-ID; *lost*: faults of a node that held something else.
+    """The stores of a whole change in progress, by node-ID; *lost*: faults of nodes that lost values.
 
-    *equal* are the nodes that were as wanted already, and neither are changed nor store.
+    *equal* are nodes that were as wanted and neither change nor store.
     """
 
     states: dict[int, Storing]
@@ -43,15 +40,15 @@ class Stores:
     was_late: bool = False
 
     def are_all_done(self) -> bool:
-        """Whether every node that is to store has acknowledged that."""
+        """Tell whether every node has acknowledged its store."""
         return not any(state.waits for state in self.states.values())
 
 
 def not_all_stored(course: Stores, journals: Sequence[Path], unstamped: Sequence[int]) -> LeftChanged:
-    """What is told where stores came to nothing, and every node holds what was planned all the same.
+    """Report failed stores while every node still holds its planned values.
 
-    *journals* are those that wait for the way back, or for the stores that are missing. The stamp of the nodes
-    *unstamped* was planned, too, and is 0 since they have not stored.
+    *journals* allow a roll-back or the missing stores. The planned stamps of the *unstamped* nodes are 0, as these have
+    not stored.
     """
     first, fault = next(iter(course.failed.items()))
     refused = [node_id for node_id, failure in course.failed.items() if not _is_unsure(failure)]
@@ -79,7 +76,7 @@ def not_all_stored(course: Stores, journals: Sequence[Path], unstamped: Sequence
 
 
 def _held(course: Stores, unstamped: Sequence[int]) -> str:
-    """Who holds what was planned: nobody looked at a node that was accepted; a stamp is 0 until its node stores."""
+    """Say who holds planned values: accepted nodes are unverified; a stamp is 0 until its node stores."""
     accepted = [node_id for node_id, state in course.states.items() if state.is_accepted]
     who = f"every node but {join_some(map(str, accepted))}, accepted as it was," if accepted else "every node"
     but = (
@@ -89,9 +86,9 @@ def _held(course: Stores, unstamped: Sequence[int]) -> str:
 
 
 def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | BaseException]) -> LeftChanged | None:
-    """What is told if not all of *node_ids*, each asked by itself, stored; None if no node stored, or all did.
+    """Report that only some of *node_ids*, stored one by one, have stored; None if none or all did.
 
-    *outcomes* has the answer or the fault of each that was asked.
+    *outcomes* has the answer or the error of each node asked.
     """
     faults = {node_id: outcome for node_id, outcome in outcomes.items() if isinstance(outcome, BaseException)}
     answers = {node_id: outcome for node_id, outcome in outcomes.items() if not isinstance(outcome, BaseException)}
@@ -124,7 +121,7 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
 
 
 def lost_besides(course: Stores, lost: BaseException) -> LeftChanged:
-    """What is told if all hold what was written, and have stored it, and something else is not as planned any more."""
+    """Report that all written values are held and stored, but another planned value differs."""
     left = LeftChanged(
         f"every node that was written stored, and then: {lost}",
         node=lost.node if isinstance(lost, DvtcliError) else None,
@@ -139,7 +136,7 @@ def lost_besides(course: Stores, lost: BaseException) -> LeftChanged:
 
 
 def back_and_again(name: str, who: str = "every node") -> Hint:
-    """The way back for *who*, and after it what is called *name* anew: for all nodes, whichever is selected."""
+    """Suggest the roll-back for *who*, then *name* again: for all nodes, whichever is selected."""
     back = Hint(Action.RECOVER_ALL, why=f"puts {who} back as before")
     command, _, file = name.partition(" ")
     if command == "apply" and file:
@@ -148,9 +145,9 @@ def back_and_again(name: str, who: str = "every node") -> Hint:
 
 
 def lost_settings(name: str, course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
-    """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored.
+    """Report nodes that no longer hold planned values (*lost*): nothing of these must be stored.
 
-    *name* is what the change is called.
+    *name* is the name of the change.
     """
     first, *others = lost
     left = LeftChanged(
@@ -184,7 +181,7 @@ def _lost_text(course: Stores, first: BaseException) -> str:
 
 
 def _say_who(course: Stores, left: LeftChanged) -> None:
-    """Who has stored, who has not, and of whom nobody knows: for a screen, and for a program."""
+    """Add to *left*, for screens and programs, who has stored, who has not, and who is unknown."""
     done = tuple(state.node_id for state in course.states.values() if state.is_done)
     unsure = tuple(node_id for node_id, failure in course.failed.items() if _is_unsure(failure))
     missing = tuple(state.node_id for state in course.states.values() if state.waits and state.node_id not in unsure)
@@ -199,7 +196,7 @@ def _spoilt_text(spoilt: Sequence[int]) -> str:
 
 
 def _is_spoilt(fault: BaseException) -> bool:
-    """Whether the node answered that it does not store, and may have lost what it had stored before."""
+    """Tell whether a store failed in the node, so that its stored parameters may be lost."""
     return isinstance(fault, DeviceRefused) and fault.abort is not None and fault.state == "unknown"
 
 
@@ -212,7 +209,7 @@ def _is_unsure(fault: BaseException) -> bool:
 
 
 def hint_without_journal(lost: BaseException, acknowledged: Collection[int] = ()) -> Hint | str | None:
-    """What helps where *lost* is why a node does not hold what was set, and nothing else remembers that."""
+    """Suggest a remedy if *lost* values are in no journal."""
     if isinstance(lost, LeftChanged):
         return lost.hint
     if isinstance(lost, DeviceRefused) and lost.node is not None and lost.node in acknowledged:
