@@ -1,4 +1,4 @@
-"""What it costs that nobody said a bus's bit rate, told where several nodes are asked. Does not know what is asked."""
+"""Report what an unknown bit rate costs if several nodes are read."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
-    """Say that so many *nodes* are asked slowly where the bit rate is not known, and how to say it; once a session.
+    """Report, once a session, that *nodes* nodes are read one by one as the bit rate is unknown, with a hint.
 
-    Of a bus alone that would ask them faster: not of simulated nodes, twins, or a gateway to objects.
+    Only for a bus that could read them in parallel: not for simulated nodes, twins, or an object gateway.
     """
     bus = session.bus
     if nodes < 2 or session.dry_run or bus.simulated or not bus.carries_frames or bus.bitrate is not None:
