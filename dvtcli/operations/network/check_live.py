@@ -1,6 +1,6 @@
-"""The nodes on a bus, checked: what they hold, what is heard of them, and what files say of them. Writes nothing.
+"""Check the nodes on a bus: their values, their traffic, and what files say about them. Writes nothing.
 
-Judges nothing itself: the rules are in `domain/network/check`.
+The rules are in `domain/network/check`.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
 
 def check_all(session: Session, files: Sequence[str], wishes: CheckOptions) -> NetworksChecked:
-    """Look at each of *files*, at the nodes on the bus, and hold the files against those.
+    """Check each of *files* and the nodes on the bus, and compare both.
 
-    One judge for both: the bus's bit rate counts for the files, too, and nodes that these lead to no EDS for are
-    described as on the bus. What is found in a file is not said of the bus a second time.
+    The bus's bit rate counts for the files, too, and nodes without an EDS in a file are described by the bus. A finding
+    of a file is not repeated for the bus.
     """
     if not files:
         return check_live(session, wishes)
@@ -71,7 +71,7 @@ def _bit_rate(session: Session, wishes: CheckOptions) -> int | None:
 
 
 def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> NetworkReport:
-    """*of_bus* without what *of_files* say in the same words, and with how many that are."""
+    """Return *of_bus* without findings repeated in *of_files*, and with their number."""
     said = {(finding.rule, finding.text) for report in of_files for finding in report.findings}
     new = tuple(finding for finding in of_bus.findings if (finding.rule, finding.text) not in said)
     return replace(of_bus, findings=new, said=len(of_bus.findings) - len(new))
@@ -83,12 +83,11 @@ def check_live(
     files: Sequence[str] = (),
     on_bus: Mapping[str, Mapping[int, str]] | None = None,
 ) -> NetworksChecked:
-    """Look at the nodes on the bus as they are, whoever is known, heard or answers; and hold *files* against them.
+    """Check all nodes on the bus that are known, transmit or answer; compare *files* with them.
 
-    A report of the bus, and one a file: whether its nodes are there and are the devices that it says, and whether a
-    manager there expects or downloads something else. A file that cannot be read is left out; *on_bus* has for each
-    what describes nodes besides. UsageError without a bus, or for a rule that there is not; NoAnswer where no node
-    tells what it holds.
+    Returns a report of the bus and a report per file: whether its nodes are present and match, and whether a manager on
+    the bus expects or downloads something else. An unreadable file is left out; *on_bus* has descriptions of nodes by
+    file. Raises UsageError without a bus or for an unknown rule; NoAnswer if no node could be read.
     """
     wishes = wishes or CheckOptions()
     rules = chosen_rules(wishes)
@@ -137,7 +136,7 @@ def _heard(traffic: HeardTraffic | None) -> tuple[float, int] | None:
 
 
 def _described(file: str, on_bus: Mapping[int, str]) -> NetworkState | None:
-    """What *file* makes, without its links where those cannot be made; None where it makes nothing."""
+    """Build the state that *file* describes, without links that cannot be made; None if there is none."""
     from dvtcli.operations.network.described_network import described_network
 
     try:
@@ -153,7 +152,7 @@ def _described(file: str, on_bus: Mapping[int, str]) -> NetworkState | None:
 
 
 def against_file(session: Session, file: str, wish: NetworkWish, live: NetworkState) -> tuple[NetworkFinding, ...]:
-    """Where *live*, what is on the bus, contradicts *wish*, from *file*: nodes that are not there, or other devices."""
+    """Report nodes of *wish* (from *file*) that are missing or different in *live*, the state of the bus."""
     wishes = CheckOptions()
     state = _described(file, words_on_bus(session, file, wish))
     return () if state is None else _against(file, state, live, wishes, _bit_rate(session, wishes)).findings
@@ -162,7 +161,7 @@ def against_file(session: Session, file: str, wish: NetworkWish, live: NetworkSt
 def _against(
     file: str, state: NetworkState, live: NetworkState, wishes: CheckOptions, bit_rate: int | None
 ) -> NetworkReport:
-    """What of the network *state* of *file* the nodes on the bus contradict."""
+    """Report contradictions between *state* of *file* and the nodes on the bus."""
     from dvtcli.domain.network.check.network_rules import AGAINST_FILE
 
     names = {rule.name for rule in chosen_rules(wishes)}
@@ -175,7 +174,7 @@ def _against(
 
 
 def _with_live(state: NetworkState, live: NetworkState) -> NetworkState:
-    """*state*, and of each of its nodes what the one on the bus says of itself; with the managers there."""
+    """Add to *state* the identities of live nodes, and the managers on the bus."""
     nodes = [_one_with_live(node, live.node(node.node_id)) for node in state.nodes]
     managers = [node for node in live.nodes if state.node(node.node_id) is None and node.number(NMT_STARTUP)]
     ordered = sorted([*nodes, *managers], key=lambda live_node: live_node.node_id)

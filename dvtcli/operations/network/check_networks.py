@@ -1,6 +1,6 @@
-"""Network files, checked without any node. Writes nothing.
+"""Check network files without any node. Writes nothing.
 
-Judges nothing itself: the rules are in `domain/network/check`, and those of `map` and `link`.
+The rules are in `domain/network/check`, and those of `map` and `link`.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 
 def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> Iterator[FileNote]:
-    """A note for each node of *wish*, from *file*, whose names nothing says the objects of, at the first of them.
+    """Note each node of *wish* (from *file*) that uses object names but has no description.
 
-    Not for the nodes in *known*, of which a dictionary is known otherwise.
+    Nodes in *known* have a dictionary from elsewhere.
     """
     for node in wish.nodes:
         words = [word for pdo in node.pdos for word in pdo.mapping or ()]
@@ -57,12 +57,12 @@ FILE_RULES = (
 
 @dataclass(frozen=True, slots=True)
 class CheckOptions:
-    """How `check` looks: which rules by name (*only*, none: all; not those in *without*).
+    """Options of `check`: rules by name (*only*, empty: all; except *without*).
 
-    With *strict* a warning is as bad as an error; *bit_rate* (bit/s) is the bus's, None for what a file says. With
-    *as_findings* what cannot be read of a file is a finding, and no error. A bus is listened to for *for_s* seconds
-    (None: `LISTEN_S`, and not at all where nobody else can be on it). With *shows_all* what is no error of a PDO that
-    the file does not name is told, too, and not only counted.
+    *strict* treats warnings as errors; *bit_rate* (bit/s) is that of the bus, None for the file's. *as_findings* turns
+    read errors of a file into findings. The bus is recorded for *for_s* seconds (None: `LISTEN_S`, or not at all if
+    nobody else can be on it). *shows_all* lists warnings and notes about PDOs that the file does not name, instead of
+    counting them.
     """
 
     only: Collection[str] = ()
@@ -77,11 +77,10 @@ class CheckOptions:
 def check_networks(
     files: Sequence[str], wishes: CheckOptions | None = None, on_bus: Mapping[str, Mapping[int, str]] | None = None
 ) -> NetworksChecked:
-    """Look at each of *files*: what the rules found; *on_bus* has for each what describes nodes besides, by node-ID.
+    """Check each of *files*; *on_bus* has descriptions of other nodes by file and node-ID.
 
-    What cannot be read is a finding where several files are looked at, so that the others are, too; of one file it is
-    InputFileError with all that is wrong in it, or UsageError where it is not there. UsageError for a rule that there
-    is not.
+    Read errors are findings if there are several files; for a single file they raise InputFileError with all its
+    errors, or UsageError if it does not exist. Raises UsageError for an unknown rule.
     """
     wishes = wishes or CheckOptions()
     rules, names = chosen_rules(wishes), tuple(dict.fromkeys(files))
@@ -91,7 +90,7 @@ def check_networks(
 
 
 def chosen_rules(wishes: CheckOptions) -> tuple[LintRule, ...]:
-    """The rules that *wishes* name; UsageError for one that there is not."""
+    """Return the rules that *wishes* name; raises UsageError for an unknown rule."""
     from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 
     known = {rule.name: rule for rule in (*change_rules(), *FILE_RULES, *NETWORK_RULES)}
@@ -105,7 +104,7 @@ def chosen_rules(wishes: CheckOptions) -> tuple[LintRule, ...]:
 
 
 def change_rules() -> tuple[LintRule, ...]:
-    """The rules of a change (`map`, `link`, `apply`), which are asked of what a file wants; by their worst severity."""
+    """List the rules of a change (`map`, `link`, `apply`), as asked of a file, with their worst severity."""
     from dvtcli.domain import vpdo
     from dvtcli.domain.network import consumers, heartbeats, links
     from dvtcli.domain.rules import (
@@ -140,7 +139,7 @@ def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
 
 
 def _report(file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]) -> NetworkReport:
-    """What there is to say of *file*; InputFileError or UsageError where it cannot be read."""
+    """Report on *file*; raises InputFileError or UsageError if it cannot be read."""
     wish = read_wish(file)
     state, findings = judged_file(file, wish, wishes, on_bus)
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
@@ -156,7 +155,7 @@ def _report(file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus
 
 
 def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
-    """A note for each node that a file of the library describes which may not be quite its own."""
+    """Note each node described by a library file that may not match exactly."""
     from dvtcli.domain.network.wanted_state import FileNote
     from dvtcli.operations.network.described_network import library_match
 
@@ -167,7 +166,7 @@ def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
 
 
 def _undescribed(state: NetworkState) -> Iterator[FileNote]:
-    """A note that names the nodes of *state* that nothing describes, if there are such."""
+    """Note the nodes of *state* without a description, if any."""
     from dvtcli.domain.network.wanted_state import NOWHERE, FileNote
     from dvtcli.operations.wanted.network_wish import skipped_rules
 
@@ -179,7 +178,7 @@ def _undescribed(state: NetworkState) -> Iterator[FileNote]:
 def _report_anyway(
     file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]
 ) -> NetworkReport:
-    """The same, with findings of what cannot be read."""
+    """Report on *file*, with read errors as findings."""
     try:
         return _report(file, wishes, rules, on_bus)
     except (InputFileError, UsageError) as failed:
@@ -197,7 +196,7 @@ def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
 
 
 def _at(one: FileComplaint, rule: str) -> NetworkFinding:
-    """What *rule* finds where *one* is."""
+    """Turn a file complaint into a finding of *rule*."""
     return NetworkFinding(one.line, "error", rule, "", one.text, one.column, one.column + max(one.width, 1) - 1)
 
 
@@ -208,9 +207,9 @@ def judged_file(
     on_bus: Mapping[int, str] | None = None,
     tell: Reporter | None = None,
 ) -> tuple[NetworkState, tuple[NetworkFinding, ...]]:
-    """Make the network that *wish*, from *file*, describes; tell what the rules of a change and of networks say of it.
+    """Simulate the network of *wish* (from *file*) and apply the rules of changes and of networks.
 
-    What cannot be made is among the findings, and the state has the rest.
+    Parts that cannot be made become findings; the state has the rest.
     """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork
     from dvtcli.files.network.file_log import FileLog
@@ -229,7 +228,7 @@ def judged_file(
 
 
 def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
-    """*found* with the line of the file that it is about, if it has a place there."""
+    """Add to *found* its line in the file, if it has a place there."""
     from dvtcli.domain.network.wanted_state import Mark
 
     if found.complaint is not None or not found.column:
@@ -239,7 +238,7 @@ def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
 
 
 def _nothing_asked(wish: NetworkWish, state: NetworkState, names: Collection[str]) -> Iterator[NetworkFinding]:
-    """A warning for each node of which *wish* asks for nothing, and that nothing describes: no plan has it."""
+    """Warn about each node without wishes and description: no plan covers it."""
     from dvtcli.domain.rules.finding import warning
     from dvtcli.operations.plans.plan_network import ASKS_NOTHING
 
@@ -249,9 +248,9 @@ def _nothing_asked(wish: NetworkWish, state: NetworkState, names: Collection[str
 
 
 def _refused(wish: NetworkWish, refused: DvtcliError, names: Collection[str]) -> Iterator[NetworkFinding]:
-    """Each reason, where the file asks for it; where that is not known, at the node that it is about.
+    """Yield each refusal at its place in the file, else at its node.
 
-    Under the name of its rule; what has none, or one that is no rule of a change, is under that of what cannot be made.
+    The rule is that of the refusal; a refusal without a rule of changes gets the rule for parts that cannot be made.
     """
     if isinstance(refused, InputFileError) and refused.complaints:
         yield from (
@@ -275,7 +274,7 @@ def _mark_of(complaint: FileComplaint) -> Mark:
 
 
 def _of_change(state: NetworkState, node_id: int, said: Finding) -> NetworkFinding:
-    """What a rule of a change *said* of a node, at its place in the file."""
+    """Place the finding of a rule of changes in the file."""
     from dvtcli.domain.network.check.checked_network import NetSpot, mark_of
 
     place = said.place.removeprefix("0x").partition(":")
@@ -287,7 +286,7 @@ def _of_change(state: NetworkState, node_id: int, said: Finding) -> NetworkFindi
 
 
 def findings_of(network: CheckedNetwork, rules: Sequence[LintRule]) -> Iterator[NetworkFinding]:
-    """What *rules* say of *network*, at the places of its file."""
+    """Apply *rules* to *network*, with places in its file."""
     from dvtcli.domain.network.check.checked_network import mark_of
     from dvtcli.domain.network.check.network_rules import network_findings
 
@@ -298,13 +297,13 @@ def findings_of(network: CheckedNetwork, rules: Sequence[LintRule]) -> Iterator[
 
 
 def _is_aside(state: NetworkState, spot: NetSpot) -> bool:
-    """Whether *spot* is a PDO that the file does not name."""
+    """Tell whether *spot* is a PDO that the file does not name."""
     node = None if spot.node_id is None or spot.pdo is None else state.node(spot.node_id)
     return bool(state.file) and node is not None and spot.pdo not in node.marks
 
 
 def without_repeats(first: Sequence[NetworkFinding], others: Iterable[NetworkFinding]) -> Iterator[NetworkFinding]:
-    """*first*, then *others*, each thing once: what both say of a PDO of a node by other names of the rule, too."""
+    """Yield *first*, then *others*, without repetitions, even under another rule name for the same PDO."""
     from dvtcli.domain.network.check.network_rules import SAME_RULES, SUPERSEDED
 
     said = {(finding.node, finding.pdo, finding.rule) for finding in first}

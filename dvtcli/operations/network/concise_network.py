@@ -39,7 +39,7 @@ _MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class ConciseDcf:
-    """What a manager downloads to the node with *node_id*, called *name* in its network file."""
+    """The concise DCF that a manager downloads to the node *node_id*, called *name* in its network file."""
 
     node_id: int
     name: str
@@ -49,23 +49,23 @@ class ConciseDcf:
 
     @property
     def data(self) -> bytes:
-        """It as 0x1F22 holds it."""
+        """Return the bytes as in 0x1F22."""
         return concise_bytes(self.entries)
 
 
 @dataclass(frozen=True, slots=True)
 class ConciseNetwork:
-    """The concise DCFs of a network file, in its order, and the names of the nodes that nothing describes."""
+    """The concise DCFs of a network file in its order, and the names of undescribed nodes."""
 
     nodes: tuple[ConciseDcf, ...]
     untold: tuple[NodeWish, ...]
 
 
 def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None = None) -> ConciseDcf:
-    """The concise DCF of one node of the network *file*: that with the name or node-ID *node*, None for the only one.
+    """Make the concise DCF of a node of the network *file*, by name or node-ID; None for its only node.
 
-    Nodes that nothing describes are left out, with their links. UsageError where *node* is none, or one of those, or
-    the file cannot be read; InputFileError with all that it cannot mean, RuleError where what it wants cannot be made.
+    Undescribed nodes and their links are left out. Raises UsageError if *node* is unknown or undescribed, or the file
+    cannot be read; InputFileError with all its errors, RuleError if its wishes cannot be made.
     """
     read = read_wish(file)
     chosen = _chosen(file, read, node)
@@ -78,7 +78,7 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None 
 
 
 def concise_dcfs(file: str, tell: Reporter | None = None, on_bus: Mapping[int, str] | None = None) -> ConciseNetwork:
-    """The concise DCF of every node of the network *file* that something describes, also what *on_bus* has for it.
+    """Make the concise DCFs of all described nodes of the network *file*; *on_bus* adds descriptions.
 
     Raises as `concise_dcf`.
     """
@@ -107,7 +107,7 @@ def _made(wish: NodeWish, plan: NodePlan) -> ConciseDcf:
 
 
 def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
-    """The node of *wish* that *node* means; UsageError where it means none, or where there are several."""
+    """Find *node* in *wish*; raises UsageError if unknown or ambiguous."""
     found = [
         node_wish for node_wish in wish.nodes if node is None or str(node) in (node_wish.name, str(node_wish.node_id))
     ]
@@ -125,7 +125,7 @@ def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
 def convert_network(session: Session, file: str, target: str, node: str | int | None = None) -> Facts:
     """Write the concise DCF of *node* of the network *file* to *target* (.cdcf).
 
-    Asks before it overwrites. *node* and what is raised as of `concise_dcf`.
+    Asks before overwriting. *node* and errors as of `concise_dcf`.
     """
     path = place_of(target, "node5.cdcf")
     one = concise_dcf(file, node, session.tell)
@@ -138,7 +138,7 @@ def convert_network(session: Session, file: str, target: str, node: str | int | 
 
 
 def read_concise_file(file: str) -> tuple[ConciseEntry, ...]:
-    """The entries of the concise DCF *file*; UsageError where it cannot be read, InputFileError where it is none."""
+    """Read a concise DCF; raises UsageError if unreadable, InputFileError if invalid."""
     try:
         data = read_input(file, _MOST_BYTES, "concise DCF")
     except OSError as failed:
@@ -150,7 +150,7 @@ def read_concise_file(file: str) -> tuple[ConciseEntry, ...]:
 
 
 def show_concise(file: str, dictionary: ObjectDictionary | None = None) -> Facts:
-    """What the concise DCF *file* downloads, in its order, with the names that *dictionary* has."""
+    """Show what the concise DCF *file* downloads, in order, with names of *dictionary*."""
     entries = read_concise_file(file)
     rows = (("file", file), ("to", None), ("node", None), ("entries", _rows(entries)))
     said = [f"{file}: {plural(len(entries), 'download')}"]

@@ -1,6 +1,6 @@
-"""A network as its file describes it, without a bus: its nodes simulated from their EDS, DCF or family, and set up.
+"""Simulate a network file without a bus: its nodes from their EDS, DCF or family, configured.
 
-Sends nothing to any real bus. Judges nothing.
+Sends nothing to a real bus. Judges nothing.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ if TYPE_CHECKING:
 
 
 def guessed_mappings(node: NodeState, wish: NodeWish, word: str) -> Mapping[Pdo, str]:
-    """Whose default counts for each PDO of *node* of which *wish* does not say what it maps, in words.
+    """Name the source of the default mapping of each PDO that *wish* does not map.
 
-    *word* is the file or the simulated family that describes it. What a DCF or XDC has a value for is said.
+    *word* is the file or simulated family that describes it. Values of a DCF or XDC are not defaults.
     """
     said = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
     unsaid = (pdo for pdo, config in node.pdos.items() if config.mapping and pdo not in said)
@@ -55,13 +55,13 @@ def guessed_mappings(node: NodeState, wish: NodeWish, word: str) -> Mapping[Pdo,
 
 
 def _has_value(dictionary: ObjectDictionary | None, pdo: Pdo) -> bool:
-    """Whether the *dictionary*, a DCF's or XDC's, says what *pdo* of this very node maps."""
+    """Tell whether *dictionary* (of a DCF or XDC) has this node's own mapping of *pdo*."""
     entries = [] if dictionary is None else [dictionary.entry(pdo.mapping_index, sub) for sub in (0, 1)]
     return any(entry is not None and entry.value is not None for entry in entries)
 
 
 def _source(word: str) -> str:
-    """What a simulated family, or a file, is called."""
+    """Name a simulated family or a file."""
     name = Path(word).name
     return name if Path(name).suffix else f"the family {name}"
 
@@ -76,15 +76,14 @@ def described_network(
     wish: NetworkWish | None = None,
     failures: list[DvtcliError] | None = None,
 ) -> NetworkState:
-    """What the nodes of the network *file* hold once it is applied to devices that are as new.
+    """Compute what the nodes of the network *file* hold once it is applied to devices with default values.
 
-    *wish* is what the file says, where that was read already. If *failures* is given, what would be raised is put
-    there, and the state has what can be made.
+    *wish* is the file as read, if read already. If *failures* is given, errors are appended to it, and the state has
+    what could be made.
 
-    A node is what its `dcf` describes, else its `profile`'s family, else the family or the file of `eds add` that its
-    identity is of, else what *on_bus* has for its node-ID. Of one that is none of these only what the file says is
-    known. InputFileError with all that the file cannot mean, RuleError where what it wants cannot be made. Without
-    *with_links* its links are left out.
+    A node is described by its `dcf`, else its `profile`'s family, else the family or library file of its identity (`eds
+    add`), else *on_bus* by its node-ID; an undescribed node has only the file's values. Raises InputFileError with all
+    errors of the file, RuleError if its wishes cannot be made. *with_links* False leaves out the links.
     """
     read = wish or read_wish(file)
     read = read if with_links else replace(read, links=())
@@ -108,21 +107,21 @@ def _met(node: NodeState, wish: NodeWish, word: str) -> NodeState:
 
 
 def words_of(file: str, wish: NetworkWish, on_bus: Mapping[int, str] | None = None) -> dict[int, str]:
-    """What `--sim` takes for the nodes of *wish* that something describes; what *file* says goes before *on_bus*."""
+    """Return the `--sim` words for described nodes of *wish*; *file* goes before *on_bus*."""
     told = on_bus or {}
     found = {node.node_id: simulated_word(file, node) or told.get(node.node_id) for node in wish.nodes}
     return {node_id: word for node_id, word in found.items() if word is not None}
 
 
 def _is_told(link: LinkWish, told: Collection[int]) -> bool:
-    """Whether all ends of *link* are on nodes that are *told*, by an EDS or a family."""
+    """Tell whether all ends of *link* are on *told* nodes, described by an EDS or a family."""
     return all(end.node_id in told for end in link.ends)
 
 
 def _with_untold_links(wish: NetworkWish, told: Collection[int]) -> NetworkWish:
-    """*wish* where both ends of each link with a node that nothing describes have one CAN-ID, and are on.
+    """Give both ends of each link with an undescribed node the same CAN-ID, and enable them.
 
-    That of the TPDO is what the file says, else the pre-defined one. What their frames hold only a dictionary tells.
+    The CAN-ID is the file's for the TPDO, else the pre-defined CAN-ID. Layouts need a dictionary.
     """
     ends: dict[Endpoint, int] = {}
     for link in wish.links:
@@ -136,7 +135,7 @@ def _with_untold_links(wish: NetworkWish, told: Collection[int]) -> NetworkWish:
 
 
 def _watching(wish: NetworkWish, node: NodeWish, links: Collection[LinkWish]) -> NodeWish:
-    """*node*, which watches the heartbeats of those whom it hears by *links*, as the file says how often."""
+    """Let *node* consume the heartbeats of its producers in *links*, with times of the file."""
     watched = {watch.producer for watch in node.watches}
     found: dict[int, HeartbeatWatch] = {}
     for link in links:
@@ -192,7 +191,7 @@ def _simulated(
 
 
 def _without_unknown_types(node: NodeState) -> NodeState:
-    """*node* without the transmission types that its file tells no default of: the standard has none (7.5.2.35)."""
+    """Drop transmission types without a default in the EDS: the standard has none (7.5.2.35)."""
     return replace(node, pdos={pdo: _without_unknown_type(node, pdo, config) for pdo, config in node.pdos.items()})
 
 
@@ -204,7 +203,7 @@ def _without_unknown_type(node: NodeState, pdo: Pdo, config: PdoConfig) -> PdoCo
 
 
 def _planned(session: Session, wish: NetworkWish, log: FileLog, failures: list[DvtcliError] | None) -> NetworkPlan:
-    """Plan *wish*; if *failures* is given, a UsageError is put there, too, and nothing is planned then."""
+    """Plan *wish*; if *failures* is given, it also gets a UsageError, and the plan is empty."""
     try:
         return plan_wish(session, wish, log, failures=failures)
     except UsageError as failed:
@@ -215,7 +214,7 @@ def _planned(session: Session, wish: NetworkWish, log: FileLog, failures: list[D
 
 
 def simulated_word(file: str, node: NodeWish) -> str | None:
-    """What `--sim` takes for *node* of the network *file*, without a node-ID; None where nothing describes it."""
+    """Return the `--sim` word for *node* of *file*, without a node-ID; None if undescribed."""
     from dvtcli.files.profile.library import profile_for_identity
     from dvtcli.simulator.network.family_file import family_names
 
@@ -232,7 +231,7 @@ def simulated_word(file: str, node: NodeWish) -> str | None:
 
 
 def _chosen_word(file: str, node: NodeWish) -> str | None:
-    """The same where the *file* says it of the node itself: its `dcf`, its `profile`."""
+    """Return the `--sim` word of the node's own `dcf` or `profile`."""
     from dvtcli.simulator.network.family_file import family_names
 
     if node.dcf is not None and (path := eds_of(file, node)) is not None:
@@ -241,7 +240,7 @@ def _chosen_word(file: str, node: NodeWish) -> str | None:
 
 
 def library_match(file: str, node: NodeWish) -> Match | None:
-    """The file of the library that describes *node* by its identity; None where the *file* says another, or none is."""
+    """Find the library file for *node* by its identity; None if *file* names another, or there is none."""
     from dvtcli.files.device_library.match import match
     from dvtcli.files.device_library.stored_files import stored_files
 
@@ -252,7 +251,7 @@ def library_match(file: str, node: NodeWish) -> Match | None:
 
 
 def told_state(wish: NodeWish) -> NodeState:
-    """A node of which nothing but *wish* is known: PDOs that it names are enabled unless it says otherwise."""
+    """Build the state of a node from *wish* alone: PDOs named there are enabled unless disabled."""
     numbers = {
         (object_wish.index, object_wish.sub_index): int.from_bytes(object_wish.data, "little")
         for object_wish in wish.objects
@@ -281,7 +280,7 @@ def _told_pdo(node_id: int, wish: PdoWish) -> PdoConfig | None:
 
 
 def _told_entry(word: FileWord) -> tuple[PdoMappingEntry, ...] | None:
-    """What a word maps, None where only a dictionary could tell."""
+    """Return the mapping that *word* means, None if a dictionary is needed."""
     from dvtcli.domain.mapping import DUMMY_BITS, split_dummy
 
     try:

@@ -1,6 +1,6 @@
-"""What describes nodes that a network file leads to nothing for: what the devices on the bus say that they are.
+"""Find the EDS of nodes for which the network file names none, by their identity (0x1018).
 
-Reads who they are (0x1018), and no more.
+Reads the identity only.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 def words_on_bus(session: Session, file: str, wish: NetworkWish) -> dict[int, str]:
-    """What `--sim` takes for each node of *wish*, from *file*, that only its device tells, by the EDS it is known by.
+    """Return the `--sim` word for each node of *wish* whose EDS only its identity tells.
 
-    Not of a node that is silent, or another device than the file says.
+    Silent nodes and other devices than in the file are left out.
     """
     found: dict[int, str] = {}
     for node in _untold(file, wish):
@@ -33,9 +33,9 @@ def words_on_bus(session: Session, file: str, wish: NetworkWish) -> dict[int, st
 
 
 def words_of_present(session: Session, file: str, wish: NetworkWish) -> dict[int, str]:
-    """The same for whom it is no answer that a node is silent, or another device: raises then, as a plan of it does.
+    """Return the `--sim` words as `words_on_bus`, but raise for a silent node or another device, as a plan does.
 
-    So what is left out has no EDS, and not a fuse that blew.
+    A node without a word has no EDS, rather than no power.
     """
     with session.network.as_it_was_if_refused():
         met = meet(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))

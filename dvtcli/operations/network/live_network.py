@@ -1,4 +1,4 @@
-"""A network as it is on its bus: listened to, and its nodes read. Sends nothing but SDO uploads. Judges nothing."""
+"""Read a network on its bus: its traffic and its nodes. Sends nothing but SDO uploads."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def listen(session: Session, for_s: float, take: Callable[[Frame, bool], None]) 
 
 
 def heard_traffic(session: Session, for_s: float) -> HeardTraffic | None:
-    """What others send within *for_s*; None where nobody listens."""
+    """Record others' traffic for *for_s* seconds; None if recording is not possible."""
     traffic = HeardTraffic()
 
     def take(frame: Frame, sent: bool) -> None:
@@ -63,14 +63,14 @@ def heard_traffic(session: Session, for_s: float) -> HeardTraffic | None:
 
 
 def live_state(session: Session, traffic: HeardTraffic | None, others: Collection[int] = ()) -> NetworkState:
-    """What the nodes on the bus hold, with what only rules look at: those `present`, and *others*."""
+    """Read the nodes `present` and *others*, with all that rules need."""
     heard = () if traffic is None else traffic.by_id
     ids = sorted({*present(session, heard), *others})
     return session.read_together(lambda: network_state(answering(session, ids), for_rules=True))
 
 
 def refuse_without_bus(session: Session) -> None:
-    """UsageError where nobody chose a bus; opens it."""
+    """Open the bus; raises UsageError if no bus is chosen."""
     if nobody_chose(session):
         raise UsageError(
             "no FILE, and no bus",
@@ -95,9 +95,9 @@ def has_bus(session: Session) -> bool:
 
 
 def present(session: Session, heard: Iterable[Identifier]) -> list[int]:
-    """The nodes that are known, those of which a CAN-ID was *heard*, and all that answer where others may be there.
+    """List the nodes that are known, *heard* by a CAN-ID, or answer a scan.
 
-    Not every node sends a heartbeat, or a PDO. With `-n` no other node-ID is asked, which is said.
+    Not every node sends a heartbeat or a PDO. `-n` suppresses the scan, with a message.
     """
     network = session.network
     found = {*network.simulated_ids, *session.known_ids(), *network.scanned, *network.bus.heard_nodes()}
@@ -108,7 +108,7 @@ def present(session: Session, heard: Iterable[Identifier]) -> list[int]:
 
 
 def _others(session: Session) -> list[int]:
-    """The nodes that are found by asking each node-ID; none where nobody else can be there."""
+    """Scan all node-IDs; empty if nobody else can be on the bus."""
     from dvtcli.operations.nodes.find_nodes import answering_ids
 
     bus, named = session.network.bus, session.base.nodes
@@ -123,7 +123,7 @@ def _others(session: Session) -> list[int]:
 
 
 def answering(session: Session, node_ids: Iterable[int]) -> list[Node]:
-    """Those of *node_ids* that tell their PDOs; a word for each that does not."""
+    """Return the *node_ids* whose PDOs can be read; reports the others."""
     nodes = []
     for node_id in node_ids:
         try:

@@ -1,4 +1,4 @@
-"""`plan`, `diff`, `apply` of a network file, and of a saved plan. Writes the plan's file, and no device by itself."""
+"""`plan`, `diff` and `apply` of a network file or a saved plan. Writes the plan's file."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def planned(
     include: tuple[str, ...] = (),
     manager: int | None = None,
 ) -> NetworkPlanned:
-    """What has to be written for *file*, a network file or one about a device, to be so; *saved* where that is named.
+    """Show what must be written to bring nodes to the state of *file*; saves the plan as *saved* if given.
 
-    Of a saved plan it is what that says, where the nodes are still as it was made from.
+    *file* is a network file, a file about a device, or a saved plan, valid while its nodes are as when it was made.
 
-    With *tells* its exit code is 3 where something differs; with *trust_stamp* nodes are not read whose stamp (0x1020)
-    says that they are so; *include* as of `DeviceOptions`; with *manager* as of `plan_manager`. Raises as these and
-    `plan_network`; but what devices lack is said in the answer, which has all the rest, where nothing is *saved*.
+    *tells* gives exit code 3 for differences; *trust_stamp* skips nodes whose stamp (0x1020) matches; *include* as of
+    `DeviceOptions`, *manager* as of `plan_manager`. Raises as these and `plan_network`; but without *saved*, objects
+    that devices lack are listed in the result, and the rest is planned.
     """
 
     def read() -> tuple[NetworkPlan, BusNeed | None]:
@@ -71,7 +71,7 @@ def planned(
 
 
 def _saved_text(session: Session, answer: NetworkPlanned, saved: str) -> str:
-    """The plan as the file *saved* has it, by its suffix."""
+    """Format the plan for the file *saved*, by its suffix."""
     if saved.lower().endswith(_GATEWAY_LINES):
         from dvtcli.operations.gateway.session_as_lines import plan_as_lines
 
@@ -89,11 +89,11 @@ def applied(
     manager: int | None = None,
     on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
 ) -> NetworkApplied:
-    """Make nodes what *file* says: a network file, one about a device, a saved plan; *on_plan* is told it beforehand.
+    """Bring nodes to the state of *file*: a network file, a file about a device, a saved plan.
 
-    With *trust_stamp* nodes are not read whose stamp (0x1020) says that they are so; *include* as of `DeviceOptions`,
-    *manager* as of `plan_manager`; UsageError for one of them with a saved plan. Raises as these, `plan_network` and
-    `apply_network`.
+    *on_plan* gets the plan first. *trust_stamp* skips nodes whose stamp (0x1020) matches; *include* as of
+    `DeviceOptions`, *manager* as of `plan_manager`; UsageError if given with a saved plan. Raises as these,
+    `plan_network` and `apply_network`.
     """
     from dvtcli.operations.plans.apply_network import apply_network
 
@@ -128,7 +128,7 @@ def may_store(file: str) -> bool:
 def _new_plan(
     session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None, as_far: bool
 ) -> NetworkPlan:
-    """The plan for *file*, which its suffix tells apart; UsageError for an option of the other kind."""
+    """Plan *file* by its suffix; raises UsageError for options of the other kind of file."""
     if manager is not None:
         from dvtcli.operations.network.plan_manager import plan_manager
 
@@ -196,7 +196,7 @@ def _plan_of(
 
 
 def _known(node: Node, planned: NodePlan) -> NodePlan:
-    """*planned* with what is known of *node*; SafetyRefusal where that is not what the plan was made from."""
+    """Add data of *node* to *planned*; raises SafetyRefusal if the node differs from the plan's basis."""
     from dvtcli.operations.plans.claims import refuse_stale
 
     boot_ups = node.bus.boot_ups(node.node_id)

@@ -1,7 +1,4 @@
-"""`load`: what a network needs of its bus at worst, by its file or its nodes, and what is on the bus. Only reads.
-
-Computes nothing itself, and says nothing to the user.
-"""
+"""`load`: worst-case bus load of a network from its file or nodes, and the load measured. Only reads."""
 
 from __future__ import annotations
 
@@ -34,11 +31,11 @@ _HOW = "NODE:tpdoN=MS, such as 5:tpdo3=40; NODE is a node-ID, or a name in the f
 
 @dataclass(frozen=True, slots=True)
 class LoadOptions:
-    """What is asked of `load`.
+    """Options of `load`.
 
-    *for_s* is how long the bus is listened to (0: not at all), *bit_rate* (bit/s) counts instead of the bus's own.
-    *sync_ms* and *emcy_ms* are periods that are to count, *inhibit* inhibit times in 100 µs by node-ID or name in the
-    file (None: the selected one) and TPDO.
+    *for_s* is the time of measurement in seconds (0: none), *bit_rate* (bit/s) replaces the bus's. *sync_ms* and
+    *emcy_ms* are periods in ms to assume, *inhibit* inhibit times in 100 µs by TPDO and node-ID or name in the file
+    (None: the selected node).
     """
 
     for_s: float = MEASURED_S
@@ -49,10 +46,10 @@ class LoadOptions:
 
 
 def network_load(session: Session, file: str | None = None, wishes: LoadOptions | None = None) -> NetworkLoad:
-    """What the nodes of the network *file*, else those on the bus, need at worst, and what the bus carries.
+    """Compute the worst-case load by the network *file* or the nodes on the bus, and measure the bus.
 
-    Without a bus the file counts alone, its nodes as `described_network` has them; UsageError where there is neither.
-    InputFileError with all that is wrong in the file.
+    Without a bus only the file counts, its nodes as in `described_network`; raises UsageError without either,
+    InputFileError with all errors of the file.
     """
     wishes = wishes or LoadOptions()
     if file is None:
@@ -70,9 +67,9 @@ def network_load(session: Session, file: str | None = None, wishes: LoadOptions 
 
 
 def load_after(session: Session, plan: NetworkPlan) -> BusNeed | None:
-    """What the nodes of *plan* need of the bus at worst once it is carried out; None where its bit rate is not known.
+    """Compute the worst-case bus load after *plan*; None if the bit rate is unknown.
 
-    Reads all of their PDOs. None, too, where one of them does not tell what it holds, or is not to be read.
+    Reads all PDOs of its nodes; None if a node cannot, or must not, be read.
     """
     bit_rate = session.wire.bitrate or session.options.bitrate
     if bit_rate is None or plan.unread:
@@ -102,7 +99,7 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
 
 
 def _measured(session: Session, for_s: float) -> Measured:
-    """What passes on the bus within *for_s*."""
+    """Measure the traffic on the bus for *for_s* seconds."""
     count = FrameCount()
     heard = listen(session, for_s, lambda frame, _sent: count.add(frame))
     return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames)

@@ -1,8 +1,7 @@
-"""From a network file to what its CANopen manager is to download to each node that boots (CiA 302-3, 0x1F22).
+"""Plan what a CANopen manager downloads to each node at boot-up (CiA 302-3, 0x1F22), by a network file.
 
-Beside it stand date and time (0x1F26, 0x1F27): a manager leaves out the download to a node whose 0x1020 has them.
-Writes nothing: the answer is a plan for the manager, as any other. Nodes that the file leads to no EDS for are asked
-who they are; what they hold is not looked at.
+Date and time (0x1F26, 0x1F27) come along: a manager skips the download to a node whose 0x1020 has them. Writes nothing:
+the result is a plan for the manager. Nodes without an EDS in the file are identified; their values are not read.
 """
 
 from __future__ import annotations
@@ -43,12 +42,12 @@ _ITSELF = "it is the manager, which downloads nothing to itself"
 
 
 def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
-    """What has to be written for the node *manager* to download, to each node of the network *file*, what that says.
+    """Plan the downloads of the node *manager* to each node of the network *file*.
 
-    Reads the manager alone, and who those nodes are that the file leads to no EDS for: these must answer, and be as the
-    file says (else NoAnswer, SafetyRefusal, as of `plan_network`). Nodes that nothing describes are left out, said, and
-    `untold` in the plan. UsageError where *manager* keeps no concise DCFs, no node is left, or `-n` names others; else
-    as `concise_dcf`, and RuleError with all that the rules refuse.
+    Reads the manager, and the identity of nodes without an EDS in the file: these must answer and match (else NoAnswer,
+    SafetyRefusal, as of `plan_network`). Undescribed nodes are left out, reported, and `untold` in the plan. Raises
+    UsageError if *manager* has no concise DCFs, no node is left, or `-n` names others; else as `concise_dcf`, and
+    RuleError with all refusals of the rules.
     """
     if any(named_id != manager for named_id in named_nodes(session)):
         raise UsageError(
@@ -81,7 +80,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
 
 
 def _node_plan(session: Session, node: Node, mine: list[ConciseDcf]) -> NodePlan:
-    """What has to be written to the manager *node* for it to hold all of *mine*, of what it has objects for."""
+    """Plan the writes to the manager *node* for *mine*, as far as it has the objects."""
     held = {place: data for dcf in mine for place, data in _held(node, dcf)}
     wanted = {place: data for dcf in mine for place, data in _wanted(dcf).items() if place in held}
     counts = {dcf.node_id: len(dcf.entries) for dcf in mine}
@@ -103,14 +102,14 @@ def _node_plan(session: Session, node: Node, mine: list[ConciseDcf]) -> NodePlan
 
 
 def _wanted(one: ConciseDcf) -> dict[tuple[int, int], bytes]:
-    """What the manager is to hold of a node; without a stamp no date: one of before would spare it a new download."""
+    """Return the manager's wanted values of a node; no date without a stamp: an old date would skip the download."""
     stamp = {entry.sub_index: entry.data for entry in one.entries if entry.index == STAMP}
     expected = {(index, one.node_id): stamp.get(sub_index, bytes(4)) for index, sub_index in _EXPECTED.items()}
     return {(CONCISE_DCF, one.node_id): one.data, **expected}
 
 
 def _held(node: Node, one: ConciseDcf) -> Iterator[tuple[tuple[int, int], bytes]]:
-    """What the manager has of it now; date and time are no more than a convenience, which not every manager has."""
+    """Yield the manager's values of a node; date and time are optional for a manager."""
     try:
         yield (CONCISE_DCF, one.node_id), node.observed(partial(node.known_value, CONCISE_DCF, one.node_id))
     except SdoAborted as aborted:
@@ -124,13 +123,13 @@ def _held(node: Node, one: ConciseDcf) -> Iterator[tuple[tuple[int, int], bytes]
 
 
 def no_manager(node: Node, place: str, aborted: SdoAborted) -> UsageError:
-    """That *node*, which *aborted* the reading of *place*, keeps no concise DCFs there."""
+    """Make the error for *node* without concise DCFs: reading *place* was *aborted*."""
     text = f"node {node.node_id} ({node.title}) does not tell its 0x{place}: {aborted.text}"
     return UsageError(text, node=node.node_id, place=place, hint=_NO_MANAGER)
 
 
 def _lacking(held: Mapping[tuple[int, int], bytes], mine: list[ConciseDcf]) -> list[int]:
-    """Of date and time what the manager does not have for nodes that get a stamp."""
+    """List which of date and time the manager lacks for nodes with a stamp."""
     stamped = [dcf.node_id for dcf in mine if any(entry.index == STAMP for entry in dcf.entries)]
     return [index for index in _EXPECTED if any((index, node_id) not in held for node_id in stamped)]
 
