@@ -1,1 +1,1 @@
-"""The session: what is open, what was done in it, and a bus that goes and comes back."""
+"""A session: what is open, what was done, and a bus that is lost and reopened."""

@@ -1,6 +1,6 @@
-"""A bus that goes and comes back: said in one line each, waited for in between, opened by the options that named it.
+"""Wait for a lost bus, report loss and return in a line each, and reopen it by its options.
 
-One place for all who go on by themselves. Does not know what they do with the bus.
+Shared by all commands that continue by themselves.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ def come_back(
     tell: Tell | None = None,
     between: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> bool:
-    """Wait until *bus*, which *failed*, opens again, and let the session have it; False as soon as *stopping*().
+    """Wait until *bus*, which *failed*, can be reopened for the session; False as soon as *stopping*().
 
-    *tell* hears that it is gone and that it is back. The session is changed inside of *between*() only, when nothing
-    is done with its nodes. Where somebody else opened it meanwhile that is all.
+    *tell* gets loss and return. The session changes inside *between*() only, while nobody uses its nodes. Returns at
+    once if somebody else reopened it.
     """
     tell = tell or session.tell.bus
     began_s = monotonic()

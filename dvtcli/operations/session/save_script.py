@@ -1,4 +1,4 @@
-"""What this session did, or what nodes hold, as a script that runs; its lines pin the nodes' identities."""
+"""Save a session's changes, or what nodes hold, as a runnable script with the nodes' identities."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Section = tuple[int, list[str]]
 
 
 class SavedSession(Enum):
-    """What of a session is saved."""
+    """The part of a session to save."""
 
     ENDS = "what its changes come to"
     STEPS = "every step as it was taken"
@@ -41,12 +41,12 @@ ENDS, STEPS, EVERYTHING = SavedSession
 
 
 def script_text(session: Session, what: SavedSession = ENDS) -> str:
-    """*what* this session knows, as the text of a script that runs; UsageError where there is nothing to save."""
+    """Return *what* of this session as a runnable script; raises UsageError if there is nothing to save."""
     return _script(session, _SECTIONS[what](session))[0]
 
 
 def script_of(session: Session, node_id: int) -> str:
-    """Everything that the PDOs of the node with *node_id* hold, as the text of a script that runs."""
+    """Return all PDOs of the node with *node_id* as a runnable script."""
     return _script(session, _held(session, [node_id]))[0]
 
 
@@ -57,11 +57,11 @@ def save_script(
     spelled: Callable[[str], str] | None = None,
     read_back: ReadBack | None = None,
 ) -> Facts:
-    """Write *what* this session knows into *file*, whole or not at all; *spelled* turns its text into another language.
+    """Write *what* of this session to *file*, whole or not at all; *spelled* translates the text.
 
-    *read_back* reads a script, as `run` would.
+    *read_back* reads a script like `run`.
 
-    Asks before it overwrites. UsageError where there is nothing to save, or where the file cannot be written.
+    Asks before overwriting. Raises UsageError if there is nothing to save or the file cannot be written.
     """
     path = place_of(file)
     sections = _SECTIONS[what](session)
@@ -78,7 +78,7 @@ def save_script(
 
 
 def place_of(file: str, example: str = "NAME.dvt") -> Path:
-    """Where *file* is to be; UsageError if it has no folder, or if it is one: a file in it is an *example*."""
+    """Return the path of *file*; raises UsageError for a folder or a missing folder, with *example* as a hint."""
     path = Path(file)
     if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
         hint = f"name a file in it, as {path / example}"
@@ -89,13 +89,13 @@ def place_of(file: str, example: str = "NAME.dvt") -> Path:
 
 
 def ask_before_overwriting(session: Session, path: Path) -> None:
-    """Consent to write over *path*, where it exists."""
+    """Ask for consent to overwrite *path*, if it exists."""
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         session.consent(f"{path} exists; overwrite it?")
 
 
 def _steps(session: Session) -> list[Section]:
-    """What was done, in its order; a node has a section for each time that it was its turn."""
+    """Return the changes in order; a node has a section for each run of changes."""
     if not session.record.lines:
         raise UsageError("nothing to save: this session changed nothing")
     sections: list[Section] = []
@@ -107,9 +107,9 @@ def _steps(session: Session) -> list[Section]:
 
 
 def ended_lines(session: Session) -> list[Section]:
-    """What this session's changes come to, one section a node; stores that are not among it are named.
+    """Return the net changes of this session, a section per node; lists stores left out.
 
-    UsageError where it comes to nothing.
+    Raises UsageError if there is no net change.
     """
     steps = _steps(session)
     node_ids = dict.fromkeys(node_id for node_id, _ in steps if node_id)
@@ -147,7 +147,7 @@ def _end(session: Session, node_id: int, lines: list[str]) -> list[str]:
 
 
 def _everything(session: Session) -> list[Section]:
-    """Every PDO of the nodes that this session changed, and of the selected one, as it is now."""
+    """Return every PDO of changed nodes and the selected node, as now."""
     selected = session.selected_id()
     node_ids = {node_id for node_id, _ in session.record.lines if node_id} | (set() if selected is None else {selected})
     if not node_ids:
@@ -162,7 +162,7 @@ def _held(session: Session, node_ids: Sequence[int]) -> list[Section]:
 
 
 def _fixed(node: Node) -> set[Pdo]:
-    """The PDOs whose COB-ID the EDS says is read-only."""
+    """Return the PDOs whose COB-ID is read-only by the EDS."""
     entries = (
         {pdo: node.dictionary.entry(pdo.communication_index, 1) for pdo in node.present()} if node.dictionary else {}
     )
@@ -170,9 +170,9 @@ def _fixed(node: Node) -> set[Pdo]:
 
 
 def _script(session: Session, sections: list[Section]) -> tuple[str, str]:
-    """The script's text, and the identities that it pins.
+    """Return the script's text and its pinned identities.
 
-    Lines about one node that is selected anyway fit any node of that kind; others say which node they are about.
+    Lines about the selected node alone fit any node of its kind; others name their node.
     """
     node_ids = list(dict.fromkeys(node_id for node_id, _ in sections if node_id))  # 0: commands to all nodes
     named = len(node_ids) > 1 or node_ids != [_default_id(session)]
@@ -193,7 +193,7 @@ def _default_id(session: Session) -> int | None:
 
 
 def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
-    """The line that requires a node's identity, none where it has none, and the identity for people."""
+    """Return the line that requires a node's identity, if it has one, and the identity in words."""
     sdo = session.node(node_id).sdo
     vendor, product = (read_identity(sdo, sub_index) for sub_index in (1, 2))
     if vendor is None:
@@ -205,10 +205,10 @@ def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
 
 
 def make_file(session: Session, path: Path, content: str | bytes, read_back: ReadBack | None = None) -> None:
-    """Write the file whole and readable, or not at all; the session knows it then.
+    """Write a file whole and readable, or not at all; records it in the session.
 
-    It is read back by *read_back*, None for the reader of files that are called so. UsageError where it cannot be
-    written, InputFileError where it cannot be read back: what was there of that name stays.
+    *read_back* reads it back; None: the reader for its suffix. Raises UsageError if it cannot be written,
+    InputFileError if it cannot be read back: an old file of that name stays.
     """
     data = content.encode() if isinstance(content, str) else content
     write_whole(path, data, read_back or reader_of(path))

@@ -1,6 +1,6 @@
-"""A session: the bus that is open, which of its nodes is meant, and what was done to them so far.
+"""A session: the open bus, the selected node, and all changes so far.
 
-Knows no lines, no scripts and no screen: what is to be said goes to a `Reporter`.
+Messages go to a `Reporter`.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 
 
 class Rehearse(Protocol):
-    """Finds what a script wishes of each node, by running it on twins; *node_id* is selected when it begins."""
+    """Evaluates a script on twins, starting with *node_id* selected."""
 
     def __call__(self, file: str, node_id: int | None = None) -> dict[int, Wish]:
-        """The wishes of the script *file*, by node-ID; a line that cannot run raises, with FILE:LINE."""
+        """Return the wishes of the script *file* by node-ID; errors of a line have FILE:LINE."""
 
 
 class Record:
-    """Script lines in the order they were done, each with the node-ID that it is about (0: all nodes)."""
+    """Script lines in order, each with its node-ID (0: all nodes)."""
 
     def __init__(self) -> None:
         self.lines: list[tuple[int, str]] = []
 
     def add(self, node_id: int, lines: list[str]) -> None:
-        """Remember script *lines* about a node that succeeded and changed something."""
+        """Add script *lines* that changed a node."""
         self.lines += [(node_id, line) for line in lines]
 
     def take_back(self, node_id: int, lines: list[str]) -> bool:
-        """Forget *lines* where they are the last that are remembered about the node; whether they were."""
+        """Remove *lines* if they are the node's last; returns whether they were."""
         own = [number for number, (about, _) in enumerate(self.lines) if about == node_id][-len(lines) :]
         if not lines or [self.lines[number][1] for number in own] != lines:
             return False
@@ -50,7 +50,7 @@ class Record:
         return True
 
     def of(self, node_id: int) -> list[str]:
-        """The lines about one node."""
+        """Return the lines about a node."""
         return [line for about, line in self.lines if about == node_id]
 
 
@@ -60,11 +60,11 @@ _HALF_CONFIGURED = frozenset({7, 70})
 
 
 class Session(Opened):
-    """What is open; operations ask it for the bus, for nodes and for consent.
+    """An open session; operations take from it the bus, nodes and consent.
 
-    In Python: `with Session(Options(sim=("gen4",))) as session:` and then any operation, which takes the session first.
-    *options* count from the beginning, and *tell* hears what the user should know. *open_bus* opens another bus than
-    the one that the options name.
+    In Python: `with Session(Options(sim=("gen4",))) as session:` and any operation with the session as first argument.
+    *options* are the initial options, and *tell* gets messages for the user. *open_bus* opens another bus than that of
+    the options.
     """
 
     def __init__(
@@ -86,13 +86,13 @@ class Session(Opened):
 
     @cached_property
     def record(self) -> Record:
-        """What succeeded and changed something, as script lines."""
+        """Return the successful changes as script lines."""
 
         return Record()
 
     @contextmanager
     def selecting(self, node_id: int | None) -> Iterator[None]:
-        """A block in which *node_id* is selected, or none; the one from before is selected again behind it."""
+        """Select *node_id*, or no node, inside a block; restores the old selection."""
         before, self.selected = self.selected, node_id
         try:
             yield
@@ -104,7 +104,7 @@ class Session(Opened):
         return self.default_id() if self.selected is None else self.selected
 
     def default_id(self) -> int:
-        """The node-ID that is selected before any `node ID`."""
+        """Return the node-ID selected before any `node ID`."""
         if self.base.one_node is not None:
             return self.base.one_node
         from dvtcli.domain.hint import Action, Hint
@@ -130,26 +130,26 @@ class Session(Opened):
         )
 
     def selected_id(self) -> int | None:
-        """The selected node-ID, or None where none is."""
+        """Return the selected node-ID, or None."""
         try:
             return self.node_id()
         except UsageError:
             return None
 
     def node(self, node_id: int | None = None) -> Node:
-        """The node with *node_id*, or the selected one."""
+        """Return the node with *node_id*, or the selected node."""
         return self.network.node(self.node_id() if node_id is None else node_id)
 
     def known_ids(self) -> list[int]:
-        """Node-IDs that are known without asking any bus: those met, those simulated, and the selected one."""
+        """List node-IDs known without a scan: met, simulated and selected."""
         met = set(self._network.nodes) | set(self._network.simulated_ids) if self._network is not None else set()
         return sorted(met | {known_id for known_id in (self.selected, *self.base.nodes) if known_id is not None})
 
     def read_together(self, look: Callable[[], T]) -> T:
-        """Read several nodes by *look*, and again until no node restarted from the first to the last upload.
+        """Read several nodes by *look*, repeated until no node restarted meanwhile.
 
-        A node that *look* meets counts from its first contact on. NoAnswer if that fails `MOST_LOOKS` times. Within
-        another call it is read once: that one reads all of it again.
+        A node counts from its first contact. Raises NoAnswer after `MOST_LOOKS` attempts. A nested call reads once, as
+        the outer call repeats everything.
         """
         if self._reads_together:
             return look()
@@ -183,11 +183,11 @@ class Session(Opened):
         )
 
     def end_line(self, code: int, *, alone: bool = False) -> None:
-        """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.
+        """End a line or a whole script with *code*: restores the nodes' initial NMT states.
 
-        Not after a failure that left a device changed, nor after one in the middle of a script, which is neither the
-        old set-up nor the new one: there they stay PRE-OPERATIONAL, and that is said. Another dvtcli may write then.
-        Where the line stands *alone*, not at a prompt, Restarted is raised if a node lost by then what was set.
+        After a failure that left a device changed, or in the middle of a script, nodes stay PRE-OPERATIONAL, with a
+        message, as their set-up is mixed. Other dvtcli processes may write afterwards. *alone* (not at a prompt) raises
+        Restarted if a node has lost its changes.
         """
         failures: list[DvtcliError] = []
         self.made.clear()

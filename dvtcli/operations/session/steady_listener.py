@@ -1,4 +1,4 @@
-"""Listening to a session's bus also where it goes and comes back. Does not know what the frames are for."""
+"""Record a session's bus across its loss and return."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _APART_S = 1.0
 
 
 def asleep_s() -> float:
-    """How long the computer slept since it was started, in seconds; 0 where no clock counts that (Linux's does)."""
+    """Return the seconds for which the computer slept since boot; 0 if no clock counts them (Linux's does)."""
     if sys.platform == "win32":
         return 0.0
     with_sleep: int | None = getattr(time, "CLOCK_BOOTTIME", None)
@@ -33,14 +33,14 @@ def asleep_s() -> float:
 
 
 class Sleeps:
-    """Tells of each sleep once, from now on; *clock* says how long it slept so far (s)."""
+    """Reports each sleep once, from now on; *clock* returns the seconds slept so far."""
 
     def __init__(self, clock: Callable[[], float] = asleep_s) -> None:
         self._clock = clock
         self._known_s = clock()
 
     def new_s(self) -> float:
-        """How long the computer slept since the last call, in seconds; 0 where it did not."""
+        """Return the seconds slept since the last call; 0 if none."""
         slept_s = self._clock() - self._known_s
         if slept_s < _APART_S:
             return 0.0
@@ -49,9 +49,9 @@ class Sleeps:
 
 
 class SteadyListener:
-    """A `Listener` on the bus that *session* has open, and on the next one where that is gone, *unasked* or when asked.
+    """A `Listener` on the session's bus, and on the reopened bus after a loss, *unasked* or on request.
 
-    It listens inside of a `with`.
+    Records inside a `with`.
     """
 
     def __init__(self, session: Session, *, unasked: bool = False) -> None:
@@ -78,36 +78,36 @@ class SteadyListener:
         self.stop()
 
     def stop(self) -> None:
-        """Listen no longer; what came so far can still be taken."""
+        """Stop recording; received frames can still be taken."""
         self._listener.stop()
 
     @property
     def began_s(self) -> float:
-        """Since when it listens to the bus that is open (of time.monotonic)."""
+        """Return the start of recording on the open bus (time.monotonic)."""
         return self._listener.began_s
 
     @property
     def overflowed(self) -> int:
-        """Frames that came while too many waited to be taken."""
+        """Count frames lost by overflow of the queue."""
         return self._before[0] + self._listener.overflowed
 
     @property
     def dropped(self) -> int:
-        """Frames that are missing, as far as anybody knows."""
+        """Count known missing frames."""
         return self._before[1] + self._listener.dropped
 
     def tell_overflow(self) -> None:
-        """Warn of frames that came while too many waited to be taken, if any did."""
+        """Warn of frames lost by overflow, if any."""
         if self.overflowed:
             self._session.tell.warning(
                 f"{self.overflowed} frames were dropped: they came faster than they were written"
             )
 
     def take(self, wait_s: float = 0.0) -> list[Frame]:
-        """What came since the last call; waits up to *wait_s* (s) for the first one.
+        """Return the frames since the last call; waits up to *wait_s* (s) for the first frame.
 
-        Raises BusUnavailable where the bus failed, and where the computer slept and the bus would be waited for:
-        nobody listened meanwhile.
+        Raises BusUnavailable if the bus failed, and after a sleep of the computer if the bus is to be waited for:
+        frames were missed.
         """
         slept_s = self._sleeps.new_s()
         if slept_s and goes_on(self._session, unasked=self._unasked):
@@ -115,9 +115,9 @@ class SteadyListener:
         return self._listener.take(wait_s)
 
     def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell | None = None) -> bool:
-        """Wait for the bus, which *failed*, and listen to it again; False as soon as *stopping*().
+        """Wait for the bus, which *failed*, and record again; False as soon as *stopping*().
 
-        Raises *failed* where it is not to be waited for. What was not taken yet is lost.
+        Raises *failed* if waiting is not allowed. Frames not taken yet are lost.
         """
         if not goes_on(self._session, unasked=self._unasked):
             raise failed
@@ -137,5 +137,5 @@ class SteadyListener:
 
 
 def left_alone(name: str, slept_s: float) -> BusUnavailable:
-    """What to say of the bus *name* after the computer slept for *slept_s* seconds, when nobody listened to it."""
+    """Make the error for the bus *name* after the computer slept *slept_s* seconds without recording."""
     return BusUnavailable(f"{name} was left alone", why=f"this computer slept for {slept_s:.0f} s")

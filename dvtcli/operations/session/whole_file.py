@@ -1,4 +1,4 @@
-"""Files that a command makes for people: whole and readable, or not there, where a link of that name leads."""
+"""Write users' files: whole and readable, or not at all; follows links."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 
 
 def write_whole(path: Path, data: bytes, read_back: ReadBack | None = None) -> None:
-    """Write the file whole or not at all, for others to read, too; UsageError where that cannot be.
+    """Write a file whole or not at all, readable for others; raises UsageError if impossible.
 
-    *read_back* reads what was written before it gets its name: InputFileError where that fails, and what was there of
-    that name stays. A link stays, and the file that it leads to is written. What is no file, as a pipe, is written as
-    it comes.
+    *read_back* reads the new file before it gets its name: after an InputFileError the old file stays. A link stays,
+    and its target is written. Pipes and other special files are written directly.
     """
     try:
         if path.exists() and not path.is_file():
@@ -61,7 +60,7 @@ def _read_back(path: Path, made: Path, read_back: ReadBack) -> None:
 
 
 def _mode(target: Path) -> int:
-    """Who may read the file: who may already; others, too, where it is new, but for the umask."""
+    """Return the mode of the file: its own, or the umask's for a new file."""
     try:
         return S_IMODE(target.stat().st_mode)
     except FileNotFoundError:
