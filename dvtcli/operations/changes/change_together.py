@@ -44,9 +44,8 @@ def carry_out_together(
     """Carry out every phase of *plans* on all *nodes*, each as *found*; *name* is the name of the change.
 
     The values *also* claimed are verified with the plans, and rolled back with them. If nodes store next, no roll-back
-    is
-    possible after that: a request to stop received during verification still counts, and if several nodes store, each
-    is verified once more.
+    is possible after that: a request to stop received during verification still counts, and if several nodes store,
+    each is verified once more.
 
     Raises any error of a node with state `rolled_back` after all nodes were rolled back; LeftChanged if a roll-back
     failed. *findings* are those of the rules for each node.

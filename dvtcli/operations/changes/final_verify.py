@@ -57,8 +57,7 @@ def final_verify(
     """Read all claimed values and return the faults: a restart since *boot_ups*, or another value.
 
     *changes* are the claims by node-ID. Every node is read, since not every restart sends a boot-up message. *others*
-    are
-    read first: a restart without a received boot-up message shows in the written values.
+    are read first: a restart without a received boot-up message shows in the written values.
     """
     others = others or NoOtherClaims()
     require_not_restarted = partial(_require_not_restarted, nodes, boot_ups)
@@ -73,8 +72,8 @@ def final_verify(
 class AlsoClaimed:
     """Claims besides the plans, and the *stores* that follow; *proves*: the stores are proved.
 
-    *held* has unchanged values that each node must keep, by node-ID. *equal* are nodes that were as wanted and
-    neither change nor store. *others* are claims without a plan.
+    *held* has unchanged values that each node must keep, by node-ID. *equal* are nodes that were as wanted and neither
+    change nor store. *others* are claims without a plan.
     """
 
     held: Mapping[int, Sequence[Change]] = field(default_factory=dict)

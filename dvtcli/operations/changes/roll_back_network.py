@@ -118,8 +118,7 @@ def all_back(
     """Describe the state after a complete roll-back: nodes rolled *back* and verified, and those *unwritten*.
 
     The *restarted* nodes lost their other unstored values; for *unknown* nodes a restart could not be checked.
-    *look_at*
-    is a node of unknown NMT state.
+    *look_at* is a node of unknown NMT state.
     """
     who = f"node {_names(back)}" if unwritten else "every node"
     what = f"what was changed is as it was on {who}" if restarted or unwritten else "every node is as it was"

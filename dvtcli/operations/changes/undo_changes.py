@@ -31,8 +31,7 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     If there is none, or all are undone, changes of earlier processes are undone: of the selected node with the changes
     made together with it, or of every node on the bus if none is selected. Several nodes are undone together, phase by
     phase, all or none, unless a node is expected to refuse its old value. Raises SafetyRefusal if a device holds
-    another
-    value than the change left; an error names the nodes undone before it.
+    another value than the change left; an error names the nodes undone before it.
     """
     from dvtcli.operations.changes.undo_together import may_go_together, undo_together
 

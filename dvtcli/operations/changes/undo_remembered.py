@@ -48,8 +48,8 @@ def remembered(session: Session, *, everything: bool) -> list[RememberedDevice]:
     """Find remembered changes of earlier processes to undo, latest device first.
 
     Covers the selected node and the changes made from it, or all nodes on the bus if none is selected; *everything*
-    takes
-    all these devices. Raises UsageError if nothing is remembered, or if a command of this session changed nothing.
+    takes all these devices. Raises UsageError if nothing is remembered, or if a command of this session changed
+    nothing.
     """
     selected, keeping = session.selected_id(), session.open_network().keeping
     if keeping is None:

@@ -34,8 +34,7 @@ class Undoing:
     """The changes of *node* to undo: *plans*, oldest first; *own* are those of this session.
 
     *forget* is called after the undo with its result and the number of undone changes; it returns lines for `save`,
-    None
-    for those of the plan. *findings* are reported along.
+    None for those of the plan. *findings* are reported along.
     """
 
     node: Node

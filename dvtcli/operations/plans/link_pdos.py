@@ -55,8 +55,8 @@ def unlink_pdos(
 ) -> NetworkApplied:
     """Disconnect the RPDOs *consumers* from the TPDO *producer*, which stays enabled for other consumers.
 
-    A node with no other link to the producer's node stops consuming its heartbeat, unless *heartbeat* is False.
-    Raises UsageError if an RPDO does not receive the TPDO, else the errors of `apply`.
+    A node with no other link to the producer's node stops consuming its heartbeat, unless *heartbeat* is False. Raises
+    UsageError if an RPDO does not receive the TPDO, else the errors of `apply`.
     """
     _refuse_ends(producer, consumers)
     sent = session.node(producer.node_id).pdo(producer.pdo).communication.cob_id

@@ -63,11 +63,10 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_f
     """Plan the writes that bring the nodes of the network *file* to its values; reads them, writes nothing.
 
     *trust_stamp* skips nodes whose stamp (0x1020) matches, and reports them. *as_far* lists objects that devices lack
-    as
-    `lacking` and plans the rest, if nothing else is wrong; without it they are a RuleError.
-    Raises SafetyRefusal if a node is another device, InputFileError with all errors of the file, even those that only
-    a node's dictionary shows, RuleError with all refusals of the rules, NoAnswer for silent nodes: the first of these
-    that applies, with all other errors in its details.
+    as `lacking` and plans the rest, if nothing else is wrong; without it they are a RuleError. Raises SafetyRefusal if
+    a node is another device, InputFileError with all errors of the file, even those that only a node's dictionary
+    shows, RuleError with all refusals of the rules, NoAnswer for silent nodes: the first of these that applies, with
+    all other errors in its details.
     """
     wish = read_wish(file)
     for note in wish.notes:
@@ -94,10 +93,8 @@ def plan_wish(
 ) -> NetworkPlan:
     """Plan the writes that bring the nodes of *wish* to its values; *log* gets what makes no sense.
 
-    *of_network* adds the rules of networks for the state after the plan.
-    *trust_stamp*, *as_far* and errors are those of `plan_network`; if *failures* is given, errors are appended to it,
-    and
-    the plan has all that could be planned.
+    *of_network* adds the rules of networks for the state after the plan. *trust_stamp*, *as_far* and errors are those
+    of `plan_network`; if *failures* is given, errors are appended to it, and the plan has all that could be planned.
     """
     with (
         short_frames(session.bus) as frames,

@@ -43,9 +43,8 @@ def store_network(
     *equal* are nodes that were as wanted and neither change nor store: the journals name them.
 
     Each node is verified against its *claims* right before its store, and all nodes again after the last store. From
-    the
-    first store on the journals record the stores; they stay if some stores are missing: `recover` completes or rolls
-    back.
+    the first store on the journals record the stores; they stay if some stores are missing: `recover` completes or
+    rolls back.
     """
     if not stores:
         return ()

@@ -47,9 +47,8 @@ def store_settings(
     """Store the node's parameters, and verify this session's changes: a restart may go unnoticed.
 
     *is_part*: stores of other nodes follow, after which all are verified. *prove* restarts the node (`reset`, or
-    `power`,
-    waiting *wait_s* seconds) and compares its PDOs. *if_changed* skips the store if the PDOs equal those of a received
-    boot-up.
+    `power`, waiting *wait_s* seconds) and compares its PDOs. *if_changed* skips the store if the PDOs equal those of a
+    received boot-up.
     """
     because = why_to_store(node, sub_index) if if_changed else ""
     if if_changed and not because:

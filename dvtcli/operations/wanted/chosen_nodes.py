@@ -19,8 +19,7 @@ def named_nodes(session: Session) -> tuple[int, ...]:
     """Return the nodes that the user chose; empty for all of the file.
 
     A single node counts only if `-n` is on the line itself: at a prompt and in scripts, settings and variables `-n`
-    only
-    selects the current node.
+    only selects the current node.
     """
     ids = session.base.nodes
     typed = session.settings.is_typed("node") and session.ends_with_line

@@ -23,8 +23,7 @@ def read_wish(file: str) -> NetworkWish:
     """Read the network file *file*.
 
     Raises UsageError if it cannot be opened, InputFileError with all its errors; an unresolvable `dcf` or `profile` is
-    an
-    error, too, since rules need it.
+    an error, too, since rules need it.
     """
     try:
         why_not: dict[str, WhyNot] = {"dcf": partial(_why_no_dcf, Path(file).parent), "profile": _why_no_profile}

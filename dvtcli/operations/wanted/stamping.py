@@ -140,8 +140,7 @@ def trusted(nodes: Mapping[int, Node], wish: NetworkWish) -> frozenset[int]:
     Excluded are nodes with a change to recover or a remembered change not stored. Linked nodes are trusted together or
     not at all. Also excluded are nodes for which the file names objects that are not stored along with 0x1020: objects
     kept without a store, and all outside 0x1000..0x1FFF, which an RPDO may write and which have their own group in
-    0x1010
-    and 0x1011: a restart could restore an old stamp beside a new value.
+    0x1010 and 0x1011: a restart could restore an old stamp beside a new value.
     """
     stamps = stamps_of(nodes, wish)
     own = {node.node_id for node in wish.nodes if _is_stamped(nodes, node, stamps.get(node.node_id))}
