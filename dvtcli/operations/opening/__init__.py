@@ -1,1 +1,1 @@
-"""From what the user said to an open bus and its nodes, real, simulated or tried out on twins."""
+"""Open the bus of the options and its nodes: real, simulated, or twins for a dry run."""

@@ -1,4 +1,4 @@
-"""The bus that the options name: one of simulated nodes in this process, or a real one. Does not know its nodes."""
+"""Open the bus of the options: simulated nodes in this process, or a real interface."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OpenBus = Callable[[Options], CanopenBus]
 
 
 class StartSimulation(Protocol):
-    """Starts simulated devices on a bus of their own, and joins it."""
+    """Starts simulated devices on their own bus and joins it."""
 
     def __call__(
         self,
@@ -40,18 +40,18 @@ class StartSimulation(Protocol):
         timeout_s: float,
         bit_rate: int,
     ) -> CanopenBus:
-        """The bus of *devices*, which boot now, with their *faults* and *signals*, at *bit_rate* (bit/s)."""
+        """Return the bus of *devices*, which boot now, with *faults* and *signals*, at *bit_rate* (bit/s)."""
         ...
 
 
 def bus_of(
     options: Options, open_bus: OpenBus | None = None, simulate: StartSimulation | None = None
 ) -> tuple[CanopenBus, tuple[Simulated, ...]]:
-    """Open the bus that *options* name, or with *open_bus*; which nodes are simulated on it, with their node-IDs.
+    """Open the bus of *options*, or with *open_bus*; also returns its simulated nodes with their node-IDs.
 
-    Simulated nodes live on the bus that *simulate* makes, None: the one in this process.
+    Simulated nodes are on the bus of *simulate*, None: the bus in this process.
 
-    BusUnavailable, UsageError or InputFileError.
+    Raises BusUnavailable, UsageError or InputFileError.
     """
     if options.eds:
         read_dictionary(file_or_family(options.eds))  # a wrong file is said before a bus is touched
@@ -79,7 +79,7 @@ def bus_of(
 
 
 def open_real_bus(options: Options) -> CanopenBus:
-    """Open the interface that *options* name, else the one that python-can's own settings do; BusUnavailable."""
+    """Open the interface of *options*, else of python-can's settings; raises BusUnavailable."""
     from dvtcli.bus.opening import open_transport
 
     return open_transport(
@@ -88,9 +88,9 @@ def open_real_bus(options: Options) -> CanopenBus:
 
 
 def listening_bus(options: Options, bit_rate: int, *, listen_only: bool) -> CanopenBus:
-    """Open the interface that *options* name at *bit_rate* (bit/s), without a word where *listen_only*.
+    """Open the interface of *options* at *bit_rate* (bit/s), silent if *listen_only*.
 
-    SafetyRefusal where it is not known to be silent then, or cannot be set; BusUnavailable.
+    Raises SafetyRefusal if silence is not guaranteed or the bit rate cannot be set; BusUnavailable.
     """
     from dvtcli.bus.opening import open_listening
 

@@ -1,7 +1,4 @@
-"""Which EDS and which profile describe a node: as somebody chose, as it is simulated, else by its identity.
-
-Does not know what is done with them.
-"""
+"""Choose EDS and profile of a node: by the user, by its simulation, else by its identity."""
 
 from __future__ import annotations
 
@@ -44,7 +41,7 @@ _TOLD = (3, 4)
 
 
 def found_file(node: SdoReader) -> FileChoice | None:
-    """The file for the *node* by what it says of itself; None where none is known."""
+    """Find the file for *node* by its identity; None if unknown."""
     from dvtcli.files.device_library.stored_files import stored_files
 
     files = stored_files()
@@ -62,14 +59,14 @@ def found_file(node: SdoReader) -> FileChoice | None:
 
 
 def as_choice(found: Match) -> FileChoice:
-    """*found* with its reason in words."""
+    """Return *found* with its reason in words."""
     return FileChoice(found.file.path, f"library: {found.why}", found.note, found.doubtful)
 
 
 def _of_family(node: SdoReader, vendor: int, product: int) -> FileChoice | None:
-    """The EDS of a simulated family, where the *node* is one: all four numbers of its identity are.
+    """Return the EDS of a simulated family if all four numbers of the identity match.
 
-    A device of that make has another serial number, and its own EDS. A profile that was learnt of it changes nothing.
+    A real device of the family has another serial number, and its own EDS. A learnt profile does not matter here.
     """
     from dvtcli.files.profile.library import builtin_for_identity
     from dvtcli.simulator.network.family_file import family_eds, family_names
@@ -99,7 +96,7 @@ def _held(node: SdoReader, sub_index: int) -> bytes | None:
 
 @dataclass(frozen=True, slots=True)
 class DeviceFiles:
-    """The files of the nodes on *bus*, of which some are *simulated*, as *options* say."""
+    """The files of the nodes on *bus*, including *simulated* nodes, by *options*."""
 
     bus: CanopenBus
     options: Options
@@ -112,19 +109,19 @@ class DeviceFiles:
     _said: set[str] = field(default_factory=set)
 
     def memory(self, node_id: int) -> ReadCache:
-        """The way by which a node is asked who it is; it remembers the answers."""
+        """Return the cached reader for a node's identity."""
         return self._memories.setdefault(node_id, ReadCache(self.bus, node_id, lambda: self.bus.sdo(node_id)))
 
     def forget(self, node_id: int) -> None:
-        """Another device may be there: it is asked anew who it is."""
+        """Drop the cached identity of a node: another device may be there."""
         self._memories.pop(node_id, None)
 
     def chosen(self) -> tuple[dict[int, Path], dict[int, str]]:
-        """EDS and profile of single nodes, as they are chosen now."""
+        """Return the EDS and profiles chosen for single nodes."""
         return dict(self.own_eds), dict(self.own_profile)
 
     def choose(self, chosen: tuple[dict[int, Path], dict[int, str]]) -> None:
-        """Take what was *chosen* before, and nothing else."""
+        """Set the EDS and profiles of single nodes to *chosen*, as returned by `chosen`."""
         self.own_eds.clear()
         self.own_profile.clear()
         eds, profiles = chosen
@@ -132,26 +129,26 @@ class DeviceFiles:
         self.own_profile.update(profiles)
 
     def unlike(self, node_id: int, dictionary: ObjectDictionary | None) -> str:
-        """How the node differs from the device that *dictionary* is about, where somebody chose that file for it."""
+        """Describe how the node differs from the device of *dictionary*, if the user chose the file."""
         if dictionary is None or not (self.options.eds or node_id in self.own_eds):
             return ""
         vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
         return unlike_file(node_id, dictionary, (vendor, product))
 
     def dictionary(self, node_id: int) -> ObjectDictionary | None:
-        """The object dictionary of a node; None where no file is known."""
+        """Return the object dictionary of a node; None if no file is known."""
         path = self.eds_path(node_id)
         return None if path is None else read_dictionary(path)
 
     def eds_path(self, node_id: int) -> Path | None:
-        """The file that describes a node; None where none is known."""
+        """Return the path of a node's EDS; None if unknown."""
         chosen = self.choice(node_id)
         return None if chosen is None else chosen.path
 
     def choice(self, node_id: int, said: SdoReader | None = None) -> FileChoice | None:
-        """The file that describes a node, and why it does; None where none is known.
+        """Return the file that describes a node, with the reason; None if unknown.
 
-        *said* answers what the node said of itself, where it need not be asked.
+        *said* has known values of the node, so that it need not be read.
         """
         if node_id in self.own_eds:
             return FileChoice(self.own_eds[node_id], "chosen for this node")
@@ -164,9 +161,9 @@ class DeviceFiles:
         return found_file(said or self.memory(node_id))
 
     def remark(self, node_id: int) -> tuple[str, bool]:
-        """What is to be said of the node's file, once for all nodes that it is so of, and whether nobody may miss it.
+        """Return a remark about the node's file, and whether it is a warning; once for all its nodes.
 
-        Empty for nothing.
+        Empty if there is none.
         """
         chosen = self.choice(node_id)
         if chosen is None or not chosen.note or not self.is_news(chosen.note):
@@ -174,7 +171,7 @@ class DeviceFiles:
         return f"node {node_id}: {chosen.note}", chosen.doubtful
 
     def go_on_from(self, before: DeviceFiles) -> None:
-        """Be about the same bus as *before*, opened again: what was said of it need not be said again."""
+        """Continue from *before* on the reopened bus: its remarks are not repeated."""
         self._said.update(before._said)
 
     def was_said(self, note: str) -> None:
@@ -182,13 +179,13 @@ class DeviceFiles:
         self._said.add(note)
 
     def is_news(self, note: str) -> bool:
-        """Whether *note* is still to be said, which it then was."""
+        """Tell whether *note* is new, and record it."""
         news = note not in self._said
         self._said.add(note)
         return news
 
     def profile(self, node_id: int) -> DeviceProfile:
-        """The profile of a node, the generic one where its family is not known."""
+        """Return the profile of a node, the generic profile if its family is unknown."""
         if node_id in self.own_profile:
             return load_profile(self.own_profile[node_id])
         if self.options.profile:
@@ -204,7 +201,7 @@ class DeviceFiles:
         return profile_for_identity(vendor, product or 0)
 
     def _simulated_profile(self, node_id: int, family: str) -> DeviceProfile:
-        """The user's own profile where it names the identity that a simulated node's file tells, else the family's."""
+        """Return the user's profile for the identity in a simulated node's file, else its family's."""
         if own := own_names():
             found = profile_of(self.dictionary(node_id))
             if found.name in own:
@@ -213,7 +210,7 @@ class DeviceFiles:
 
 
 def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, DeviceProfile]]:
-    """Dictionaries, with their profiles, that are known before any bus is opened."""
+    """Return the dictionaries, with profiles, that are known before a bus is opened."""
     paths = [file_or_family(options.eds)] if options.eds else []
     found = []
     paths += [] if paths else [node.eds for node in simulated_nodes(options.sim)]

@@ -1,7 +1,4 @@
-"""A bus that is not there: said in one line when it is waited for, and in one when it is there.
-
-Does not know a session, nor what is done with the bus.
-"""
+"""Wait for a missing bus, with a message at the start and at its arrival."""
 
 from __future__ import annotations
 
@@ -20,13 +17,13 @@ Tell = Callable[[BusEvent], None]
 
 
 def gone(name: str, failed: BusUnavailable) -> BusEvent:
-    """What to tell of the bus *name* that *failed*."""
+    """Make the event of the bus *name* that *failed*."""
     reason = failed.why or failed.text
     return BusEvent(name, time(), f"{reason}; {failed.hint}" if failed.hint else reason)
 
 
 def first_bus(opened: Callable[[], B], options: Options, tell: Tell) -> B:
-    """What *opened*() opens; with the option `reconnect` it is waited for where it may come. Ctrl-C ends that."""
+    """Call *opened*(); with the option `reconnect`, wait for a missing bus until Ctrl-C."""
     try:
         return opened()
     except BusUnavailable as failed:
@@ -41,7 +38,7 @@ def first_bus(opened: Callable[[], B], options: Options, tell: Tell) -> B:
 def waited_for(
     opened: Callable[[], B], name: str, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell
 ) -> B | None:
-    """What *opened*() opens as soon as it does, after the bus *name* has *failed*; None as soon as *stopping*()."""
+    """Call *opened*() until it succeeds after the bus *name* has *failed*; None as soon as *stopping*()."""
     from dvtcli.bus.waiting import wait_for_bus
 
     began_s = monotonic()

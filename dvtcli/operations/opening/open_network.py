@@ -1,4 +1,4 @@
-"""The nodes of an open bus: each is looked at when it is first asked for. Does not know who opened it, nor lines."""
+"""The nodes of an open bus, each identified at its first use."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def step_progress(progress: Progress) -> tuple[str, int, int]:
-    """What to say of a step that was taken: words, and how many of how many were."""
+    """Describe a step: words, its number, the total."""
     from dvtcli.device.change.failed_change import step_text
 
     text = f"node {progress.node}: step {progress.done} of {progress.total}  {step_text(progress.step)}"
@@ -41,7 +41,7 @@ def step_progress(progress: Progress) -> tuple[str, int, int]:
 
 
 def look_progress(looking: ReadProgress) -> tuple[str, int, int]:
-    """What to say of an object that is read: words, and how many of how many PDOs were."""
+    """Describe a read: words, number of PDOs read, the total."""
     pdo = Pdo.at(looking.index)
     whose = "" if pdo is None else f" of {pdo.label}"
     parts = f", PDO {looking.done + 1} of {looking.total}" if looking.total else ""
@@ -58,10 +58,10 @@ def network_on_bus(
     comes_back: bool,
     whole: ChangeGroup,
 ) -> Network:
-    """The nodes of *bus*, of which some are *simulated*; what is to be said is said to the session's user.
+    """Return the nodes of *bus*, including *simulated* nodes; messages go to the session's user.
 
-    *only_one* says whether the process makes one change and ends, *comes_back* whether a bus that is gone is waited
-    for; changes belong to *whole*.
+    *only_one*: the process makes a single change and ends; *comes_back*: a lost bus is waited for; changes belong to
+    *whole*.
     """
     return Network(
         bus, DeviceFiles(bus, session.base, simulated), session.cancellation, session.consent,
@@ -74,7 +74,7 @@ def network_on_bus(
 
 
 def _keeping(session: SessionOptions, bus: CanopenBus, whole: ChangeGroup) -> Keeping:
-    """Only of nodes that outlive this process."""
+    """Return the change files, kept only for nodes that outlive this process."""
     from dvtcli.operations.user.keeping import Keeping, state_folder
 
     return Keeping(
@@ -85,7 +85,7 @@ def _keeping(session: SessionOptions, bus: CanopenBus, whole: ChangeGroup) -> Ke
 
 @dataclass(slots=True)
 class Network:
-    """An open *bus* with its nodes, and the *files* that describe them."""
+    """An open *bus* with its nodes and their *files*."""
 
     bus: CanopenBus
     files: DeviceFiles
@@ -127,13 +127,13 @@ class Network:
 
     @property
     def simulated_ids(self) -> tuple[int, ...]:
-        """Node-IDs of the simulated nodes, in the order they were given."""
+        """Return the node-IDs of simulated nodes, in the order given."""
         return tuple(simulated.node_id for simulated in self.files.simulated)
 
     def node(self, node_id: int) -> Node:
-        """The node with *node_id*, its dictionary and profile found from its identity where not given.
+        """Return the node with *node_id*; unless given, dictionary and profile are found by its identity.
 
-        SafetyRefusal where it was met before the bus was gone, and is another device now.
+        Raises SafetyRefusal if another device has the node-ID since the bus was lost.
         """
         if node_id not in self.nodes:
             boot_ups, restarts = self.bus.boot_ups(node_id), self.bus.restarts(node_id)
@@ -164,13 +164,13 @@ class Network:
         return self.nodes[node_id]
 
     def _remark(self, node_id: int) -> None:
-        """Say where the node's file may not be quite its own, once."""
+        """Remark, once, that the node's file may not match exactly."""
         text, doubtful = self.files.remark(node_id)
         if text:
             (self.warn if doubtful else self.note)(text)
 
     def describe(self, node_id: int) -> None:
-        """Give a node that was met without an EDS the one that is known by now, and any the one chosen since then."""
+        """Update the node's EDS: found since its identification, or newly chosen."""
         node = self.nodes[node_id]
         if node.dictionary is not None and node_id not in self.files.own_eds:
             return
@@ -190,7 +190,7 @@ class Network:
 
     @contextmanager
     def as_it_was_if_refused(self) -> Iterator[None]:
-        """Where the block raises, nodes are described again as they were before it, and those met in it are left."""
+        """Undo changed descriptions of nodes, and drop new nodes, if the block raises."""
         files, left = self.files.chosen(), dict(self.left)
         described = [(node, node.dictionary, node.profile, node.unlike_file) for node in self.nodes.values()]
         try:
@@ -205,7 +205,7 @@ class Network:
             raise
 
     def _identify(self, node: Node) -> None:
-        """Know who *node* is; SafetyRefusal where it was somebody else."""
+        """Identify *node*; raises SafetyRefusal if it was another device before."""
         now, before = node.identity(), self.left.get(node.node_id)
         if before is not None:
             from dvtcli.device.same_device import another_device, unlike_before
@@ -224,9 +224,9 @@ class Network:
         self.identities[node.node_id] = now
 
     def meet_again(self) -> None:
-        """Meet the nodes that were changed before the bus was gone; who is silent, or somebody else, is met later.
+        """Identify the nodes changed before the loss of the bus; silent or different nodes follow later.
 
-        Each is asked once until `asked_again` is emptied, and once more where it was heard since.
+        Each is asked once until `asked_again` is cleared, and again if it has transmitted since.
         """
         for node_id, before in tuple(self.left.items()):
             if before.wanted or before.wanted_values or before.unreadable_values or before.unstored or before.history:
@@ -237,7 +237,7 @@ class Network:
                         self.node(node_id)
 
     def accept(self, node_id: int) -> None:
-        """Whoever has *node_id* now is to be met as if there had been nobody before, and that is said."""
+        """Accept whichever device has *node_id* now as new, with a message."""
         if self.left.pop(node_id, None) is not None:
             from dvtcli.device.same_device import unlike_before
 
@@ -247,7 +247,7 @@ class Network:
                 self.warn(f"node {node_id} is another device than before the bus was gone: {unlike}")
 
     def leave(self) -> None:
-        """The bus is gone: what was done to its nodes is kept until it is back."""
+        """Keep the changes of all nodes while the bus is gone."""
         self.close()
         self.left |= {node_id: node for node_id, node in self.nodes.items() if node_id in self.identities}
 
@@ -257,21 +257,21 @@ class Network:
         self.files.go_on_from(before.files)
 
     def _others(self, node_id: int) -> list[Node]:
-        """The nodes that were met or are simulated besides *node_id*; of twins, those of the nodes that were met."""
+        """List the met or simulated nodes except *node_id*; of twins, those of met nodes."""
         for other in {*self.met(), *self.simulated_ids} - self.nodes.keys():
             with suppress(NoAnswer, SdoProtocolError):  # it was met, and is gone
                 self.node(other)
         return [node for other, node in sorted(self.nodes.items()) if other != node_id]
 
     def interrupted(self, node_id: int) -> Hint | str:
-        """What to say of a change of the node that was interrupted and not finished; empty where there is none."""
+        """Report an interrupted and unfinished change of the node; empty if none."""
         if self.keeping is None:
             return ""
         node = self.nodes.get(node_id)
         return self.keeping.interrupted(node_id, None if node is None else node.keeper)
 
     def close(self) -> None:
-        """Leave the bus and let others write to its nodes."""
+        """Leave the bus and release its nodes for other writers."""
         self.bus.close()
         for node in self.nodes.values():
             node.let_go()

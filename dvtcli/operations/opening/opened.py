@@ -1,7 +1,6 @@
-"""What a session has open: the bus and its nodes, their twins under --dry-run, the tap that shows traffic.
+"""What a session has open: the bus, its nodes, their twins under --dry-run, the traffic tap.
 
-Everything is opened when it is first needed, and does as the options in force say. Does not know which node is
-selected, nor what is done to it.
+Opened at first use, by the options in force.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> None:
-    """Where *error* is a lost bus that says `unchanged`, and *acts* of this line went out: not known is true."""
+    """Mark *error* as of unknown state if a lost bus says `unchanged` after *acts* of this line were sent."""
     if not isinstance(error, BusUnavailable) or error.state != "unchanged" or error.state_text is not None:
         return
     if sent := acts():
@@ -39,9 +38,9 @@ def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> Non
 
 
 def read_in_vain(error: DvtcliError) -> DvtcliError:
-    """What kept a twin from reading its node, where *error* says that the twin was left changed by that: else *error*.
+    """Return the read error behind *error* if a twin was left changed, else *error*.
 
-    A twin that cannot be put back tells what would become of the node only where the node still answers.
+    A twin's failed roll-back predicts the node's state only if the node still answers.
     """
     cause: BaseException | None = error
     while isinstance(cause, LeftChanged):
@@ -50,7 +49,7 @@ def read_in_vain(error: DvtcliError) -> DvtcliError:
 
 
 class Opened(SessionOptions):
-    """A session with the bus that it opens: the one that the options name, or another one with *open_bus*."""
+    """A session with its bus: of the options, or by *open_bus*."""
 
     def __init__(
         self, options: Options | None = None, tell: Reporter | None = None, *, open_bus: OpenBus | None = None
@@ -121,7 +120,7 @@ class Opened(SessionOptions):
         bus.set_bus_share(self.options.bus_share)
 
     def _watch(self) -> None:
-        """Show traffic while -v asks for it, and only then: a tap costs time on every frame."""
+        """Attach the traffic tap only under -v: a tap costs time per frame."""
         if self._network is None or bool(self.options.verbose) == (self._untap is not None):
             return
         if self._untap is not None:
@@ -146,7 +145,7 @@ class Opened(SessionOptions):
         return self._twin
 
     def open_network(self) -> Network:
-        """The bus itself with its nodes, also under --dry-run; opened on first use. BusUnavailable where it is gone."""
+        """Return the bus with its nodes, even under --dry-run; opened at first use. Raises BusUnavailable if lost."""
         if self._gone is not None:
             raise BusUnavailable(self._gone, hint="what you typed was not done; type it again when the bus is back")
         if self._network is None:
@@ -184,7 +183,7 @@ class Opened(SessionOptions):
             self.tell.warning(text)
 
     def keep_frames(self) -> None:
-        """Keep the last frame of each CAN-ID from now on, unless somebody does; for several lines on one bus."""
+        """Keep the last frame of each CAN-ID from now on; for several lines on a bus."""
         if self.frames is None:
             self._keeps_frames = True
             if self._network is not None:
@@ -201,7 +200,7 @@ class Opened(SessionOptions):
         bus.tap(lambda frame, _sent: frames.take(frame, monotonic()))
 
     def _first_bus(self) -> tuple[CanopenBus, tuple[Simulated, ...]]:
-        """The bus of the options, and which nodes are simulated on it; with --reconnect it is waited for."""
+        """Open the bus of the options, with its simulated nodes; --reconnect waits for it."""
         from dvtcli.operations.opening.bus_of_options import bus_of
 
         def opened() -> tuple[CanopenBus, tuple[Simulated, ...]]:
@@ -214,7 +213,7 @@ class Opened(SessionOptions):
         return first_bus(opened, self.options, self.tell.bus)
 
     def bus_again(self) -> CanopenBus:
-        """The bus of the options, opened once more, by any thread; BusUnavailable."""
+        """Open the bus of the options again, from any thread; raises BusUnavailable."""
         from dvtcli.operations.opening.bus_of_options import bus_of
 
         given = self.base if self._set_rate is None else self.base._replace(bitrate=self._set_rate)
@@ -225,13 +224,13 @@ class Opened(SessionOptions):
         self._set_rate = bit_rate
 
     def leave_bus(self, why: str) -> None:
-        """The bus is gone, and *why*: whoever wants it is told so until `take_bus`."""
+        """Drop the bus with *why*, the error for all users until `take_bus`."""
         assert self._network is not None  # noqa: S101 - it was open
         self._gone = why
         self._network.leave()
 
     def take_bus(self, bus: CanopenBus) -> None:
-        """Go on with *bus*, which was opened again: nothing that was read of its nodes before counts."""
+        """Continue with the reopened *bus*; earlier reads of its nodes are void."""
         assert self._network is not None  # noqa: S101 - it was open
         network = self._network_on(bus, ())
         network.go_on_from(self._network)
@@ -249,12 +248,12 @@ class Opened(SessionOptions):
 
     @property
     def ends_with_line(self) -> bool:
-        """Whether nothing follows what is being done now."""
+        """Tell whether the current line is the last."""
         return False
 
     @contextmanager
     def _chooser_said(self) -> Iterator[None]:
-        """Where the bus does not open it is said who chose it."""
+        """If the bus does not open, say which setting chose it."""
         try:
             yield
         except BusUnavailable as failed:
@@ -271,7 +270,7 @@ class Opened(SessionOptions):
             raise
 
     def serving(self, wanted: ServeRequest) -> AbstractContextManager[Serving]:
-        """Simulated nodes for other programs, instead of a bus of our own."""
+        """Serve simulated nodes to other programs instead of opening a bus."""
         from dvtcli.operations.opening.serve import serving
 
         self.require_settings()
@@ -296,27 +295,27 @@ class Opened(SessionOptions):
 
     @cached_property
     def whole(self) -> ChangeGroup:
-        """The changes that stand or fall together, as those of an atomic script."""
+        """Return the changes that are kept or rolled back together, as in an atomic script."""
         from dvtcli.device.change.change_group import ChangeGroup
 
         return ChangeGroup()
 
     def met_nodes(self) -> Iterator[Node]:
-        """Every node that was looked at so far, and every twin of one."""
+        """Yield every node met so far, and every twin."""
         for network in (self._network, self._twin):
             yield from network.nodes.values() if network else ()
 
     def writes(self) -> dict[int, int]:
-        """How often something was written to each node, no twin, however it ended, or stored there; by node-ID."""
+        """Count writes and stores per node-ID, without twins, whatever their result."""
         nodes = {node.node_id: node for node in (*self.left_nodes(), *self._nodes())}
         return {node_id: node.boot_snapshot.writes + node.pending.stores for node_id, node in nodes.items()}
 
     def acts(self) -> list[str]:
-        """What was sent since the last call, to no twin, that nodes act on; a line that begins asks for it first."""
+        """Return what was sent since the last call that nodes act on, without twins; called at a line's start."""
         return [] if self._network is None else self._network.bus.acts()
 
     def seen_nodes(self) -> dict[int, Node]:
-        """The nodes that were met, or their twins under --dry-run, by node-ID; opens nothing, also where it is gone."""
+        """Return met nodes by node-ID, or their twins under --dry-run; opens nothing, even after a loss."""
         network = self._twin if self.dry_run else self._network
         return {} if network is None else network.nodes
 
@@ -328,7 +327,7 @@ class Opened(SessionOptions):
         return list(self._network.nodes.values()) if self._network is not None else []
 
     def warn_of_disturbances(self) -> None:
-        """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
+        """Warn of disturbed SDO channels: another client, two nodes with the same node-ID."""
         for text in self._network.bus.disturbances() if self._network is not None else ():
             self.tell.warning(text)
 

@@ -1,6 +1,6 @@
-"""Simulated nodes for other programs, put together from the options: which nodes, where they listen, what they keep.
+"""Serve simulated nodes to other programs by the options: nodes, addresses, stored values.
 
-The counterpart of `network` for the other end of the bus. Does not know lines or screens.
+The counterpart of `network` at the other end of the bus.
 """
 
 from __future__ import annotations
@@ -45,11 +45,10 @@ _LONGEST_LATENCY_MS = 60_000
 
 @dataclass(frozen=True, slots=True)
 class ServeRequest:
-    """What `sim` was asked for.
+    """The request of `sim`.
 
-    *nodes* as for `--sim`; *address* is where to listen, None for nowhere; *join* says that the bus of the options is
-    joined; *state* is the folder of what nodes store; *latencies* how long SDO servers take to answer:
-    node-ID, None for the others, and time (s).
+    *nodes* as for `--sim`; *address* to listen at, None: none; *join*: join the bus of the options; *state* is the
+    folder of stored values; *latencies* are response times of SDO servers: node-ID (None: all others) and time (s).
     """
 
     nodes: tuple[str, ...]
@@ -61,7 +60,7 @@ class ServeRequest:
 
 @dataclass(frozen=True, slots=True)
 class Serving:
-    """Nodes that are ready to be served by `server.run()`; *port* is None where they do not listen."""
+    """Nodes ready for `server.run()`; *port* is None without listening."""
 
     server: Server
     nodes: tuple[Simulated, ...]
@@ -99,10 +98,10 @@ def is_loopback(host: str) -> bool:
 def serving(
     options: Options, wanted: ServeRequest, warn: Callable[[str], None], tell: Tell = lambda _event: None
 ) -> Iterator[Serving]:
-    """Open everything that *wanted* needs, and leave it at the end; *warn* takes what nobody should miss.
+    """Open everything for *wanted*, and close it at the end; *warn* takes warnings.
 
-    With the option `reconnect` a joined bus that is gone is waited for, and *tell* hears of it.
-    BusUnavailable where an address or a bus is not to be had, UsageError and InputFileError for wrong words and files.
+    With the option `reconnect` a lost bus is waited for, and *tell* gets the events. Raises BusUnavailable if an
+    address or a bus cannot be opened, UsageError and InputFileError for wrong words and files.
     """
     from dvtcli.simulator.network.shared_bus import Server
     from dvtcli.simulator.network.station import stations
@@ -140,14 +139,14 @@ def serving(
 
 
 def _warn_of_doubles(devices: list[StrictDevice], wanted: ServeRequest, warn: Callable[[str], None]) -> None:
-    """Say which of *devices* came up with the same node-ID."""
+    """Warn of *devices* with the same node-ID."""
     for shared_id, many in Counter(device.node_id for device in devices).items():
         if many > 1 and shared_id != UNCONFIGURED:
             warn(f"{many} nodes have node-ID {shared_id}, as {wanted.state} keeps it: they will answer as one")
 
 
 def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]:
-    """The faults that *nodes* are to have; UsageError for one that a served bus cannot have."""
+    """Return the faults of *nodes*; raises UsageError for a fault that a served bus cannot have."""
     faults = simulated_faults(options.fault, nodes)
     for fault in faults:
         if fault.kind.of_bit_rate:
@@ -160,7 +159,7 @@ def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]
 
 
 def _latencies(wanted: tuple[tuple[int | None, float], ...], devices: list[StrictDevice]) -> list[float]:
-    """How long each of *devices* takes to answer (s); UsageError for a node that is not there, or said twice."""
+    """Return the response time of each device (s); raises UsageError for an unknown node or a repetition."""
     said, here = dict(wanted), {device.node_id for device in devices}
     for said_id in said:
         if sum(other == said_id for other, _ in wanted) > 1:
@@ -213,7 +212,7 @@ def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
 def _keeper(
     folder: Path | None, nodes: tuple[Simulated, ...], devices: list[StrictDevice], warn: Callable[[str], None]
 ) -> Callable[[StrictDevice], None]:
-    """Wake *devices* with what *folder* keeps of them; what keeps a device's stored values from then on."""
+    """Load the stored values of *devices* from *folder*; returns the function that stores later values."""
     if folder is None:
         return lambda _device: None
     if folder.exists() and not folder.is_dir():

@@ -1,7 +1,4 @@
-"""Simulated nodes from the words that ask for them: `--sim`, `sim`, and the `--fault` and `--signal` beside them.
-
-Does not know buses, and neither whether the nodes live in this process or are served to others.
-"""
+"""Make simulated nodes from words: `--sim`, `sim`, `--fault` and `--signal`."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def not_simulated(simulated: Iterable[Simulated]) -> Iterator[str]:
-    """What to tell whoever simulates nodes by such files: a value that cannot be known, and those that nobody reads."""
+    """Warn of simulated files: values that cannot be known, and values that nothing reads."""
     for path in dict.fromkeys(simulated_node.eds for simulated_node in simulated if simulated_node.holds_values):
         yield from _of_file(path)
 
@@ -53,9 +50,9 @@ SIMULATED = "simulated from it"
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """One `--sim`: its node-ID (255: none yet), the family (None for a file), and the file of its dictionary.
+    """A `--sim`: node-ID (255: none yet), family (None for a file), dictionary file.
 
-    *folder* is where a family of the user's own is, as `learn` writes one; its name is the folder's.
+    *folder* has the user's own family, as `learn` writes it; the family is named after it.
     """
 
     node_id: int
@@ -65,21 +62,21 @@ class Simulated:
 
     @property
     def holds_values(self) -> bool:
-        """Whether its file says what one device holds: a DCF or XDC."""
+        """Tell whether its file has the values of a device: a DCF or XDC."""
         return self.eds.suffix.lower() in VALUE_SUFFIXES
 
     @property
     def label(self) -> str:
-        """Which node it is, in words."""
+        """Name the node in words."""
         what = self.family or self.eds.name
         return f"{what} without a node-ID" if self.node_id == UNCONFIGURED else f"node {self.node_id} {what}"
 
 
 @dataclass(frozen=True, slots=True)
 class FileChoice:
-    """The file at *path*, *why* it is taken, and what to *note* of it; empty for nothing.
+    """The file at *path*, *why* it was chosen, and a *note*, if any.
 
-    It is *doubtful* where the note says that it may describe another device.
+    *doubtful*: by the note, it may describe another device.
     """
 
     path: Path
@@ -89,7 +86,7 @@ class FileChoice:
 
 
 def simulated_device(one: Simulated) -> StrictDevice:
-    """The device that *one* names, INITIALISING; a learnt one holds what it was found with."""
+    """Make the device, INITIALISING; a learnt device has the values found by `learn`."""
     from dvtcli.simulator.device.strict_device import StrictDevice
 
     device = StrictDevice(read_dictionary(one.eds).identified(), _family(one), one.node_id)
@@ -109,11 +106,11 @@ def _family(one: Simulated) -> Family:
 
 
 def _family_of_file(dictionary: ObjectDictionary) -> Family:
-    """A plain CiA 301 device; the object in which the device's own family tells its NMT state is alive in it, too.
+    """Return a plain CiA 301 device whose NMT state object, if its own family has one, is live.
 
-    The family's profile asks that object, and a value that a DCF has for it would be the state for ever. Which accesses
-    may be mapped is the family's, too, where the profile allows more than the standard; so is what it keeps without a
-    store, since that is what is said of it once it is written.
+    The family's profile reads it, and a DCF's value would stay forever. If its profile allows more than the standard,
+    the family decides which accesses may be mapped; it also decides what is kept without a store, as reported after a
+    write.
     """
     profile = profile_of(dictionary)
     known = learnt_family(profile, None) or family_named(profile.name)
@@ -130,11 +127,10 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
 
 
 def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
-    """What each of *words* means: a file wins over `@`.
+    """Parse *words* into simulated nodes: a file wins over `@`.
 
-    Node-IDs default to the one that a DCF or XDC was made for, or that a device was learnt with, else to the first
-    free one.
-    A node that waits for its node-ID is `WHAT@255`.
+    The node-ID defaults to that of the DCF, XDC or learnt device, else to the first free node-ID. `WHAT@255` is a node
+    without node-ID.
     """
     found: list[Simulated] = []
     for word in words:
@@ -152,7 +148,7 @@ def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
 
 
 def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Fault, ...]:
-    """What each of the faults *words* means; UsageError for a wrong one, and where no node is simulated."""
+    """Parse the faults *words*; raises UsageError if invalid, or without simulated nodes."""
     if not words:
         return ()
     if not simulated:
@@ -180,9 +176,9 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
 
 
 def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[SimulatedSignal, ...]:
-    """What each of the signals *words* means.
+    """Parse the signals *words*.
 
-    UsageError for a wrong one, or without simulated nodes; InputFileError for a file.
+    Raises UsageError if invalid, or without simulated nodes; InputFileError for a file.
     """
     if not words:
         return ()
@@ -252,7 +248,7 @@ def _simulated(what: str, chosen: int) -> Simulated:
 
 
 def family_named(name: str) -> Family:
-    """How the family *name* behaves; a plain CiA 301 device where none is called that."""
+    """Return the family *name*; a plain CiA 301 device if unknown."""
     from dvtcli.simulator.device.family import Family
     from dvtcli.simulator.network.family_file import family_names, load_family
 
@@ -260,9 +256,9 @@ def family_named(name: str) -> Family:
 
 
 def learnt_family(profile: DeviceProfile, folder: Path | None) -> Family | None:
-    """The family that was learnt along with *profile*, or is in *folder*; None where there is none.
+    """Return the family learnt with *profile*, or in *folder*; None if there is none.
 
-    InputFileError where its file is wrong.
+    Raises InputFileError if its file is invalid.
     """
     from dvtcli.files.learnt_folder import own_family_path
     from dvtcli.simulator.network.family_file import load_family_folder, read_family, read_text
@@ -276,7 +272,7 @@ def learnt_family(profile: DeviceProfile, folder: Path | None) -> Family | None:
 
 
 def file_or_family(text: str | Path) -> Path:
-    """The device file at *text*, else the EDS of the simulated family of that name, as served nodes have it."""
+    """Return the device file at *text*, else the EDS of the simulated family of that name."""
     if is_file(str(text)):
         return Path(text)
     from dvtcli.simulator.network.family_file import family_eds, family_names
@@ -285,9 +281,9 @@ def file_or_family(text: str | Path) -> Path:
 
 
 def read_dictionary(path: Path) -> ObjectDictionary:
-    """The object dictionary of an EDS, DCF, XDD or XDC as it is now; UsageError where there is no such file.
+    """Read the dictionary of an EDS, DCF, XDD or XDC; raises UsageError if the file does not exist.
 
-    InputFileError where it is none of these; of one in the library with what to do about it.
+    Raises InputFileError if it is none of these; for a library file with a remedy.
     """
     try:
         return _dictionary(path, None if path.is_absolute() else Path.cwd(), file_state(path))
@@ -310,7 +306,7 @@ def read_dictionary(path: Path) -> ObjectDictionary:
 #: a bus has 127 nodes: each file is read once, also where every node has its own
 @lru_cache(maxsize=128)
 def _dictionary(path: Path, _folder: Path | None, _state: tuple[int, ...]) -> ObjectDictionary:
-    """What the file at *path*, from *_folder* where it is relative, says since it was changed."""
+    """Cache the dictionary at *path* (relative to *_folder*) until the file changes."""
     from dvtcli.files.device_file import must_describe, read_device_file
 
     dictionary = read_device_file(path).dictionary

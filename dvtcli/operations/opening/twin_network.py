@@ -1,4 +1,4 @@
-"""A network of twins for a dry run. Does not know what is tried on it."""
+"""A network of twins for a dry run."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 def twin_of(network: Network) -> Network:
-    """A network of copy-on-write twins of *network*'s nodes: what is written there never reaches the bus.
+    """Return copy-on-write twins of *network*'s nodes: their writes never reach the bus.
 
-    What was done to the nodes, and in which order, is known to the twins: `undo` is tried on it.
+    Twins know the changes of the nodes and their order, so that `undo` can be tried.
     """
 
     def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
@@ -44,7 +44,7 @@ def twin_of(network: Network) -> Network:
 
 
 def _family(network: Network, node: Node) -> Family:
-    """How *node* behaves: as it was learnt, else as its profile's family does."""
+    """Return the family of *node*: as learnt, else of its profile."""
     folder = next(
         (simulated.folder for simulated in network.files.simulated if simulated.node_id == node.node_id), None
     )
