@@ -1,1 +1,1 @@
-"""A whole device: everything that its object dictionary holds, read, kept in a file, and compared."""
+"""Read, save and compare a whole device: all objects of its dictionary."""

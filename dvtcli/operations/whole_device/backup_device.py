@@ -1,4 +1,4 @@
-"""A whole device in a file: everything that can be read of it. Writes nothing to a node."""
+"""Back up a whole device: all readable objects. Writes nothing to a node."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def backup_device(
     twice: bool = False,
     areas: tuple[range, ...] = AREAS,
 ) -> Facts:
-    """Read every object of the node with *node_id* (None: the selected one) and keep what it held in *file*.
+    """Save every object of the node with *node_id* (None: the selected node) to *file*.
 
-    A `.dcf` or `.xdc` is the node's EDS with those values. A `.jsonl` has the aborts, too, and needs no EDS: without
-    one each index of *areas* is asked for. With *twice* every object is read a second time, and what changed by then is
-    left out. Asks before it overwrites. UsageError for another suffix, for a DCF without an EDS, where nothing could be
-    read, or where FILE cannot be written.
+    A `.dcf` or `.xdc` is the node's EDS with the values. A `.jsonl` also has the aborts, and needs no EDS: without an
+    EDS each index of *areas* is read. *twice* reads every object twice and leaves out changed values. Asks before
+    overwriting. Raises UsageError for another suffix, for a DCF without an EDS, if nothing could be read, or if FILE
+    cannot be written.
     """
     suffix = Path(file).suffix.lower()
     if suffix not in (*SUFFIXES, SUFFIX):
@@ -65,7 +65,7 @@ def backup_device(
 def _held(
     session: Session, node: Node, twice: bool, areas: tuple[range, ...]
 ) -> tuple[Mapping[ObjectAddress, ReadObject], Identity]:
-    """Every object of *node*, and who it is: read without a restart in between."""
+    """Read every object of *node* and its identity, without a restart in between."""
     if node.dictionary is None:
         return scan_objects(node, Configuration(node.profile), areas, told(session, node)), node.identity()
     return read_every_object(session, node, twice=twice).objects, node.identity()
@@ -110,7 +110,7 @@ def _as_lines(
 
 
 def _must_have_read(node: Node, count: int, out: Mapping[str, str]) -> None:
-    """UsageError where nothing was read that could be kept: a file without an object is no backup."""
+    """Raises UsageError if nothing was read: a file without an object is no backup."""
     if not count:
         raise UsageError(
             f"no object of node {node.node_id} could be read: nothing is kept, and no file was written",

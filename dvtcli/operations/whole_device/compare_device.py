@@ -1,4 +1,4 @@
-"""A whole device, or a file about one, against another file: by what values mean, not by text. Writes nothing."""
+"""Compare a device or its file with another file, by values instead of text. Writes nothing."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _OFF = 0x8000_0000
 
 @dataclass(frozen=True, slots=True)
 class SecondSide:
-    """The side that a file is compared with: *name*, and what its objects hold on *node_id*."""
+    """The side that a file is compared with: *name*, and the objects on *node_id*."""
 
     name: str
     node_id: int
@@ -57,18 +57,18 @@ class SecondSide:
         return entry_of(self.dictionary, place)
 
     def kind(self, entry: OdEntry) -> DifferenceKind:
-        """What a difference of the object that *entry* describes means; what changes by itself is no setting."""
+        """Classify a difference of the object *entry*; a value that changes by itself is no setting."""
         return DifferenceKind.APART if (entry.index, entry.sub_index) in self.changing else kind_of(self.known, entry)
 
     def why_apart(self, entry: OdEntry) -> str:
-        """Why the object that *entry* describes is no setting, in words that follow its name."""
+        """Explain, after the object's name, why *entry* is no setting."""
         if (entry.index, entry.sub_index) in self.changing:
             return "changes by itself"
         return str(self.known.why_not(entry) or "")
 
 
 def side_of_node(session: Session, node: Node, first: HeldDevice) -> SecondSide:
-    """What *node* holds of what *first* says."""
+    """Read the objects of *first* from *node*."""
     dictionary = node.dictionary or first.dictionary
     known = Configuration(node.profile) if dictionary is None else configuration(node, dictionary)
     said = {place for place, kept in first.objects.items() if kept.data is not None}
@@ -96,7 +96,7 @@ def side_of_node(session: Session, node: Node, first: HeldDevice) -> SecondSide:
 
 
 def side_of_file(session: Session, second: HeldDevice, first: HeldDevice) -> SecondSide:
-    """What *second* says, described by what it leads to itself, else by what *first* does."""
+    """Return *second* as a side, with its own description, else that of *first*."""
     dictionary = second.dictionary or first.dictionary or _known_by_identity(session, second, first)
     profile = _profile(second if second.identity["vendor"] else first)
     known = Configuration(profile) if dictionary is None else configuration_of(dictionary, profile)
@@ -106,13 +106,13 @@ def side_of_file(session: Session, second: HeldDevice, first: HeldDevice) -> Sec
 
 
 def _knowing(second: SecondSide, first: HeldDevice) -> SecondSide:
-    """*second*, which knows what enabled RPDOs of either side take: that is no setting."""
+    """Mark as process data what enabled RPDOs of either side receive: no settings."""
     taken = frozenset([*_taken({**second.objects, **first.objects}), *_taken(second.objects)])
     return replace(second, known=replace(second.known, taken=taken))
 
 
 def _taken(objects: Mapping[ObjectAddress, KeptObject]) -> Iterator[ObjectAddress]:
-    """What the enabled RPDOs among *objects* take."""
+    """Yield what enabled RPDOs among *objects* receive."""
     words = {
         place: int.from_bytes(kept_object.data, "little")
         for place, kept_object in objects.items()
@@ -128,7 +128,7 @@ def _taken(objects: Mapping[ObjectAddress, KeptObject]) -> Iterator[ObjectAddres
 
 
 def _beside(said: Collection[ObjectAddress], dictionary: ObjectDictionary | None) -> Iterator[ObjectAddress]:
-    """What decides what the objects that are *said* mean: counts of mappings, and what RPDOs take."""
+    """Yield objects that decide the meaning of *said*: mapping counts, and objects that RPDOs receive."""
     mappings = {index for index, _ in said if is_pdo_mapping(index)}
     for entry in () if dictionary is None else dictionary.entries():
         pdo = Pdo.at(entry.index)
@@ -137,7 +137,7 @@ def _beside(said: Collection[ObjectAddress], dictionary: ObjectDictionary | None
 
 
 def _known_by_identity(session: Session, *held: HeldDevice) -> ObjectDictionary | None:
-    """What --eds describes, else the file that the identity of one of *held* leads to, as of a node; None for none."""
+    """Return the dictionary of --eds, else by the identity of *held*; None if unknown."""
     from dvtcli.operations.opening.device_files import found_file
     from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
 
@@ -159,9 +159,9 @@ Objects = Mapping["ObjectAddress", "KeptObject"]
 
 
 def count_beneath(place: ObjectAddress, *sides: Objects) -> int | None:
-    """The count of the PDO mapping whose entry *place* is beyond it on all *sides*; None where it is not.
+    """Return the mapping count if *place* is a mapping entry beyond it on all *sides*, else None.
 
-    A side that says no count has the others'. Where they say several it is the highest.
+    A side without a count has the others'; the highest counts.
     """
     index, sub_index = place
     if not is_pdo_mapping(index) or not sub_index:
@@ -173,7 +173,7 @@ def count_beneath(place: ObjectAddress, *sides: Objects) -> int | None:
 
 
 def wants_more(place: ObjectAddress, side: Objects) -> bool:
-    """Whether *side* says of the mapping entry *place* that it maps something (0 is nothing), and says no count."""
+    """Tell whether *side* maps an object in *place* (0: none) but gives no count."""
     return _data(side, (place[0], 0)) is None and any(_data(side, place) or b"")
 
 
@@ -185,12 +185,12 @@ def _data(side: Objects, place: ObjectAddress) -> bytes | None:
 def compare_device(
     session: Session, file: str, other: str | None = None, node_id: int | None = None, *, shows_all: bool = False
 ) -> WholeCompared:
-    """Compare what *file* says with the file *other*, or with what node *node_id* holds.
+    """Compare *file* with the file *other*, or with the node *node_id*.
 
-    None is the selected one; without one it is the one whose node-ID the file has. A file is a DCF, an EDS, an XDD,
-    an XDC or a backup's `.jsonl`. Of the node what the file says something of is read; an object that differs is read
-    again, and if it has changed by then it is told apart. UsageError where a file cannot be read, or no setting could
-    be compared; InputFileError where it is none.
+    None is the selected node, else the file's node-ID. A file is a DCF, an EDS, an XDD, an XDC or a backup's `.jsonl`.
+    Of a node, the objects of the file are read; differing objects are read again, and reported separately if they
+    changed. Raises UsageError if a file cannot be read or has no setting to compare; InputFileError for another kind of
+    file.
     """
     first = told_of(file, session.tell)
     if first.assumed and holds_values(file):
@@ -208,7 +208,7 @@ def compare_device(
 
 
 def _meant(session: Session, first: HeldDevice) -> int:
-    """The node that is meant where the line names none."""
+    """Choose the node if the line names none."""
     selected = selected_nodes(session)
     if len(selected) > 1:
         return session.node_id()  # which says that this is about one
@@ -233,7 +233,7 @@ def _compared(first: HeldDevice, second: SecondSide, node: int | None, *, shows_
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """What both sides say of the object at *place*: *before* and *after*, None where a side says nothing of it."""
+    """Both values of the object at *place*: *before* and *after*, None if a side has none."""
 
     place: ObjectAddress
     entry: OdEntry
@@ -279,13 +279,13 @@ class _Comparison:
         )  # fmt: skip
 
     def _is_said(self, pair: _Pair) -> bool:
-        """Whether both sides say something of it; that a node does not tell it is something, too."""
+        """Tell whether both sides have a value, or a reason for its absence."""
         if pair.before is None:
             return False
         return pair.after is not None or (self.asks_node and not pair.is_assumed)
 
     def _look_beyond(self, pair: _Pair, count: int) -> None:
-        """A mapping entry beyond *count*: it differs where one side says that it maps something, without a count."""
+        """Compare a mapping entry beyond *count*: different if a side maps an object there without a count."""
         sides = (self.first.objects, self.second.objects)
         if pair.is_assumed or not any(wants_more(pair.place, side) for side in sides):
             return
@@ -314,7 +314,7 @@ class _Comparison:
 
 
 def _nothing_compared(first: HeldDevice, second: SecondSide) -> UsageError:
-    """The error of a comparison that no setting was part of: it shows nothing, so it is not called equal."""
+    """Make the error of a comparison without settings: nothing compared is not equal."""
     unlike = _unlike(first, second)
     return UsageError(
         f"nothing compared: {first.name} and {second.name} have no setting in common that both say something of",
@@ -325,13 +325,13 @@ def _nothing_compared(first: HeldDevice, second: SecondSide) -> UsageError:
 
 
 def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:
-    """What the first file that describes the object calls it."""
+    """Return the object's name in the first file that describes it."""
     names = (dictionary.display_name(*place) for dictionary in dictionaries if dictionary is not None)
     return next(filter(None, names), "")
 
 
 def _unsaid(first: HeldDevice, second: SecondSide, node: int | None) -> int:
-    """How many settings only one side says something of."""
+    """Count settings with a value on a single side."""
     said, known = (
         {place for place, kept_object in side.objects.items() if kept_object.data is not None}
         for side in (first, second)
@@ -343,7 +343,7 @@ def _unsaid(first: HeldDevice, second: SecondSide, node: int | None) -> int:
 
 
 def _unlike(first: HeldDevice, second: SecondSide) -> str:
-    """In which numbers of its identity the device is another one; empty where it is not, or nobody knows."""
+    """Name the numbers of the identity that differ; empty if none, or unknown."""
     before: dict[str, int | None] = {
         name: number for name, number in first.identity.items() if number and second.identity.get(name)
     }

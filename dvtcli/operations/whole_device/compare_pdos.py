@@ -1,4 +1,4 @@
-"""Comparing what a node holds with what it should: this session's changes, or a file's values."""
+"""Compare nodes with their wanted values: this session's changes, or a file."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def verify(
     *,
     frame: bool = False,
 ) -> Compared | ComparedNodes:
-    """Compare what the nodes hold now with what this session set, or with *file*.
+    """Compare the nodes with this session's changes, or with *file*.
 
-    A file is a script, a network file, a DCF or an EDS. *pdos* are those to look at, each with its node-ID,
-    None for the selected node; none means everything. With *frame* each node is started and a frame of each enabled
-    TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
+    A file is a script, a network file, a DCF or an EDS. *pdos* are the PDOs to compare, each with its node-ID (None:
+    the selected node); empty: everything. *frame* starts each node and checks a frame of each enabled TPDO. *rehearse*
+    evaluates a script. Raises UsageError if there is nothing to compare.
     """
     is_device = file is not None and not _is_network(file) and not _is_script(file)
     return session.read_together(lambda: _verified(session, rehearse, pdos, file, frame=frame, is_device=is_device))
@@ -59,7 +59,7 @@ def verify(
 def _verified(
     session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None, *, frame: bool, is_device: bool
 ) -> Compared | ComparedNodes:
-    """Compare once; with *is_device* the *file* is about one device."""
+    """Compare once; *is_device*: the *file* is about a device."""
     if file is not None and is_device:
         pdos, wanted = _device_wishes(session, pdos, file)
         plan = None
@@ -87,7 +87,7 @@ def _verified(
 
 
 def _lines(node: NodePlan) -> dict[str, int]:
-    """Where a network file says what each PDO and object of *node* should be, and the node itself."""
+    """Map PDOs and objects of *node*, and the node itself, to lines of the network file."""
     objects = {f"{index:04X}:{sub_index:02X}": line for (index, sub_index), line in node.object_lines.items()}
     return {"": node.line, **{pdo.label: line for pdo, line in node.lines.items()}, **objects}
 
@@ -112,7 +112,7 @@ def _session_wishes(session: Session) -> dict[int, Wish]:
 
 
 def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tuple[list[NodePdo], dict[int, Wish]]:
-    """*pdos*, each with its node, and what should be on each of these, by a *file* about one device."""
+    """Return *pdos* with their nodes, and the wishes of these nodes by a *file* about a device."""
     named = {node_id for node_id, _ in pdos if node_id is not None}
     if named and any(node_id is None for node_id, _ in pdos):
         named.add(session.node_id())  # a PDO without a node is the selected one's
@@ -149,7 +149,7 @@ def _is_script(file: str) -> bool:
 
 
 def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], against: str) -> dict[int, Wish]:
-    """The part of *wishes* that is about *pdos* (none: everything); UsageError where nothing is left to compare."""
+    """Restrict *wishes* to *pdos* (empty: everything); raises UsageError if nothing is left to compare."""
     wished = {node_id: wish for node_id, wish in wishes.items() if wish}
     if not wished:
         said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
@@ -188,9 +188,9 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
 def compare_node(
     session: Session, node: Node, pdos: Collection[Pdo] = (), file: str | None = None, *, frame: bool = False
 ) -> Compared:
-    """Compare *pdos* (none: everything) with what this session set on *node*, or with the DCF or EDS *file*.
+    """Compare *pdos* (empty: everything) of *node* with this session's changes, or the DCF or EDS *file*.
 
-    UsageError where there is nothing to compare.
+    Raises UsageError if there is nothing to compare.
     """
     wish = session_wish(node) if file is None else _device_wish(session, node, told_of(file, session.tell))
     missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
@@ -204,7 +204,7 @@ def compare_node(
 def compare(
     session: Session, node: Node, wish: Wish, file: str | None = None, *, frame: bool = False, named: bool = False
 ) -> Compared:
-    """One node's answer; looked at again after a frame, since the node was started for that and may have restarted."""
+    """Compare a node; again after a frame, as the node was started and may have restarted."""
     says = partial(planned_words, node)
     found = unlike(node, wish, says)
     frames, note = look(session, node, [pdo for pdo in wish.pdos if pdo.is_tpdo]) if frame else ((), "")
@@ -226,7 +226,7 @@ def _labels(wish: Wish) -> Iterator[str]:
 
 
 def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
-    """A difference forbids to store; only a look at everything this session set, without one, allows it again."""
+    """Forbid a store after a difference; only a full comparison without differences allows it again."""
     suspicions = node.pending.suspicions
     if differs:
         suspicions[VERIFY] = "verify found differences to what this session set"
@@ -236,9 +236,9 @@ def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
 
 
 def _device_wish(session: Session, node: Node, held: HeldDevice) -> Wish:
-    """What a DCF, an XDC or a backup wants of this node, or the PDOs as an EDS's defaults set them.
+    """Return the wishes of a DCF, an XDC or a backup for this node, or an EDS's default PDOs.
 
-    SafetyRefusal where it is about another product.
+    Raises SafetyRefusal if the file is for another product.
     """
     if holds_values(held.name):
         from dvtcli.operations.whole_device.plan_device import wanted_alone

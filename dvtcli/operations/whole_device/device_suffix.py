@@ -1,4 +1,4 @@
-"""Which files say what one device is to hold, by their suffix. Opens none."""
+"""Tell by suffix which files are about a device. Opens none."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ _HOLDS, _DESCRIBES = (".dcf", ".xdc", ".jsonl"), (".eds", ".xdd")
 
 
 def is_about_device(file: str) -> bool:
-    """Whether *file* is about one device, whatever it says of it, and not about a network."""
+    """Tell whether *file* is about a device, and not about a network."""
     return file.lower().endswith((*_HOLDS, *_DESCRIBES))
 
 
 def holds_values(file: str) -> bool:
-    """Whether *file* says what one device is to hold: a DCF, an XDC or a backup's JSON lines."""
+    """Tell whether *file* has a device's values: a DCF, an XDC or a backup's JSON lines."""
     return file.lower().endswith(_HOLDS)
 
 
 def refuse_kind(file: str) -> None:
-    """UsageError where *file* is none that says what a device is to hold."""
+    """Raises UsageError if *file* has no device's values by its suffix."""
     if not holds_values(file):
         raise UsageError(
             f"{file} does not say what a device is to hold",

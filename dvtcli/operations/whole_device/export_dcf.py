@@ -1,4 +1,4 @@
-"""A node as a DCF or XDC: its EDS or XDD with what its configuration objects hold. Writes nothing to a node."""
+"""Export a node as DCF or XDC: its EDS or XDD with configured values. Writes nothing to a node."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _REVISION = (0x1018, 3)
 
 
 def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
-    """Write the EDS of the node with *node_id* (None: the selected one), with what its configuration holds, to *file*.
+    """Export the configuration of the node with *node_id* (None: the selected node) to *file*.
 
-    It is a DCF, in which every byte of the EDS that need not change stays, or an XDC, by the suffix. With *twice* every
-    object is read a second time, and what changed meanwhile is left out. Asks before it overwrites. UsageError where
-    the node has no EDS, or FILE cannot be written; SafetyRefusal where the EDS is another device's.
+    By the suffix, a DCF, which keeps all bytes of the EDS that need no change, or an XDC. *twice* reads every object
+    twice and leaves out changed values. Asks before overwriting. Raises UsageError if the node has no EDS or FILE
+    cannot be written; SafetyRefusal if the EDS is another device's.
     """
     path = place_of(file, f"NAME{SUFFIXES[0]}")
     node = session.node(node_id)
@@ -50,13 +50,13 @@ def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice
 
 
 def is_exported(one: ReadObject, known: Configuration) -> bool:
-    """Whether a DCF says what the object holds: configuration, the maker's too, or what its file has a value for."""
+    """Tell whether a DCF has the object: configuration, also the maker's, or a value in its file."""
     why = known.why_not(one.entry)
     return why is None or why.may_be_setting or one.entry.value is not None
 
 
 def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfText, Path]:
-    """*whole* as a DCF or XDC that is to be called *file_name*, and the EDS or XDD that it is made of."""
+    """Return *whole* as DCF or XDC for *file_name*, and its source EDS or XDD."""
     node = whole.node
     path = session.network.files.eds_path(node.node_id)
     if path is None:
@@ -74,7 +74,7 @@ def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfTex
 
 
 def _own_revision(whole: WholeDevice) -> dict[ObjectAddress, bytes]:
-    """0x1018:03 of a device of another revision than its EDS: it is no setting, and says whose file this is."""
+    """Return 0x1018:03 if the revision differs from the EDS: not a setting, but it identifies the file."""
     revision = whole.node.identity()["revision"]
     if revision in (None, whole.dictionary.info.revision_number) or whole.dictionary.entry(*_REVISION) is None:
         return {}
@@ -82,7 +82,7 @@ def _own_revision(whole: WholeDevice) -> dict[ObjectAddress, bytes]:
 
 
 def _eds_of(path: Path, made: datetime) -> bytes:
-    """The EDS at *path*; of an XDD the EDS that says the same."""
+    """Return the EDS at *path*; an XDD is converted."""
     try:
         data = read_input(path, MOST_BYTES, "EDS")
     except OSError as failed:
@@ -94,7 +94,7 @@ def _eds_of(path: Path, made: datetime) -> bytes:
 
 
 def _as_xdc(text: DcfText, whole: WholeDevice, device: Commissioned) -> DcfText:
-    """The DCF *text* as an XDC that says the same values."""
+    """Convert the DCF *text* to an XDC with the same values."""
     dictionary = parse_device_file(text.data, "a.dcf").dictionary
     data = device_file_bytes(dictionary, device.file_name, "", device.made)
     values = {place: held for place in text.said if (held := whole.objects[place].data) is not None}
@@ -103,7 +103,7 @@ def _as_xdc(text: DcfText, whole: WholeDevice, device: Commissioned) -> DcfText:
 
 
 def left_out(whole: WholeDevice, text: DcfText) -> dict[str, str]:
-    """The objects that the DCF says nothing of though they were meant, each with why."""
+    """Map objects missing in the DCF to reasons."""
     found = dict(text.left_out)
     for place, kept_object in whole.objects.items():
         if why := why_unread(kept_object):
@@ -112,7 +112,7 @@ def left_out(whole: WholeDevice, text: DcfText) -> dict[str, str]:
 
 
 def why_unread(one: ReadObject) -> str:
-    """Why nobody knows what an object holds; empty where it was read."""
+    """Explain why an object could not be read; empty if it was."""
     if one.abort is not None:
         return f"{abort_text(one.abort)} (0x{one.abort:08X})"
     if one.unread is not None:
@@ -139,7 +139,7 @@ def _answer(file: str, whole: WholeDevice, text: DcfText, eds: Path) -> Facts:
 
 
 def _other_than_default(whole: WholeDevice, text: DcfText) -> list[ObjectAddress]:
-    """What holds something else than the EDS's default."""
+    """List values that differ from the EDS's defaults."""
     found = []
     for place in text.said:
         one = whole.objects[place]

@@ -24,9 +24,9 @@ _COB_ID_FLAGS, _COB_ID_BYTES = 0xE000_0000, 4
 
 @dataclass(frozen=True, slots=True)
 class HeldDevice:
-    """What a device held by *name*, a file: *objects* by their place, those of node *node_id* (None: it is not said).
+    """The values of a device in a file *name*: *objects* by address, of node *node_id* (None: not given).
 
-    *identity* are the numbers of 0x1018, None where they are not said; *dictionary* describes the objects, if any does.
+    *identity* has the numbers of 0x1018, None if not given; *dictionary* describes the objects, if known.
     """
 
     name: str
@@ -40,16 +40,16 @@ class HeldDevice:
     unread: tuple[str, ...] = ()
 
     def says(self, place: ObjectAddress) -> bool:
-        """Whether it says itself what the object at *place* holds, not what a device comes up with anyway."""
+        """Tell whether the file itself has a value at *place*, not only a default."""
         kept = self.objects.get(place)
         return kept is not None and kept.data is not None and place not in self.assumed
 
     def maps(self, place: ObjectAddress) -> bool:
-        """Whether it says itself that the mapping entry at *place* maps something: 0 is nothing."""
+        """Tell whether the file itself maps an object in the mapping entry *place*: 0 is none."""
         return self.says(place) and any(self.objects[place].data or b"")
 
     def on_node(self, place: ObjectAddress, entry: OdEntry | None, node_id: int) -> bytes | None:
-        """What the object would hold on *node_id*: what follows the node-ID does so; None where it is not said."""
+        """Return the object's value on *node_id*, adjusted if it follows the node-ID; None if not given."""
         kept = self.objects.get(place)
         data = None if kept is None else kept.data
         own = None if self.dictionary is None else self.dictionary.entry(*place)
@@ -62,12 +62,12 @@ class HeldDevice:
 
 @dataclass(frozen=True, slots=True)
 class KeptIdentity(ToldValues):
-    """Who the device was that *held* is about, as the device tells it itself (0x1018)."""
+    """The identity (0x1018) in *held*, readable like a device's."""
 
     held: HeldDevice
 
     def told(self, index: int, sub_index: int) -> bytes:
-        """A number of the identity; SdoAborted for one that is not said, and for all else."""
+        """Return a number of the identity; raises SdoAborted for missing numbers and other objects."""
         numbers = dict(enumerate(("vendor", "product", "revision", "serial"), 1))
         number = self.held.identity.get(numbers.get(sub_index, "")) if index == IDENTITY else None
         if number is None:
@@ -76,7 +76,7 @@ class KeptIdentity(ToldValues):
 
 
 def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:
-    """*data* of an object whose default follows the node-ID, on another node; bits 29 to 31 of a COB-ID are its own."""
+    """Adjust *data*, whose default follows the node-ID, to another node; bits 29 to 31 of a COB-ID stay."""
     usual, there = entry.initial(from_id), entry.initial(to_id)
     if usual is None or there is None or len(data) != len(usual):
         return data
@@ -88,10 +88,10 @@ def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:
 
 
 def held_by(file: str, node_id: int | None = None) -> HeldDevice:
-    """What *file* says; where it says no node-ID itself, of a node with *node_id*.
+    """Read *file*; a file without a node-ID is read for *node_id*.
 
-    A DCF or XDC says nothing of an object without a value; an EDS, an XDD, and one without any value, the defaults.
-    UsageError where it cannot be read, InputFileError where it is none of these files, or a value in it is unreadable.
+    A DCF or XDC without a value has no value for the object; an EDS, an XDD, and files without any value have defaults.
+    Raises UsageError if it cannot be read, InputFileError for another kind of file or an unreadable value.
     """
     try:
         if file.lower().endswith(SUFFIX):
@@ -103,7 +103,7 @@ def held_by(file: str, node_id: int | None = None) -> HeldDevice:
 
 
 def told_of(file: str, tell: Reporter) -> HeldDevice:
-    """As `held_by`, and *tell* gets what of the file's values nobody reads."""
+    """Read *file* like `held_by`; *tell* gets its unused values."""
     held = held_by(file)
     for text in held.unread:
         tell.warning(text)
@@ -136,7 +136,7 @@ def _described(file: str, node_id: int | None) -> HeldDevice:
 
 
 def _said(entry: OdEntry, node_id: int | None) -> bytes | None:
-    """ParameterValue; without one the default of what can be written, since a device comes up with that."""
+    """Return ParameterValue, else the default of a writable object, as devices boot with it."""
     if entry.value is None and not (entry.access.writable and entry.access.readable):
         return None
     relative = entry.value_relative if entry.value is not None else entry.default_relative

@@ -1,6 +1,6 @@
-"""What is named to be included of a file about one device: whole objects and ranges of them, or single sub-indices.
+"""Objects to include from a device's file: whole objects, ranges, single sub-indices.
 
-Does not know why an object is left out; `Configuration` does.
+`Configuration` decides why an object is left out.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _COMMUNICATION, _STATES = range(0x1000, 0x2000), (0x1001, 0x1002)
 
 
 class DifferenceKind(Enum):
-    """What a difference between two values of an object means."""
+    """The kind of a difference between two values."""
 
     SETTING = "it is configured otherwise"
     ABOUT = "it is another device, or another program"
@@ -48,12 +48,12 @@ def entry_of(dictionary: ObjectDictionary | None, place: ObjectAddress) -> OdEnt
 
 
 def is_setting(why: NotWritten | None) -> bool:
-    """Whether an object that is not written for this reason (None: it is) is configured all the same, by somebody."""
+    """Tell whether an object not written for this reason (None: written) is still configured by somebody."""
     return why is None or why.may_be_setting or why in (NotWritten.FLAGGED, NotWritten.SAFETY)
 
 
 def kind_of(known: Configuration, entry: OdEntry) -> DifferenceKind:
-    """What a difference of the object that *entry* describes means; what a PDO is set to counts, fixed or not."""
+    """Classify a difference of the object *entry*; PDO parameters count, fixed or not."""
     if (pdo := Pdo.at(entry.index)) is not None:
         is_parameter = entry.index == pdo.mapping_index or entry.sub_index in BY_SUB_INDEX
         return DifferenceKind.SETTING if is_parameter else DifferenceKind.APART
@@ -69,7 +69,7 @@ def kind_of(known: Configuration, entry: OdEntry) -> DifferenceKind:
 
 @dataclass(frozen=True, slots=True)
 class Included:
-    """One *word* that names what is included: every sub-index of the indices of *range*, or the *object* alone."""
+    """A *word* of `include`: all sub-indices in *range*, or the single *object*."""
 
     word: str
     range: Range | None = None
@@ -77,11 +77,11 @@ class Included:
 
     @property
     def is_many(self) -> bool:
-        """Whether it is a range of indices, of which nobody says what is there."""
+        """Tell whether it is a range of indices, whose objects are unknown."""
         return self.range is not None and self.range[0] != self.range[1]
 
     def of(self, held: HeldDevice) -> list[ObjectAddress]:
-        """What *held* says a value of and this names."""
+        """List its addresses with a value in *held*."""
         said = held.objects.keys() - held.assumed
         if self.range is None:
             return [place for place in said if place == self.object]
@@ -89,7 +89,7 @@ class Included:
 
 
 def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[Included, ...]:
-    """What *words* name of *held*; UsageError for a word that is no object, or one of which the file has no value."""
+    """Resolve *words* in *held*; raises UsageError for an unknown object, or if the file has no value."""
     found = tuple(_included(node, word) for word in words)
     for included in found:
         if not included.is_many and not included.of(held):
@@ -107,7 +107,7 @@ def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[I
 
 
 def idle(held: HeldDevice, known: Configuration, included: Collection[Included]) -> Iterator[Hint]:
-    """What to say of each of *included* by which nothing more is written: since it is anyway, or never."""
+    """Report entries of *included* without effect: objects written anyway, or never."""
     for inclusion in included:
         places = inclusion.of(held)
         if not places:
@@ -117,7 +117,7 @@ def idle(held: HeldDevice, known: Configuration, included: Collection[Included])
 
 
 def _why_idle(known: Configuration, places: Collection[ObjectAddress]) -> str:
-    """Why naming *places* lifts nothing; empty where it lifts something."""
+    """Explain why including *places* has no effect; empty if it has."""
     if all(Pdo.at(index) is not None for index, _ in places):
         return "a PDO's, which is written without it"
     dictionary = known.dictionary

@@ -1,4 +1,4 @@
-"""Which nodes a file about one device is for: those of -n, else the file's own. Reads no node and no file."""
+"""Choose the nodes for a device's file: `-n`, else the file's node-ID. Reads no node and no file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def selected_nodes(session: Session) -> tuple[int, ...]:
-    """The selected node, or those of -n; none where nobody selected one. UsageError for `-n all`."""
+    """Return the selected node or the nodes of `-n`; empty if none. Raises UsageError for `-n all`."""
     if session.selected is None and session.base.every_node:
         raise UsageError(
             "a file about one device is for nodes that are named",
@@ -27,7 +27,7 @@ def selected_nodes(session: Session) -> tuple[int, ...]:
 
 
 def node_of_file(session: Session, held: HeldDevice) -> int:
-    """The node whose node-ID *held* has, which is told; UsageError where it has none."""
+    """Return the node-ID of *held*, with a message; raises UsageError if it has none."""
     if held.node_id is None:
         return session.node_id()
     session.tell.note(f"node {held.node_id}, as {held.name} says")
@@ -35,7 +35,7 @@ def node_of_file(session: Session, held: HeldDevice) -> int:
 
 
 def selected_alone(session: Session, held: HeldDevice) -> tuple[int, ...]:
-    """As `selected_nodes`; UsageError where nobody selected one, since what *held* is of may be another device."""
+    """Return `selected_nodes`; raises UsageError if none, as *held* may be of another device."""
     if found := selected_nodes(session):
         return found
     own = "" if held.node_id is None else f" ({held.name} was made of node {held.node_id})"

@@ -1,7 +1,4 @@
-"""From a file about one device to what is to be written: a plan as that of a network file. Nothing is sent.
-
-Does not know how a plan is carried out.
-"""
+"""Plan the writes for a device's file, like those of a network file. Sends nothing."""
 
 from __future__ import annotations
 
@@ -50,10 +47,10 @@ def apply_device(
     *,
     on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
 ) -> NetworkApplied:
-    """Make nodes what *file* (a DCF, an XDC or a backup) says by *options*; *on_plan* is told what is to be written.
+    """Configure nodes as in *file* (a DCF, an XDC or a backup) by *options*; *on_plan* gets the plan.
 
-    Asks first. A fault brings them back. A clone of which settings differ still is not done: exit code 3.
-    Raises as `plan_device` and `apply_network`.
+    Asks first. A fault rolls the nodes back. A clone with remaining differences is incomplete: exit code 3. Raises as
+    `plan_device` and `apply_network`.
     """
     plan = plan_device(session, file, options)
     on_plan(plan)
@@ -67,11 +64,11 @@ _READS_ANOTHER_VALUE = frozenset({NotWritten.WRITE_ONLY, NotWritten.STORE, NotWr
 
 @dataclass(frozen=True, slots=True)
 class DeviceOptions:
-    """How a file about one device is taken.
+    """Options for a device's file.
 
-    *include* are objects (`3001`, `3001:1`), or ranges of indices (`2000-2FFF`), that the user calls configuration.
-    With *is_clone* the file itself names those of the maker's objects that no PDO can map, and must say whose it is.
-    *nodes* are node-IDs, none for the selected nodes.
+    *include* are objects (`3001`, `3001:1`) or ranges of indices (`2000-2FFF`) that the user regards as configuration.
+    *is_clone*: the file itself includes the maker's objects that no PDO can map, and must have an identity. *nodes* are
+    node-IDs, empty for the selected nodes.
     """
 
     include: tuple[str, ...] = ()
@@ -80,11 +77,10 @@ class DeviceOptions:
 
 
 def plan_device(session: Session, file: str, options: DeviceOptions | None = None) -> NetworkPlan:
-    """What has to be written for the selected nodes to hold what *file*, a DCF, an XDC or a backup, says.
+    """Plan the writes that bring the selected nodes to the values of *file*, a DCF, an XDC or a backup.
 
-    Without a selected node it is the one whose node-ID the file has, but for a clone. SafetyRefusal where a node is
-    another product than the file is about, RuleError with all that the rules refuse, UsageError where the file cannot
-    be read, or no node is meant.
+    Without a selection the file's node-ID is used, except for a clone. Raises SafetyRefusal if a node is another
+    product, RuleError with all refusals of the rules, UsageError if the file cannot be read or no node is chosen.
     """
     options = options or DeviceOptions()
     refuse_kind(file)
@@ -104,9 +100,9 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
 
 
 def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
-    """What *held* wants of *node*, not judged, read anew; None where it has no value of any object.
+    """Return the unjudged wishes of *held* for *node*, read again; None if it has no value.
 
-    SafetyRefusal where it is about another product.
+    Raises SafetyRefusal if the file is for another product.
     """
     held = held if held.node_id else held_by(held.name, node.node_id)
     if not _says_anything(held):
@@ -139,7 +135,7 @@ def _reads_another_value(node: Node, one: LeftOut) -> bool:
 
 
 def _said_of(held: HeldDevice, pdo: Pdo, config: PdoConfig) -> frozenset[str]:
-    """The parameters of *pdo* that *held* says anything of, and those that the node has not: the others are its own."""
+    """Return the parameters of *pdo* in *held* or missing on the node: others are the node's own."""
     places = held.objects.keys() - held.assumed
     said = {
         name
@@ -150,7 +146,7 @@ def _said_of(held: HeldDevice, pdo: Pdo, config: PdoConfig) -> frozenset[str]:
 
 
 def _unwritten(node: Node, one: LeftOut) -> str:
-    """A setting that differs and that `apply` does not write, as a difference."""
+    """Describe a differing setting that `apply` does not write."""
     if one.held is None or one.said is None:
         return f"differs, and apply does not write it: {one.why}"
     index, sub_index = (int(part, 16) for part in one.object.split(":"))
@@ -159,7 +155,7 @@ def _unwritten(node: Node, one: LeftOut) -> str:
 
 
 def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:
-    """The nodes that are meant; the file's own node-ID is told where it is another one."""
+    """Return the chosen nodes; reports a different node-ID in the file."""
     if options.is_clone:
         ids = options.nodes or selected_alone(session, held)
     else:
@@ -181,7 +177,7 @@ def _says_anything(held: HeldDevice) -> bool:
 
 
 def _refuse_nothing(held: HeldDevice) -> None:
-    """UsageError where *held* says no value itself: that every device is as it says would be no answer."""
+    """Raises UsageError if *held* has no value itself: equality with it would mean nothing."""
     if not _says_anything(held):
         raise UsageError(
             f"{held.name} does not say what a device is to hold: it has no value of any object",
@@ -194,7 +190,7 @@ def _refuse_nothing(held: HeldDevice) -> None:
 
 
 def _nothing_compared(held: HeldDevice) -> UsageError:
-    """The error where no node could be compared: nothing that *held* says is configuration."""
+    """Make the error if no node could be compared: *held* has no configuration."""
     return UsageError(
         f"nothing compared: {held.name} says no setting of a device, only what nobody writes",
         place=held.name,
@@ -237,7 +233,7 @@ def _planned(
 
 
 def _powered(session: Session, planned: NodePlan) -> NodePlan:
-    """*planned* with what is known to be in its way: that `apply` refuses it while a power stage is on."""
+    """Warn if an enabled power stage would make `apply` refuse *planned*."""
     return replace(planned, findings=(*planned.findings, *powered_findings(session, planned.node_id)))
 
 
@@ -253,7 +249,7 @@ def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) 
 
 
 def _doubt(node: Node, held: HeldDevice) -> str:
-    """What is to be asked before a file of this identity is written to *node*; empty for nothing."""
+    """Return the question before a file with this identity is written to *node*; empty if none."""
     said, is_now = held.identity["revision"], node.identity()["revision"]
     if not (held.identity["vendor"] or held.identity["product"]):
         return f"{held.name} does not say which product it is of"

@@ -1,4 +1,4 @@
-"""Reading a whole device for an operation: its file, what of it is configuration, and how far that has come."""
+"""Read a whole device for an operation: file, configuration, progress."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class WholeDevice:
-    """A *node* with *objects* as they were read, and which of them are configuration (*known*)."""
+    """A *node* with *objects* as read, and its configuration objects (*known*)."""
 
     node: Node
     dictionary: ObjectDictionary
@@ -39,10 +39,10 @@ def read_every_object(
     twice: bool = False,
     only: Callable[[ReadObject, Configuration], bool] = lambda _one, _known: True,
 ) -> WholeDevice:
-    """Read every object of *node* that its file describes and *only* lets through, once; with *twice* a second time.
+    """Read every object of *node* in its file that *only* accepts; *twice* reads each again.
 
-    What an RPDO or another master may write, as the file says, is always looked at twice. UsageError
-    without a file.
+    Objects that an RPDO or another master may write, by the file, are always read twice. Raises UsageError without a
+    file.
     """
     dictionary = described(node)
     known = configuration(node, dictionary)
@@ -61,7 +61,7 @@ def read_entries(
     known: Configuration,
     again: Callable[[ReadObject], bool],
 ) -> Mapping[ObjectAddress, ReadObject]:
-    """Read *entries* of *node*, those for which *again* is true twice, and tell how far that has come."""
+    """Read *entries* of *node*, twice if *again* returns true, with progress."""
 
     def around(entry: OdEntry) -> AbstractContextManager[None]:
         if entry.data_type is None or entry.data_type.kind is not Kind.OCTETS:
@@ -76,7 +76,7 @@ def read_entries(
 
 
 def told(session: Session, node: Node) -> OnObject:
-    """What tells how far the reading of *node* has come."""
+    """Return a callback that reports the progress of reading *node*."""
 
     def tell(index: int, sub_index: int, done: int, total: int, left_s: float | None) -> None:
         left = "" if left_s is None else f", {duration(left_s)} left"
@@ -87,7 +87,7 @@ def told(session: Session, node: Node) -> OnObject:
 
 
 def described(node: Node) -> ObjectDictionary:
-    """The dictionary of *node*; UsageError where no file describes it."""
+    """Return the dictionary of *node*; raises UsageError without a file."""
     if node.dictionary is None:
         raise UsageError(
             f"node {node.node_id} has no EDS here: nobody knows which objects it has",
@@ -99,7 +99,7 @@ def described(node: Node) -> ObjectDictionary:
 
 
 def configuration(node: Node, dictionary: ObjectDictionary, included: Collection[Range] = ()) -> Configuration:
-    """What is configuration of *node*, by the device profiles that it and its file say it has."""
+    """Return the configuration of *node* by its device profiles and those of its file."""
 
     def held(index: int) -> bytes | None:
         try:

@@ -1,6 +1,6 @@
-"""What a file about one device asks of a node: its PDOs, its values, and what may not be written for a file's sake.
+"""Compute the wishes of a device's file for a node: PDOs, values, objects not to be written.
 
-A file is a DCF, an XDC or a backup. Reads the node; writes nothing, and does not judge by the rules.
+A file is a DCF, an XDC or a backup. Reads the node, writes nothing, applies no rules.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 def pdo_of_file(
     node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoConfig | None:
-    """What *pdo* of *node*, which is *now*, is to be by *held*; None where the file says no whole PDO.
+    """Compute the wanted *pdo* of *node* from *held* and its state *now*; None if incomplete in the file.
 
-    What may not be written stays, and is told to *left_out* with why.
+    Unwritable parameters stay, with the reason in *left_out*.
     """
     wanted = _wanted(node, held, known, pdo, now, left_out)
     if wanted is not None and enables_nothing(now, wanted):
@@ -51,7 +51,7 @@ def pdo_of_file(
 def _wanted(
     node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoConfig | None:
-    """The same, whether it may be enabled or not."""
+    """Compute the wanted PDO, whether enabling is allowed or not."""
     said = _said(node, held, pdo)
     if said is None or said.mpdo is not None or said.held_count is not None:
         if said != now:
@@ -97,7 +97,7 @@ def _has_odd_mapping(now: PdoConfig) -> bool:
 def _communication(
     node: Node, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoCommunicationParameter:
-    """The parameters that *said* says, where the node has them and lets them be written; else those of *now*."""
+    """Take parameters of *said* that the node has and lets be written, else those of *now*."""
     wanted = now.communication
     for sub_index, name in BY_SUB_INDEX.items():
         value, place = getattr(said.communication, name), (pdo.communication_index, sub_index)
@@ -113,7 +113,7 @@ def _communication(
 
 
 def _leave_out(left_out: dict[str, LeftOut], place: str, why: str) -> None:
-    """Tell of a part of a PDO that differs and stays."""
+    """Record a differing parameter that stays."""
     left_out[place] = LeftOut(place, why, remains=True)
 
 
@@ -124,13 +124,13 @@ def _why_not(known: Configuration, dictionary: ObjectDictionary | None, place: O
 
 @dataclass(frozen=True, slots=True)
 class _Values(ToldValues):
-    """What *held* says of *node*, else what the node holds, behind the same seam as a node."""
+    """The values of *held*, else of the node, readable like a node."""
 
     held: HeldDevice
     node: Node
 
     def told(self, index: int, sub_index: int) -> bytes:
-        """What the file says, else what the node does; SdoAborted where that refuses it."""
+        """Return the file's value, else the node's; raises SdoAborted if the node refuses."""
         place = index, sub_index
         data = self.held.on_node(place, entry_of(self.node.dictionary, place), self.node.node_id)
         return self.node.memory.upload(index, sub_index) if data is None else data
@@ -147,9 +147,9 @@ _NOT_READ = frozenset(
 
 @dataclass(slots=True)
 class WantedOfFile:
-    """What a file wants of a node, *wants*, and what it says and is not written: *left_out*, by object, each with why.
+    """The wishes of a file for a node (*wants*), and values not written (*left_out*, by object, with reasons).
 
-    That is what differs, and what is not read.
+    Left out are differing values and unreadable ones.
     """
 
     wants: NodeWants = field(default_factory=NodeWants)
@@ -160,7 +160,7 @@ class WantedOfFile:
     idle: tuple[Hint, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether anything that the file says was compared."""
+        """Tell whether any value of the file was compared."""
         is_other = any(left_out.remains for left_out in self.left_out.values())
         return bool(self.wants.pdos or self.wants.values or self.also_equal or is_other)
 
@@ -168,10 +168,10 @@ class WantedOfFile:
 def wanted_of_file(
     node: Node, held: HeldDevice, included: Collection[Included] = (), *, names_makers: bool = False
 ) -> WantedOfFile:
-    """What *held* wants of *node*: what it says itself, not what a device comes up with anyway.
+    """Compute the wishes of *held* for *node*: the file's own values, not defaults.
 
-    *included* is what the user calls configuration. With *names_makers* the file itself names the maker's own
-    objects as configuration that no PDO can map. UsageError where nobody knows which objects the node has.
+    *included* is configuration by the user's choice. *names_makers*: the file itself includes the maker's objects that
+    no PDO can map. Raises UsageError if the node's objects are unknown.
     """
     if node.dictionary is None and held.dictionary is not None:
         node.describe(held.dictionary)
@@ -193,7 +193,7 @@ def wanted_of_file(
 
 
 def _of_maker(dictionary: ObjectDictionary, held: HeldDevice) -> Iterator[ObjectAddress]:
-    """Objects that the file has a value for and that no PDO takes or sends."""
+    """Yield objects with a value in the file that no PDO receives or transmits."""
     for place in held.objects.keys() - held.assumed:
         entry = dictionary.entry(*place)
         if entry is not None and not entry.pdo_mapping:
@@ -201,7 +201,7 @@ def _of_maker(dictionary: ObjectDictionary, held: HeldDevice) -> Iterator[Object
 
 
 def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFile) -> dict[Pdo, PdoConfig]:
-    """What each PDO of which the file says anything itself is to be."""
+    """Compute the wanted PDOs of the file."""
     said = {pdo for place in held.objects.keys() - held.assumed if (pdo := Pdo.at(place[0])) is not None}
     wanted: dict[Pdo, PdoConfig] = {}
     present = set(node.present())
@@ -218,7 +218,7 @@ def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFil
 
 
 def _taken(node: Node, wanted: dict[Pdo, PdoConfig]) -> frozenset[ObjectAddress]:
-    """What the node's enabled RPDOs take, now or then: process data."""
+    """Return process data: objects that enabled RPDOs of the node receive, now or later."""
     rpdos = [pdo for pdo in node.present() if pdo.direction is Direction.RPDO]
     now = node.observed(lambda: [node.known_pdo(pdo) for pdo in rpdos])
     then = (config for pdo, config in wanted.items() if not pdo.is_tpdo)
@@ -232,7 +232,7 @@ def _taken(node: Node, wanted: dict[Pdo, PdoConfig]) -> frozenset[ObjectAddress]
 
 
 def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, found: WantedOfFile) -> None:
-    """Take in what the file says of one object, or why that is not written."""
+    """Add the file's value of an object, or the reason for leaving it out."""
     place = entry.index, entry.sub_index
     why = known.why_not(entry)
     if why in _NOT_READ:
@@ -258,7 +258,7 @@ def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, f
 
 
 def _look_again(node: Node, found: WantedOfFile) -> None:
-    """What is otherwise and is not written may be what changes by itself: look once more."""
+    """Read differing unwritten objects again: they may change by themselves."""
     suspects = [left_out for left_out in found.left_out.values() if left_out.remains and left_out.held is not None]
     if suspects:
         node.bus.sleep(PAUSE_S)
