@@ -1,1 +1,1 @@
-"""What needs a yes before it is done, and who else commands the nodes."""
+"""Consent before dangerous acts, and detection of other masters."""

@@ -1,4 +1,4 @@
-"""Consent to what a manager is to download to a node whenever that boots (CiA 302-3, 0x1F22). Writes nothing."""
+"""Consent to what a manager downloads to a node at boot-up (CiA 302-3, 0x1F22). Writes nothing."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 
 def consent_to_concise(session: Session, node: Node, sub_index: int, data: bytes) -> None:
-    """Ask before *data* becomes what *node* downloads to the node with the node-ID *sub_index*.
+    """Ask before *data* becomes the manager *node*'s download to the node *sub_index*.
 
-    InputFileError as of `concise_doubt`.
+    Raises InputFileError as `concise_doubt`.
     """
     doubt = concise_doubt(node, sub_index, data, force=session.options.force)
     session.consent(f"{doubt}; write it?", node.node_id)
 
 
 def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> str:
-    """What is to be known before *data* becomes what *node*, a manager, downloads to the node *sub_index*.
+    """Warn about *data* as the manager *node*'s download to the node *sub_index*.
 
-    InputFileError where *data* is no concise DCF, unless that is forced: the node would come up with a part of it.
+    Raises InputFileError if *data* is no valid concise DCF, unless forced: the node would get a part of it.
     """
     try:
         count = plural(len(concise_entries(data)), "value")
@@ -48,7 +48,7 @@ def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> st
 
 
 def concise_doubts(node: Node, downloads: Mapping[int, bytes], *, force: bool) -> str:
-    """The same of *downloads*, by node-ID, as one question; empty for none."""
+    """Warn about *downloads*, by node-ID, in a single question; empty if there is no doubt."""
     doubts = [concise_doubt(node, node_id, data, force=force) for node_id, data in downloads.items()]
     if len(doubts) < 2:
         return "".join(doubts)

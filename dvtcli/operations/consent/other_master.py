@@ -1,4 +1,4 @@
-"""Whether somebody else commands the nodes of a bus: NMT, LSS and SDO requests that are not ours. Sends nothing."""
+"""Detect another master on the bus: foreign NMT, LSS and SDO requests. Sends nothing."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _SDO_REQUESTS = range(0x601, 0x680)
 
 
 def refuse_other_master(session: Session) -> None:
-    """Listen for `LISTEN_S`; SafetyRefusal where a request is heard, unless forced.
+    """Record the bus for `LISTEN_S`; raises SafetyRefusal for a foreign request, unless forced.
 
-    Not where nobody else can be: nodes of this process, their twins, and an interface that carries no frames.
+    Skipped if nobody else can be there: nodes of this process, twins, an interface without frames.
     """
     bus = session.bus
     if session.dry_run or session.options.force or bus.simulated or not bus.carries_frames:
@@ -37,7 +37,7 @@ def refuse_other_master(session: Session) -> None:
 
 
 def _request(frame: Frame) -> str:
-    """What *frame* is where a master sent it; empty where it is none of that."""
+    """Describe *frame* as a master's request; empty if it is none."""
     if frame.extended or frame.remote:
         return ""
     if frame.can_id == _NMT:

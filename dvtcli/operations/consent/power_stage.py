@@ -28,7 +28,7 @@ _CONTROLWORD = -1
 
 
 def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
-    """SafetyRefusal where the statusword of an axis of *node_ids* (0x6041, 0x6841, …) says its power stage to be on."""
+    """Raises SafetyRefusal if a statusword (0x6041, 0x6841, …) of *node_ids* shows an enabled power stage."""
     for node_id in node_ids:
         for index, _, state in _powered(session, node_id):
             off = Hint(
@@ -39,7 +39,7 @@ def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
 
 
 def powered_findings(session: Session, node_id: int) -> tuple[Finding, ...]:
-    """What `refuse_powered` would refuse, said while a plan is made: of each axis whose power stage is on."""
+    """Report, when planning, each axis whose power stage would make `refuse_powered` refuse."""
     return tuple(
         warning("power-stage-on", place, f"the power stage is {state}: apply refuses to write until it is off")
         for _, place, state in _powered(session, node_id)
@@ -47,7 +47,7 @@ def powered_findings(session: Session, node_id: int) -> tuple[Finding, ...]:
 
 
 def _powered(session: Session, node_id: int) -> Iterator[tuple[int, str, str]]:
-    """Each statusword of the node that says that a power stage is on: its index, its place, and what it says."""
+    """Yield statuswords with an enabled power stage: index, place, meaning."""
     for index, sub_index in STATUSWORDS:
         try:
             data = session.bus.sdo(node_id).upload(index, sub_index)

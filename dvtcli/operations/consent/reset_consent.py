@@ -1,4 +1,4 @@
-"""Consent to a reset: a drive whose operation is enabled lets go of its motor when it is reset."""
+"""Consent to a reset: an enabled drive releases its motor when it is reset."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def consent_to_reset(session: Session, node_ids: Collection[int]) -> None:
-    """Ask before *node_ids* are reset where one may be a drive whose operation is enabled; SafetyRefusal on no.
+    """Ask before a reset of *node_ids* if a node may be an enabled drive; raises SafetyRefusal on no.
 
-    A drive of this process comes up as its EDS says, which may be enabled: it counts once this session commanded it.
+    A simulated drive boots as in its EDS, perhaps enabled: it counts only after a command of this session.
     """
     if session.options.yes or session.dry_run:
         return
@@ -24,7 +24,7 @@ def consent_to_reset(session: Session, node_ids: Collection[int]) -> None:
 
 
 def refuse_reset(session: Session, node_ids: Collection[int]) -> None:
-    """SafetyRefusal where one of *node_ids* may be a drive whose operation is enabled, also where all is agreed to."""
+    """Raises SafetyRefusal if one of *node_ids* may be an enabled drive, even under --yes."""
     for node_id, why in _may_move(session, node_ids).items():
         raise SafetyRefusal(
             f"node {node_id} {why}: its reset lets a motor go",
@@ -36,7 +36,7 @@ def refuse_reset(session: Session, node_ids: Collection[int]) -> None:
 
 
 def _may_move(session: Session, node_ids: Collection[int]) -> dict[int, str]:
-    """Those of *node_ids* that may be such drives, and why."""
+    """Map those of *node_ids* that may be enabled drives to the reason."""
     from dvtcli.device.seen_state import why_it_may_move
 
     if session.bus.simulated:
@@ -46,13 +46,13 @@ def _may_move(session: Session, node_ids: Collection[int]) -> dict[int, str]:
 
 
 def consent_to_reset_unheard(session: Session) -> None:
-    """Ask before all nodes of a bus are reset on which none is heard: whether a drive moves is not known."""
+    """Ask before a reset of all nodes if none is known: whether a drive moves is unknown."""
     if not session.bus.simulated:
         session.consent("no node is heard, a drive whose operation is enabled may be there all the same; reset all?")
 
 
 def commanded(session: Session, node_id: int) -> bool:
-    """Whether this session wrote a controlword of the node."""
+    """Tell whether this session wrote a controlword of the node."""
     from dvtcli.device.seen_state import CONTROLWORDS
 
     node = session.network.nodes.get(node_id)
