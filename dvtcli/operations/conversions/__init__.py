@@ -1,1 +1,1 @@
-"""Files that `eds convert` writes, a format each, which is found by being here."""
+"""Output formats of `eds convert`, one module each."""

@@ -1,4 +1,4 @@
-"""What a format says of itself that files are converted to."""
+"""An output format of `eds convert`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """What is wanted: *source* as *target*; of a network file its *node*, by name or node-ID; a *dbc* how."""
+    """A request: *source* to *target*; the *node* of a network file, by name or node-ID; *dbc* options."""
 
     source: str
     target: str
@@ -24,7 +24,7 @@ class Converted:
 
 
 class ConversionFormat:
-    """A format, found by the *suffixes* of its files."""
+    """A format, chosen by its *suffixes*."""
 
     suffixes: ClassVar[tuple[str, ...]]
     #: what to do instead of choosing a node of a network file for it; None if it is made of one

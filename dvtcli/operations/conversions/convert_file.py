@@ -1,7 +1,4 @@
-"""A file as one of another format, which its suffix says: those of `conversion_formats`.
-
-Needs no bus, and does not know what is in the files.
-"""
+"""Convert a file to the format of the target's suffix. Needs no bus."""
 
 from __future__ import annotations
 
@@ -49,7 +46,7 @@ class DbcFormat(ConversionFormat):
     has_wishes = True
 
     def write(self, session: Session, wanted: Converted) -> Facts:
-        """Write it, as `convert_to_dbc` and `recording_to_dbc` do."""
+        """Write it by `convert_to_dbc` or `recording_to_dbc`."""
         from dvtcli.operations.exchange.export_dbc import convert_to_dbc, recording_to_dbc
 
         to_dbc = recording_to_dbc if _is_recording(wanted.source) else convert_to_dbc
@@ -57,7 +54,7 @@ class DbcFormat(ConversionFormat):
 
 
 def _is_recording(file: str) -> bool:
-    """Whether *file* has the suffix of a recording of frames."""
+    """Tell whether *file* has the suffix of a recording of frames."""
     suffix = Path(file).suffix.lower()
     if suffix in NETWORK_SUFFIXES:
         return False
@@ -82,10 +79,10 @@ _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative"
 
 
 def convert_device_file(session: Session, file: str, target: str) -> Facts:
-    """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
+    """Convert the device file *file* to the format of *target*'s suffix, and list what is lost.
 
-    An EDS or XDD holds no values of one node. Asks before it overwrites. UsageError where *target* has another suffix,
-    or a file cannot be read or written; InputFileError where *file* is none.
+    An EDS or XDD has no values of a node. Asks before overwriting. Raises UsageError if *target* has another suffix, or
+    a file cannot be read or written; InputFileError if *file* is invalid.
     """
     path = place_of(target, "NAME.xdd")
     suffix = path.suffix.lower()
@@ -118,13 +115,13 @@ def _read(file: str) -> EdsFile | XddFile:
 
 
 def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
-    """What the file said about itself *before*, and does not say *after*."""
+    """List file information of *before* missing in *after*."""
     gone = [item for item in before.items() if after.get(item[0]) != item[1] and item not in _OF_EVERY_FILE]
     return [f"FileInfo: {', '.join(f'{key} ({value})' for key, value in gone)}"] if gone else []
 
 
 def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:
-    """What *after*, a file that ends in *suffix*, does not say as *before* did, each kind once."""
+    """List, once per kind, what *after*, a file with *suffix*, loses from *before*."""
     found: dict[str, list[DictionaryDifference]] = {}
     for difference in differences(before, after):
         if difference.what not in _BESIDE:
@@ -157,19 +154,19 @@ class DeviceFileFormat(ConversionFormat):
     suffixes = DEVICE_SUFFIXES
 
     def write(self, session: Session, wanted: Converted) -> Facts:
-        """Write it, as `convert_device_file` does; UsageError for another suffix."""
+        """Write it by `convert_device_file`; raises UsageError for another suffix."""
 
         return convert_device_file(session, wanted.source, wanted.target)
 
 
 class ConciseDcfFormat(ConversionFormat):
-    """A concise DCF (0x1F22) of one node."""
+    """A concise DCF (0x1F22) of a node."""
 
     suffixes = (CONCISE_SUFFIX,)
     instead_of_a_node = None
 
     def write(self, session: Session, wanted: Converted) -> Facts:
-        """Write it, as `convert_network` does."""
+        """Write it by `convert_network`."""
         from dvtcli.operations.network.concise_network import convert_network
 
         return convert_network(session, wanted.source, wanted.target, wanted.node)
@@ -177,7 +174,7 @@ class ConciseDcfFormat(ConversionFormat):
 
 @cache
 def conversion_formats() -> Mapping[str, ConversionFormat]:
-    """Every format by its suffixes."""
+    """Map suffixes to formats."""
 
     formats: tuple[ConversionFormat, ...] = (ConciseDcfFormat(), DbcFormat(), DeviceFileFormat())
     return {suffix: format_ for format_ in formats for suffix in format_.suffixes}
@@ -186,12 +183,11 @@ def conversion_formats() -> Mapping[str, ConversionFormat]:
 def convert_file(
     session: Session, file: str, target: str, node: str | int | None = None, wishes: DbcOptions | None = None
 ) -> Facts:
-    """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
+    """Convert *file* to the format of *target*'s suffix, and list what is lost.
 
-    An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file, a .dbc of all
-    its nodes, or of those in a recording, by *wishes*. Asks before it overwrites.
-    UsageError where *target* has another suffix, or a file cannot be read or written; InputFileError where *file* is
-    none.
+    An EDS or XDD has no values of a node. A .cdcf is of *node* of a network file, a .dbc of all nodes of a network file
+    or recording, by *wishes*. Asks before overwriting. Raises UsageError if *target* has another suffix, or a file
+    cannot be read or written; InputFileError if *file* is invalid.
     """
     kind = _format_of(target)
     if wishes and not kind.has_wishes:
@@ -208,6 +204,6 @@ def convert_file(
 
 
 def _format_of(target: str) -> ConversionFormat:
-    """The format of *target*; that of device files, which says what there is, where nobody knows the suffix."""
+    """Return the format of *target*; for an unknown suffix the device file format, which lists all suffixes."""
     known, name = conversion_formats(), target.lower()
     return next((conversion for suffix, conversion in known.items() if name.endswith(suffix)), known[".eds"])
