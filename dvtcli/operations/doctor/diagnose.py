@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def failed(name: str, error: DvtcliError) -> Check:
-    """The check *name* that ended in *error*."""
+    """Make the failed check *name* from *error*."""
     why = f": {error.why}" if error.why else ""
     return Check(name, "FAIL", f"{error.text}{why}", error.hint, error.exit_code)
 
@@ -39,7 +39,7 @@ _TRIED_BYTES = 60_000
 
 
 def library_check() -> Check:
-    """How many EDS files nodes are recognised by, and where they are."""
+    """Check the EDS library: number of files, folder."""
     from dvtcli.files.device_library.stored_files import folder, stored_files
 
     count = len(stored_files())
@@ -78,9 +78,9 @@ def state_checks(session: Session) -> Iterator[Check]:
 
 
 def _try(folder: Path) -> None:
-    """Do in *folder*, or if it is missing in the one above, what keeps a journal; nothing if neither is there yet.
+    """Test the file operations of a journal in *folder* or its parent; skipped if neither exists.
 
-    OSError, which names a file, if the disk does not take that.
+    Raises OSError, with a file name, if the disk refuses.
     """
     folder = folder if folder.is_dir() else folder.parent
     if folder.is_dir():
@@ -94,7 +94,7 @@ def _try(folder: Path) -> None:
 
 
 def _left_over(folders: Iterable[Path]) -> str:
-    """What processes that were killed left in *folders*: it harms nobody."""
+    """Report harmless remains of killed processes in *folders*."""
     from dvtcli.device.change.journal import unneeded_markers
 
     found = [path for folder in folders for path in (*unfinished(folder), *unneeded_markers(folder))]
@@ -114,7 +114,7 @@ def _journals(folder: Path) -> Check:
 
 
 def habits_check() -> Check:
-    """Of how many devices something is remembered that changes how they are written to."""
+    """Count devices with remembered habits for writing."""
     from dvtcli.operations.known_devices.device_habits import list_habits
 
     rows = list_habits().rows
@@ -146,7 +146,7 @@ _WORST = "is the bit rate right, the other end powered, and is there a terminato
 
 
 def bus_checks(session: Session) -> Iterator[Check]:
-    """Whether the bus opens, what is heard on it, and whether the selected node answers."""
+    """Check that the bus opens, its traffic, and the selected node."""
     from dvtcli.bus.python_can_settings import is_configured
 
     try:
@@ -171,7 +171,7 @@ def bus_checks(session: Session) -> Iterator[Check]:
 
 
 def _heard(session: Session) -> Iterator[Check]:
-    """The traffic of a second."""
+    """Report the traffic of a second."""
     bus, frames = session.wire, 0
 
     def count(_frame: Frame, sent: bool) -> None:
@@ -200,7 +200,7 @@ def _heard(session: Session) -> Iterator[Check]:
 
 
 def _node(session: Session) -> Iterator[Check]:
-    """Whether the selected node answers, and by which files it is known."""
+    """Report whether the selected node answers, and its files."""
     try:
         node_id = session.node_id()
     except UsageError:
@@ -226,7 +226,7 @@ def _node(session: Session) -> Iterator[Check]:
 
 
 def checks(session: Session) -> Iterator[Check]:
-    """Every check, what the others need first."""
+    """Run every check, prerequisites first."""
     yield _python()
     yield _packages()
     yield _settings(session)
@@ -247,7 +247,7 @@ def _python() -> Check:
 
 
 def _packages() -> Check:
-    """The packages that dvtcli names as its own, with their versions."""
+    """Report dvtcli's packages and their versions."""
     from importlib.metadata import PackageNotFoundError, requires, version
 
     from dvtcli.version import DISTRIBUTION
@@ -265,7 +265,7 @@ def _packages() -> Check:
 
 
 def _settings(session: Session) -> Check:
-    """Which settings count, and where each was said."""
+    """Report the settings in force and their sources."""
     try:
         session.require_settings()
     except DvtcliError as wrong:
@@ -296,7 +296,7 @@ def _shown(value: object) -> str:
 
 
 def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object, str]]:
-    """What python-can's own files and environment add to *options*, as far as it counts."""
+    """Yield the settings that python-can's files and environment add to *options*."""
     from dvtcli.bus.python_can_settings import library_settings
 
     if options["sim"] or options["interface"]:
@@ -332,7 +332,7 @@ def _interfaces(session: Session) -> Iterator[Check]:
 
 
 def _transports() -> Iterator[Check]:
-    """Ways to a bus that other packages bring, for `-i`."""
+    """Report bus interfaces from other packages, for `-i`."""
     from dvtcli.bus.transports import brought
 
     for transport in brought():
