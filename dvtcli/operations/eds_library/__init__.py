@@ -1,1 +1,1 @@
-"""The library of device files: filled, listed, and asked which file describes a node."""
+"""The library of device files: add, list, find the file of a node."""

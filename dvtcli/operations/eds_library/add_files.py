@@ -1,6 +1,6 @@
-"""Files added to the library: each read whole first, kept under the identity that nodes are recognised by.
+"""Add files to the library under their identity, after a complete read.
 
-What cannot be found by an identity, or is broken, is left out and said. Does not know which file a node gets.
+Files that are broken or without identity are left out and reported.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ _FAMILY = "family "
 
 @dataclass(frozen=True, slots=True)
 class Sought:
-    """A file to be added: its *path*, and *origin*, what is said of where it came from."""
+    """A file to add: its *path*, and *origin*, its source in words."""
 
     path: Path
     origin: str
 
     @property
     def shown(self) -> str:
-        """The file as it was named."""
+        """Return the file as named by the user."""
         return self.origin if self.origin.startswith(_FAMILY) else str(self.path)
 
 
 def sought_files(words: tuple[str, ...]) -> tuple[list[Sought], int]:
-    """What *words* stand for, each file once, and how many files of folders are no device files.
+    """Resolve *words* into files without repetition, and count other files in folders.
 
-    A file wins over a family of that name. UsageError for a word that is neither, and for a folder of too many files.
+    A file wins over a family of that name. Raises UsageError for an unknown word and for a folder with too many files.
     """
     found: dict[Path, Sought] = {}
     others = 0
@@ -103,7 +103,7 @@ def _of_folder(word: str) -> tuple[list[Sought], int]:
 
 
 def _is_file_in(where: str, name: str) -> bool:
-    """Whether *name* in the folder *where* is a file that ends: no pipe, no device."""
+    """Tell whether *name* in the folder *where* is a regular file."""
     return os.path.isfile(os.path.join(where, name))  # noqa: PTH113, PTH118 - as above
 
 
@@ -112,11 +112,11 @@ Identity = tuple[int, int, int]
 
 
 def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, int] | None = None) -> LibraryAdded:
-    """Keep the files that *words* name (files, folders, families) for the nodes of their identity.
+    """Add the files of *words* (files, folders, families) to the library under their identity.
 
-    With *identity* (`vendor`, `product`, `revision`) one file is kept for that one, whatever it says itself. Where one
-    file is named and cannot be kept, InputFileError; of several that is its row. UsageError for a word that names
-    nothing, or where the library cannot be written.
+    *identity* (`vendor`, `product`, `revision`) replaces the identity of a single file. A single file that cannot be
+    added raises InputFileError; of several files its row shows the error. Raises UsageError for a word without files,
+    or if the library cannot be written.
     """
     sought, others = sought_files(words)
     given = None if identity is None else _given(identity, sought)
@@ -135,14 +135,14 @@ def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, i
 
 
 def _are_all_taken(rows: list[AddedFile]) -> bool:
-    """Whether each kept file is, now, the one that is taken for a node of its identity."""
+    """Tell whether each added file is now the preferred file of its identity."""
     files, kept = stored_files(), {row.kept for row in rows}
     taken = {str(file.path) for file in taken_of(files)}
     return all(str(file.path) in taken for file in files if str(file.path) in kept)
 
 
 def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:
-    """The identity to keep the one file for; UsageError where there are several, or it is none."""
+    """Return the given identity for a single file; raises UsageError for several files or an invalid identity."""
     if len(sought) != 1:
         raise UsageError(
             f"one file has it, and these are {len(sought)}", hint="add each with its own", given={"identity": None}
@@ -180,7 +180,7 @@ def _add(one: Sought, given: Identity | None, *, dry_run: bool) -> AddedFile:
 
 
 def _target(one: Sought, identity: Identity, there: list[StoredFile], data: bytes) -> StoredFile:
-    """Where *one* is kept: in place of what came from there before, else beside all others, also of its name."""
+    """Choose the place of *one*: replaces the file from the same source, else a new name."""
     for kept in there:
         if remembered(kept).origin == one.origin:
             return kept
@@ -192,7 +192,7 @@ def _target(one: Sought, identity: Identity, there: list[StoredFile], data: byte
 
 
 def _beside(target: StoredFile, others: list[StoredFile], first: StoredFile) -> str:
-    """What to say of *others* that are for the same identity and say something else; *first* is taken."""
+    """Describe *others* with the same identity and different contents; *first* is preferred."""
     if not others:
         return ""
     if first != target:
@@ -202,7 +202,7 @@ def _beside(target: StoredFile, others: list[StoredFile], first: StoredFile) -> 
 
 
 def _read(path: Path) -> tuple[bytes, ObjectDictionary]:
-    """The bytes of the file and what they mean; InputFileError where they mean nothing."""
+    """Read a file and its dictionary; raises InputFileError if invalid."""
     try:
         data = read_input_head(path, MOST_BYTES + 1)
     except OSError as failed:
@@ -213,7 +213,7 @@ def _read(path: Path) -> tuple[bytes, ObjectDictionary]:
 
 
 def _own_identity(one: Sought, info: DeviceInfo) -> Identity:
-    """The identity that the file names; InputFileError where no node can have it."""
+    """Return the file's identity; raises InputFileError if no node can have it."""
     vendor, product, revision = (
         None if number == ERASED else number for number in (info.vendor_id, info.product_code, info.revision_number)
     )
@@ -238,7 +238,7 @@ def _holds(kept: StoredFile, data: bytes) -> bool:
 
 
 def _keep(target: StoredFile, data: bytes, known: KnownFile, dictionary: ObjectDictionary) -> None:
-    """Write the file, then the note about it; UsageError where the file cannot be written."""
+    """Write the file, then its note; raises UsageError if the file cannot be written."""
     where = target.path.parent
     try:
         where.mkdir(parents=True, exist_ok=True)
@@ -250,7 +250,7 @@ def _keep(target: StoredFile, data: bytes, known: KnownFile, dictionary: ObjectD
 
 
 def put_first(one: StoredFile) -> None:
-    """Make *one* the newest of its identity, which goes first; UsageError where that cannot be written."""
+    """Make *one* the newest, and preferred, of its identity; raises UsageError if impossible."""
     try:
         others = [other for other in stored_files() if other.identity == one.identity and other.path != one.path]
         newest = max((other.path.stat().st_mtime_ns for other in others), default=0)
@@ -262,9 +262,9 @@ def put_first(one: StoredFile) -> None:
 
 
 def remember(one: StoredFile, known: KnownFile, dictionary: ObjectDictionary) -> FileDescription:
-    """Note what is in *one*, beside what is *known* of it, where a note can be written.
+    """Write a note of the contents of *one* and of *known*, if possible.
 
-    Without one the file is read when it is listed.
+    Without a note the file is read when listed.
     """
     found = described(dictionary)
     with suppress(UsageError):
@@ -273,7 +273,7 @@ def remember(one: StoredFile, known: KnownFile, dictionary: ObjectDictionary) ->
 
 
 def described(dictionary: ObjectDictionary) -> FileDescription:
-    """What a file with *dictionary* says of itself."""
+    """Summarise a file with *dictionary*."""
     info = dictionary.info
     return FileDescription(
         info.vendor_id, info.product_code, info.revision_number, info.vendor_name, info.product_name, len(dictionary)
@@ -281,7 +281,7 @@ def described(dictionary: ObjectDictionary) -> FileDescription:
 
 
 def write_note(one: StoredFile, known: KnownFile, found: FileDescription) -> None:
-    """Note what is *known* of the file and was *found* in it; UsageError where that cannot be written."""
+    """Write a note of *known* and *found*; raises UsageError if impossible."""
     place = about_place(one)
     try:
         place.parent.mkdir(exist_ok=True)

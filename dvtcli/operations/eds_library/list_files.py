@@ -1,4 +1,4 @@
-"""The files of the library listed, put first or removed. Opens a file only where no note says what is in it."""
+"""List, prefer and remove files of the library. Reads a file only if its note is missing."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _IDENTITY = re.compile(r"[0-9A-F]{8}-[0-9A-F]{8}(-[0-9A-F]{8})?", re.IGNORECASE)
 
 
 def list_files(session: Session) -> LibraryListing:
-    """Every file of the library, by vendor, product and revision; one that cannot be read says so in its row."""
+    """List the library by vendor, product and revision; unreadable files have an error in their row."""
     return _listing(session)
 
 
 def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
-    """Remove the files that *words* name, by number, name or identity, and list what is left. Asks.
+    """Remove the files *words*, by number, name or identity, and list the rest. Asks.
 
-    UsageError for a word that names none, or several by their name, and where a file cannot be removed.
+    Raises UsageError for an unknown or ambiguous word, or if a file cannot be removed.
     """
     chosen = _chosen(words)
     labels = tuple(f"{identity_word(listed_file.identity)} {listed_file.label}" for listed_file in chosen)
@@ -44,9 +44,9 @@ def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
 
 
 def prefer_file(session: Session, word: str) -> LibraryListing:
-    """Take the file that *word* names before others of its identity, until another one is added, and without a warning.
+    """Prefer the file *word* to others of its identity, without a warning, until another is added.
 
-    UsageError for a word that names none, or several, and where that cannot be noted.
+    Raises UsageError for an unknown or ambiguous word, or if it cannot be noted.
     """
     chosen = _chosen((word,))
     if len(chosen) != 1:
@@ -59,7 +59,7 @@ def prefer_file(session: Session, word: str) -> LibraryListing:
 
 
 def _put_first(one: StoredFile) -> None:
-    """Make it the newest one, and preferred; UsageError where that cannot be: then it stays as old as it was."""
+    """Make it newest and preferred; raises UsageError if impossible: its age stays."""
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
 
     known, held = remembered(one), one.path.stat()
@@ -81,7 +81,7 @@ def _chosen(words: tuple[str, ...]) -> list[StoredFile]:
 
 
 def _named(word: str, files: tuple[StoredFile, ...]) -> list[StoredFile]:
-    """The files of the library that *word* names: the number in the list, the identity, or one by its name."""
+    """Find library files by *word*: number in the list, identity, or name."""
     if word.isdecimal() and 1 <= int(word) <= len(files):
         return [files[int(word) - 1]]
     if _IDENTITY.fullmatch(word):
@@ -129,9 +129,9 @@ def _strangers(known: int) -> int:
 
 
 def problem_of(path: Path) -> str:
-    """Why the file of the library at *path* cannot be read; empty for nothing, and for a file that is none of it.
+    """Explain why the library file at *path* is unreadable; empty if readable or no library file.
 
-    It is opened only where no note says what is in it as it is now.
+    Reads the file only without a current note.
     """
     if path.parent != folder():
         return ""
@@ -140,7 +140,7 @@ def problem_of(path: Path) -> str:
 
 
 def _said(one: StoredFile) -> FileDescription | str:
-    """What is in the file, or why it cannot be read."""
+    """Return the file's summary, or why it is unreadable."""
     known = remembered(one)
     try:
         return known.described or _describe(one, known)
