@@ -1,1 +1,1 @@
-"""Files that come from other tools, and go to them."""
+"""Import and export files of other tools."""

@@ -1,4 +1,4 @@
-"""How a DBC file is wanted, apart from whose it is."""
+"""Options of a DBC file."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class DbcOptions:
-    """*services* (see `SERVICES`) adds their frames; *split_bits* makes a signal of each bit where bits have names.
+    """*services* (see `SERVICES`) adds their frames; *split_bits* makes a signal per named bit.
 
-    With *everything* PDOs that are off are in it, too, as if they were on.
+    *everything* includes disabled PDOs, as if enabled.
     """
 
     services: tuple[str, ...] = ()
@@ -18,7 +18,7 @@ class DbcOptions:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The names of what is wanted otherwise than by default."""
+        """Name the options that are not default."""
         return tuple(field.name for field in fields(self) if getattr(self, field.name))
 
     def __bool__(self) -> bool:

@@ -40,7 +40,7 @@ _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 def pdo_signals(
     field: Field, node: NodeState, meanings: Meanings, names: Names, *, split_bits: bool = False
 ) -> list[DbcSignal]:
-    """The object at *field* of a PDO of *node* as one signal; with *split_bits* as one a bit, where bits have names."""
+    """Make a signal of the object at *field*; with *split_bits*, one per named bit."""
     index, sub_index = field.entry.index, field.entry.sub_index
     meaning = meanings.of(index, sub_index)
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
@@ -59,9 +59,9 @@ def _bit(start: int, name: str, comment: str, names: Names) -> DbcSignal:
 
 
 def _pdo_signal(field: Field, node: NodeState, meanings: Meanings, names: Names) -> DbcSignal:
-    """The object at *field* of a PDO of *node*, with its unit, scale, limits and words; without a type: unsigned.
+    """Make a signal with unit, scale, limits and value names; unsigned without a type.
 
-    Of a REAL only a part is raw bits; so are texts and times.
+    Texts, times, and partly mapped REALs are raw bits.
     """
     index, sub_index = field.entry.index, field.entry.sub_index
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
@@ -90,7 +90,7 @@ def _holds(value: int, bits: int, signed: bool) -> bool:
 def _raw_limits(
     entry: OdEntry | None, kind: DataType | None, node_id: int, bits: int, *, is_real: bool
 ) -> tuple[float, float] | None:
-    """LowLimit and HighLimit, that of the type where the file has one of them only; None for none."""
+    """Return LowLimit and HighLimit, a missing limit by the type; None if both are missing."""
     low, high = (None, None) if entry is None else entry.limits(node_id)
     ends = None if kind is None or is_real else kind.limits
     if (low is None and high is None) or (ends is None and None in (low, high)) or (kind and kind.bits != bits):
@@ -113,7 +113,7 @@ def _physical(
 
 
 def _signal_comment(field: Field, kind: DataType | None, name: str, meaning: Scaling) -> str:
-    """The object, its type, its whole name, and the names of its bits."""
+    """Write the comment: object, type, full name, names of bits."""
     entry = field.entry
     what = " ".join(filter(None, (f"0x{entry.index:04X}:{entry.sub_index:02X}", kind.short if kind else "", name)))
     bits = ", ".join(f"bit {bit} {word}" for bit, word in sorted(meaning.bits.items()) if bit < field.bits)
@@ -135,7 +135,7 @@ _Held = tuple[NodeState, "Pdo", "PdoConfig"]
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """What signals are made of: what the values of nodes mean, and what nodes are called, both by node-ID."""
+    """The inputs of signals: scalings and names of nodes by node-ID."""
 
     state: NetworkState
     meanings: Mapping[int, Meanings]
@@ -145,7 +145,7 @@ class _Drawn:
 
 @dataclass(slots=True)
 class NetworkMessages:
-    """The *messages* in order of CAN-ID, the *nodes* by name with a comment, and what is *left_out* and why."""
+    """The *messages* by CAN-ID, *nodes* with comments, and what is *left_out* with reasons."""
 
     names: dict[int, str]
     nodes: dict[str, str]
@@ -156,10 +156,10 @@ class NetworkMessages:
 def network_messages(
     state: NetworkState, meanings: Mapping[int, Meanings], wishes: DbcOptions = PLAIN
 ) -> NetworkMessages:
-    """The enabled PDOs of *state*, one message a CAN-ID; *meanings*, by node-ID, says what their objects' values mean.
+    """Make a message per CAN-ID of the enabled PDOs of *state*; *meanings* has scalings by node-ID.
 
-    A TPDO says what is in its message, and each RPDO with its CAN-ID makes its node a receiver of the signals it maps.
-    Of *wishes* the services have a message where no PDO has their CAN-ID.
+    A TPDO defines the message; each RPDO with its CAN-ID makes its node a receiver of the mapped signals. *wishes* adds
+    messages of services for other CAN-IDs.
     """
     names = _node_names(state)
     nodes = {names[node.node_id]: f"node {node.node_id} {node.title or node.name}".rstrip() for node in state.nodes}
@@ -222,7 +222,7 @@ def _place(held: _Held) -> tuple[bool, int, bool, bool, int, int]:
 
 
 def _fits(held: _Held, found: NetworkMessages) -> bool:
-    """Whether a message can say it; why not is said in *found*."""
+    """Tell whether it fits a message; records in *found* why not."""
     node, pdo, config = held
     bits = sum(entry.bits for entry in config.mapping)
     why = "it is multiplexed" if config.mpdo is not None else config.inconsistency or ""
@@ -234,7 +234,7 @@ def _fits(held: _Held, found: NetworkMessages) -> bool:
 
 
 def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: NetworkMessages) -> DbcMessage:
-    """The message of *group*, the PDOs with one CAN-ID: what the first one says, and what the others hear of it."""
+    """Make the message of PDOs with the same CAN-ID: defined by the first, received by the others."""
     (first, pdo, _), *others = group
     heard = [receiving_pdo for receiving_pdo in group if not receiving_pdo[1].is_tpdo]
     for node, other, _ in others:
@@ -252,9 +252,9 @@ def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: N
 
 
 def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcSignal, ...]:
-    """One signal for each object that *says* map where no earlier one lies, received by those *heard* that map it.
+    """Make non-overlapping signals of objects that *says* map, with receivers from *heard*.
 
-    Where bits are wanted, one for each bit instead.
+    With split bits, a signal per bit.
     """
     names, signals = Names(), list[DbcSignal]()
     for node, _, config in says:
@@ -271,7 +271,7 @@ def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcS
 
 
 def _objects(config: PdoConfig) -> list[Field]:
-    """What is mapped, without dummies: these are gaps."""
+    """Return mapped objects without dummies, which are gaps."""
     return [
         mapped_object
         for mapped_object in layout(config.mapping)
@@ -314,9 +314,9 @@ def _cycle_ms(held: _Held, state: NetworkState) -> int:
 
 
 def export_dbc(session: Session, file: str, wishes: DbcOptions = PLAIN) -> Facts:
-    """Write the enabled PDOs of the nodes that answer (or of those of `-n`), as they are now, to the DBC *file*.
+    """Export the enabled PDOs of answering nodes (or `-n`) to the DBC *file*.
 
-    Asks before it overwrites. NoAnswer where no node answers; UsageError where the file cannot be written.
+    Asks before overwriting. Raises NoAnswer if no node answers; UsageError if the file cannot be written.
     """
     from dvtcli.operations.nodes.find_nodes import find_nodes
     from dvtcli.operations.plans.network_states import network_state
@@ -333,9 +333,9 @@ def export_dbc(session: Session, file: str, wishes: DbcOptions = PLAIN) -> Facts
 
 
 def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
-    """Write what the nodes of the network file *source* send and hear once it is applied to the DBC *file*.
+    """Convert the PDOs of the network file *source*, as applied, to the DBC *file*.
 
-    Asks before it overwrites. Raises as reading a network file does; UsageError where the DBC file cannot be written.
+    Asks before overwriting. Raises as reading a network file; UsageError if the DBC file cannot be written.
     """
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_network
@@ -350,7 +350,7 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions 
 
 
 def _tell_guessed(session: Session, source: str, node: NodeState, *, everything: bool) -> None:
-    """Say of which PDOs that get a message *source* does not say what they map."""
+    """Report PDOs with a message whose mapping is not in *source*."""
     pdos = [pdo for pdo in node.guessed if node.pdos[pdo].enabled or everything]
     if pdos:
         names = f"{', '.join(pdo.label for pdo in pdos)} of node {node.node_id} map{'s' if len(pdos) == 1 else ''}"
@@ -359,9 +359,9 @@ def _tell_guessed(session: Session, source: str, node: NodeState, *, everything:
 
 
 def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
-    """Write the PDOs that the SDO transfers in the recording *source* say to the DBC *file*.
+    """Convert the PDOs known from SDO transfers in the recording *source* to the DBC *file*.
 
-    Asks before it overwrites. Raises as `recorded_network`; UsageError where the DBC file cannot be written.
+    Asks before overwriting. Raises as `recorded_network`; UsageError if the DBC file cannot be written.
     """
     from dvtcli.operations.exchange.recorded_network import recorded_network
 
@@ -396,7 +396,7 @@ def _write(
 
 
 def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcOptions = PLAIN) -> NetworkMessages:
-    """The messages of *state*; *said*, by node-ID, goes before what profiles and files say of values."""
+    """Make the messages of *state*; *said* has rules by node-ID that override profiles and files."""
     meanings = {
         node.node_id: meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})]) for node in state.nodes
     }

@@ -1,4 +1,4 @@
-"""What a node holds, as a network file that says the same. Writes nothing to a node."""
+"""Export a node as a network file. Writes nothing to the node."""
 
 from __future__ import annotations
 
@@ -28,17 +28,16 @@ if TYPE_CHECKING:
 
 
 def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], path: Path) -> Exported:
-    """*node*, whose PDOs are *held*, as the network file *path* says it.
+    """Export *node* with the PDOs *held* to the network file *path*.
 
-    The EDS that knows its names is always named: what its identity leads to is another file once one is added to the
-    library.
+    The file always names the EDS: its identity may lead to another file later, when one is added to the library.
     """
     found = exported(node, held, node.memory, all_of(node.dictionary))
     return replace(found, wish=replace(found.wish, dcf=_dcf(session, node, path), profile=session.options.profile))
 
 
 def _dcf(session: Session, node: Node, path: Path) -> FileWord | None:
-    """What leads from the network file *path* to the EDS that *node* is known by; None where it is known by none."""
+    """Return the path, for *path*, of the EDS of *node*; None if it has none."""
     if session.options.eds is not None:
         return eds_word(file_or_family(session.options.eds), path)
     eds = session.network.files.eds_path(node.node_id)
@@ -46,7 +45,7 @@ def _dcf(session: Session, node: Node, path: Path) -> FileWord | None:
 
 
 def eds_word(eds: Path, path: Path) -> FileWord:
-    """What the network file *path* says to mean *eds*: its family, its whole name in the library, or where it is."""
+    """Name *eds* in the network file *path*: as a family, a library file, or a path."""
     family = family_of(eds)
     if family is not None:
         return FileWord(family)
@@ -54,7 +53,7 @@ def eds_word(eds: Path, path: Path) -> FileWord:
 
 
 def beside(eds: Path, path: Path) -> FileWord:
-    """Where *eds* is, seen from the folder of the network file *path*."""
+    """Return the path of *eds* relative to the network file *path*."""
     try:
         return FileWord(Path(os.path.relpath(eds, path.parent)).as_posix())
     except ValueError:  # on another drive
@@ -65,10 +64,10 @@ SUFFIXES = (".yaml", ".yml")
 
 
 def export_node(session: Session, file: str, node_id: int | None = None) -> Facts:
-    """Write every PDO of the node with *node_id* (None: the selected one), as it is now, to the network file *file*.
+    """Export every PDO of the node with *node_id* (None: the selected node) to the network file *file*.
 
-    Asks before it overwrites. What is no whole PDO, or an MPDO, is left out and said. UsageError for another suffix,
-    where no node is selected, or the file cannot be written.
+    Asks before overwriting. Incomplete PDOs and MPDOs are left out and reported. Raises UsageError for another suffix,
+    if no node is selected, or the file cannot be written.
     """
     path = network_place(file, "NAME.yaml")
     if node_id is None and session.selected_id() is None:
@@ -97,7 +96,7 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
 
 
 def network_place(file: str, example: str) -> Path:
-    """Where the network file *file* is to be; UsageError for another suffix, or where it cannot be."""
+    """Return the path of the network file *file*; raises UsageError for another suffix or a bad place."""
     if not file.lower().endswith(SUFFIXES):
         hint = Hint(Action.EXPORT, {"file": "FILE.dcf"}, "writes a DCF") + Hint(
             Action.SAVE_SCRIPT, {"all": True}, ", {} a script"

@@ -1,7 +1,4 @@
-"""What a node does with heartbeats, guarding, SYNC, emergencies, time stamp, as a network file says it. Writes nothing.
-
-Does not know PDOs.
-"""
+"""Export a node's heartbeats, guarding, SYNC, EMCY and time stamp to a network file. Writes nothing."""
 
 from __future__ import annotations
 
@@ -36,12 +33,12 @@ _USUAL = {0x1005: (0x80, 0x8000_0080), 0x1006: (0,), 0x100C: (0,), 0x100D: (0,),
 
 
 def all_of(dictionary: ObjectDictionary | None) -> Said:
-    """All that a node on a bus has by its EDS: the file is the record of what it held."""
+    """Export everything that a node has by its EDS: the file records its state."""
     return lambda index, sub_index: dictionary is None or dictionary.entry(index, sub_index) is not None
 
 
 def values_of(dictionary: ObjectDictionary) -> Said:
-    """What a DCF or XDC has a value of; of an EDS nothing."""
+    """Export values in a DCF or XDC; nothing of an EDS."""
 
     def said(index: int, sub_index: int) -> bool:
         entry = dictionary.entry(index, sub_index)
@@ -51,7 +48,7 @@ def values_of(dictionary: ObjectDictionary) -> Said:
 
 
 def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None, said: Said) -> Iterator[ObjectWish]:
-    """0x1017 where the node has it, and of the others what is *said*, or not as it usually is."""
+    """Yield 0x1017 if present, and of the others those *said* or not at their usual value."""
     for key in OF[Where.NODE].values():
         if key.object is None:
             continue
@@ -64,7 +61,7 @@ def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None, sai
 
 
 def exported_behaviours(values: SdoReader, dictionary: ObjectDictionary, said: Said) -> Iterator[ObjectWish]:
-    """What is *said* of what the node does after errors (0x1029)."""
+    """Yield the error behaviours (0x1029) that are *said*."""
     for entry in dictionary.entries():
         place = entry.index, entry.sub_index
         if place[0] == _BEHAVIOUR and place[1] and entry.access.writable and said(*place):
@@ -80,10 +77,10 @@ def exported_values(
     node_id: int,
     said: Said,
 ) -> Iterator[tuple[ValueWish, str]]:
-    """What is *said* of emergencies, the counter of SYNC, and entries of 0x1016 besides *watches*, with its sense.
+    """Yield EMCY, SYNC counter and entries of 0x1016 except *watches*, if *said*, with their meaning.
 
-    These have no key of their own. The COB-ID of EMCY follows the node-ID where it is the default of *node_id*. Not
-    what the node's EDS does not have: nobody could check that without the node.
+    They have no keys of their own. A default EMCY COB-ID of *node_id* follows the node-ID. Objects missing in the EDS
+    are left out: they could not be checked without the node.
     """
     for (index, size), sense in _WITHOUT_KEY.items():
         held = _held(values, index, 0, size)
@@ -102,7 +99,7 @@ def exported_values(
 
 
 def _held(values: SdoReader, index: int, sub_index: int, size: int) -> int | None:
-    """What is held; None where it is not there, or cannot be read: then it is not compared either."""
+    """Return the value; None if absent or unreadable: not compared."""
     try:
         return read_optional(values, index, sub_index, size)
     except SdoAborted:
@@ -122,7 +119,7 @@ def _is_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: int) -
 
 
 def exported_watches(values: SdoReader) -> Iterator[HeartbeatWatch]:
-    """The entries of 0x1016 that are in use, one a producer, in order of node-ID."""
+    """Yield the used entries of 0x1016, one per producer, by node-ID."""
     found: dict[int, int] = {}
     for value in _slots(values).values():
         producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF

@@ -1,4 +1,4 @@
-"""A node, or a file that describes one, as a node of a network file. Writes nothing to a node."""
+"""Export a node, or a file about a node, as a node of a network file. Writes nothing to a node."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def exported_pins(values: SdoReader, groups: Mapping[str, VpdoGroup]) -> Iterator[PinWish]:
-    """The active pins of each of *groups* by name, as far as the last one that is tied to something."""
+    """Yield the pins of each of *groups* by name, up to the last connected pin."""
     for name, group in sorted(groups.items()):
         try:
             held = list(_held(values, group))
@@ -47,40 +47,40 @@ def _held(values: SdoReader, group: VpdoGroup) -> Iterator[int]:
 
 
 class NamedNode(Protocol):
-    """A node whose objects may have names."""
+    """A node with object names."""
 
     @property
     def node_id(self) -> int:
-        """Its node-ID."""
+        """The node-ID."""
         ...
 
     @property
     def title(self) -> str:
-        """What the device is called."""
+        """The device's name."""
         ...
 
     @property
     def dictionary(self) -> ObjectDictionary | None:
-        """Its object dictionary."""
+        """The object dictionary."""
         ...
 
     @property
     def profile(self) -> DeviceProfile:
-        """Its family's profile."""
+        """The family's profile."""
         ...
 
 
 class PdoHolder(NamedNode, Protocol):
-    """What holds PDOs: a node, or a file that says what one holds."""
+    """A holder of PDOs: a node, or a file with its values."""
 
     def identity(self) -> dict[str, int | None]:
-        """What 0x1018 says of it."""
+        """The identity (0x1018)."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A node as a network file has it: what its PDOs say, what is remarked of their words, and what is no whole PDO."""
+    """A node for a network file: its PDOs, remarks on words, and PDOs left out."""
 
     wish: NodeWish
     remarks: dict[tuple[int, str], str]
@@ -88,7 +88,7 @@ class Exported:
 
     @property
     def left_out_note(self) -> str:
-        """What is to be said of what was left out; empty for nothing."""
+        """Report what was left out; empty if nothing."""
         if not self.left_out:
             return ""
         verb = "is no whole PDO" if len(self.left_out) == 1 else "are no whole PDOs"
@@ -96,9 +96,9 @@ class Exported:
 
 
 def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader, said: Said) -> Exported:
-    """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of the rest.
+    """Convert the PDOs *held* of *holder*, and the objects in *values*, for a network file.
 
-    What is as usual is in it where it is *said*.
+    Usual values are included if *said*.
     """
     remarks: dict[str, str] = {}
     wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
@@ -116,19 +116,19 @@ def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader
 
 
 def is_whole(config: PdoConfig) -> bool:
-    """Whether a network file can say all of it: it is no MPDO, nothing of it is unknown, and each entry has bits."""
+    """Tell whether a network file can have it: no MPDO, nothing unknown, each entry has a length."""
     has_bits = all(1 <= entry.bits <= MAX_PDO_BITS for entry in config.mapping)
     return config.mpdo is None and not config.inconsistency and has_bits
 
 
 def title_word(holder: NamedNode) -> str:
-    """The node's name in the file: what its device is called, and its node-ID, so that two of a kind differ."""
+    """Name the node in the file: device name and node-ID, to be unique."""
     word = re.sub(r"[^a-z0-9_]", "", normalised(holder.title).replace(".", "_"))
     return f"{word}_{holder.node_id}" if word and word[0].isalpha() else f"node_{holder.node_id}"
 
 
 def _identity(holder: PdoHolder) -> WantedIdentity:
-    """Which kind of device it is: another one of the same kind may have the file, too."""
+    """Return the kind of device, as the file may serve another of the same kind."""
     found = holder.identity()
     return WantedIdentity(found["vendor"] or None, found["product"] or None)
 
@@ -153,7 +153,7 @@ def _pdo(holder: PdoHolder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]
 
 
 def mapped_word(holder: NamedNode, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
-    """The entry by its object's name where that means it alone, else by its number; the other one is its remark."""
+    """Name the entry by object name if unique, else by number; the other is the remark."""
     name = "" if holder.dictionary is None else holder.dictionary.display_name(entry.index, entry.sub_index)
     word = "" if entry.is_dummy else _named(holder, name, entry)
     remarks[word or str(entry)] = f"skips {entry.bits} bits" if entry.is_dummy else str(entry) if word else name
@@ -161,7 +161,7 @@ def mapped_word(holder: NamedNode, entry: PdoMappingEntry, remarks: dict[str, st
 
 
 def _named(holder: NamedNode, name: str, entry: PdoMappingEntry) -> str:
-    """The name as one word, where the device's file knows the object by it, with the length that is mapped."""
+    """Return the name as one word, if the EDS resolves it to the object with the mapped length."""
     word = normalised(name)
     if not re.fullmatch(r"[a-z_][a-z0-9_]*", word) or holder.dictionary is None:
         return ""

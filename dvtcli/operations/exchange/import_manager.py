@@ -1,6 +1,6 @@
-"""What a CANopen manager downloads to its nodes (CiA 302-3, 0x1F22), as a network file. Writes nothing to a node.
+"""Import what a CANopen manager downloads (CiA 302-3, 0x1F22) as a network file.
 
-Reads the manager, and of its nodes who they are, where they answer: that only tells which EDS has their names.
+Reads the manager, and the identity of its nodes if they answer, to find their EDS. Writes nothing to a node.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _OBVIOUS = (1, 2, 4, 8)
 
 
 def value_word(dictionary: ObjectDictionary | None, place: tuple[int, int], data: bytes) -> tuple[str | None, str]:
-    """*data* of the object at *place* as a value of `sdo:`; None, and why, where nothing that is typed means it."""
+    """Return *data* as a value for `sdo:`; None with the reason if it cannot be written so."""
     entry = None if dictionary is None else dictionary.entry(*place)
     kind = None if entry is None else entry.data_type
     size = f"{len(data)} byte{'' if len(data) == 1 else 's'}"
@@ -91,13 +91,13 @@ _FIRST = (0x1017, _BEHAVIOUR)
 
 @dataclass(slots=True)
 class _Left:
-    """What is downloaded to a node, in its order; each is taken out as it is said. *unsaid*: what never is, and why."""
+    """Downloads to a node in order, removed when converted. *unsaid*: those that cannot be, with reasons."""
 
     data: dict[Place, bytes]
     unsaid: dict[Place, str] = field(default_factory=dict)
 
     def number(self, index: int, sub_index: int, size: int) -> int | None:
-        """A number of *size* bytes; None where it is not downloaded, or is of another size."""
+        """Remove and return a number of *size* bytes; None if not downloaded or of another size."""
         data = self.data.get((index, sub_index))
         if data is None or len(data) != size:
             return None
@@ -106,10 +106,10 @@ class _Left:
 
 
 def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tuple[Exported, tuple[str, ...]]:
-    """*device* as its *downloads* make it, in the order in which these are; and, in words, what a file cannot say.
+    """Convert *downloads* to *device*, in their order; also returns what a file cannot have.
 
-    A stamp (0x1020) is `stamp: true`: that of a file stands for what the file says. A file has one value an object:
-    of several downloads to one the last, and that there are more is among what it cannot say.
+    A stamp (0x1020) becomes `stamp: true`, computed by the file. A file has a single value per object: the last of
+    several downloads counts, and the others are reported.
     """
     left = _Left({(download.index, download.sub_index): download.data for download in downloads})
     remarks: dict[str, str] = {}
@@ -131,9 +131,9 @@ def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tu
 
 
 def _repeated(downloads: Sequence[ConciseEntry]) -> dict[Place, str]:
-    """What is downloaded more than once, as to unlock or to select: each may do something, and a file says the last.
+    """Report repeated downloads, as for unlocking: each may have an effect, and a file has only the last.
 
-    Not those of PDOs, which are off, and map nothing, while they are set; nor a stamp.
+    Excluded are PDOs, which are disabled while being set, and a stamp.
     """
     counts = Counter((download.index, download.sub_index) for download in downloads)
     return {
@@ -170,7 +170,7 @@ def _pdo(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> P
 
 
 def _mapping(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> tuple[FileWord, ...] | None:
-    """All that is mapped; None where the downloads do not say all of it, or as no file can."""
+    """Convert the mapping; None if incomplete or impossible in a file."""
     at = pdo.mapping_index
     count = left.data.get((at, 0))
     if count is None or len(count) != 1 or count[0] > MAX_ENTRIES:
@@ -185,9 +185,9 @@ def _mapping(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) 
 
 
 def _watches(left: _Left) -> tuple[HeartbeatWatch, ...]:
-    """The entries of 0x1016, where they are the last downloads, and as `heartbeat_consumer` makes them in a new node.
+    """Convert the entries of 0x1016 if they are the last downloads and as `heartbeat_consumer` would write them.
 
-    That is from sub-index 1 on, in order of the producers. Others stay what they are.
+    The entries must begin at sub-index 1, ordered by producer. Others stay values.
     """
     places = [place for place in left.data if place[0] == _CONSUMER]
     last = list(left.data)[len(left.data) - len(places) :]
@@ -204,7 +204,7 @@ def _watches(left: _Left) -> tuple[HeartbeatWatch, ...]:
 
 
 def _objects(left: _Left) -> list[ObjectWish]:
-    """What keys of a node say: of those behind the PDOs the first ones, as far as they are in the order of a file."""
+    """Convert objects with keys: the first behind the PDOs, as far as ordered like a file."""
     keys = {key.object[:2]: (key.name, key.object[2]) for key in OF[Where.NODE].values() if key.object is not None}
     found: list[ObjectWish] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:
@@ -217,7 +217,7 @@ def _objects(left: _Left) -> list[ObjectWish]:
 
 
 def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[ValueWish]:
-    """What is left besides PDOs, as `sdo:` has it."""
+    """Convert the rest, besides PDOs, to `sdo:`."""
     found: list[ValueWish] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:
         data, word = left.data.pop(place), f"{place[0]:04X}:{place[1]:02X}"
@@ -240,7 +240,7 @@ _EXPECTED = (0x1F85, 0x1F86)
 
 @dataclass(frozen=True, slots=True)
 class _Booted:
-    """A node that a manager boots: what it is, as far as anybody knows."""
+    """A node that a manager boots, as far as known."""
 
     node_id: int
     identity: WantedIdentity
@@ -248,27 +248,27 @@ class _Booted:
 
     @property
     def dictionary(self) -> ObjectDictionary | None:
-        """What its EDS says."""
+        """The dictionary of its EDS."""
         return None if self.eds is None else read_dictionary(self.eds)
 
     @property
     def profile(self) -> DeviceProfile:
-        """That of its identity, else of its EDS."""
+        """The profile of its identity, else of its EDS."""
         if self.identity.vendor:
             return profile_for_identity(self.identity.vendor, self.identity.product or 0)
         return profile_of(self.dictionary)
 
     @property
     def title(self) -> str:
-        """What its EDS calls it."""
+        """The name in its EDS."""
         return "" if self.dictionary is None else self.dictionary.info.product_name
 
 
 def import_manager(session: Session, file: str, manager: int) -> Facts:
-    """Write what the node *manager* downloads to each node that boots, or to those of `-n`, to the network file *file*.
+    """Import what the manager *manager* downloads to its nodes, or those of `-n`, to the network file *file*.
 
-    What no file can say is left out and named, and so is what is no concise DCF. Asks before it overwrites. UsageError
-    where *manager* keeps no concise DCFs, or only empty ones.
+    Reports what a file cannot have, and invalid concise DCFs. Asks before overwriting. Raises UsageError if *manager*
+    has no concise DCFs, or only empty ones.
     """
     path = network_place(file, "NAME.yaml")
     ask_before_overwriting(session, path)
@@ -301,7 +301,7 @@ def _notes(wish: NodeWish, unsaid: tuple[str, ...]) -> Iterator[str]:
 
 
 def _downloads(session: Session, node: Node, notes: list[str]) -> Iterator[tuple[int, tuple[ConciseEntry, ...]]]:
-    """What *node* downloads, by node-ID; what is no concise DCF, or cannot be read, is said."""
+    """Yield the downloads of *node* by node-ID; reports invalid and unreadable concise DCFs."""
     try:
         count = node.observed(partial(node.known_value, CONCISE_DCF, 0))
     except SdoAborted as aborted:
@@ -322,7 +322,7 @@ def _downloads(session: Session, node: Node, notes: list[str]) -> Iterator[tuple
 
 
 def _device(session: Session, manager: Node, node_id: int, path: Path, notes: list[str]) -> _Booted:
-    """Who the node is: as *manager* expects it, else as it says itself; with the EDS of that."""
+    """Identify the node: as expected by *manager*, else by itself; with the EDS."""
     expected = _identity(manager, node_id)
     try:
         files = session.network.files
@@ -337,7 +337,7 @@ def _device(session: Session, manager: Node, node_id: int, path: Path, notes: li
 
 
 def _parts(identity: WantedIdentity) -> tuple[int | None, ...]:
-    """Vendor and product: a manager checks only what it expects (CiA 302-2, 0x1F85 and 0x1F86: 0 is any)."""
+    """Return vendor and product: a manager checks only set values (CiA 302-2, 0x1F85, 0x1F86: 0 is any)."""
     return identity.vendor, identity.product
 
 

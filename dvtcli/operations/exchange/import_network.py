@@ -1,4 +1,4 @@
-"""A network as it is, or as a folder of EDS files has it, as a network file. Writes nothing to a node."""
+"""Import a network from its bus, or from a folder of EDS files, as a network file. Writes nothing to a node."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ListedFile:
-    """The file of one node: where it is, and the *node_id* and *name* that the nodelist gives it."""
+    """The file of a node: path, and *node_id* and *name* of the nodelist."""
 
     path: Path
     node_id: int
@@ -54,7 +54,7 @@ class ListedFile:
 
 
 def nodelist_in(place: Path) -> Path | None:
-    """The nodelist that *place* is, or the only one of a folder; None where there is none. UsageError for several."""
+    """Return *place* if it is a nodelist, or the nodelist in it; None if none. Raises UsageError for several."""
     if place.suffix.lower() == SUFFIX and place.is_file():
         return place
     found = sorted(path for path in place.iterdir() if path.suffix.lower() == SUFFIX) if place.is_dir() else []
@@ -65,9 +65,9 @@ def nodelist_in(place: Path) -> Path | None:
 
 
 def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
-    """The files that *nodelist* names, in order of node-ID; what is left out of it is added to *notes*.
+    """Read the files in *nodelist* by node-ID; *notes* gets entries left out.
 
-    InputFileError where it is none, or where a file that it names is not there; UsageError where it cannot be read.
+    Raises InputFileError if it is invalid or a file is missing; UsageError if it cannot be read.
     """
     try:
         networks = read_nodelist(read_input(nodelist, MOST_BYTES, "nodelist"), nodelist.name)
@@ -91,7 +91,7 @@ def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
 
 
 def _file(nodelist: Path, node: ListedNode) -> Path:
-    """The DCF of *node*, beside the nodelist; such lists come from where case does not matter, and \\ parts folders."""
+    r"""Find the DCF of *node* beside the nodelist, ignoring case and with \ as separator."""
     path = nodelist.parent / node.dcf.replace("\\", "/")
     if os.path.isfile(path):  # noqa: PTH113 - Path.is_file raises OSError for a name that is too long
         return path
@@ -107,7 +107,7 @@ def _file(nodelist: Path, node: ListedNode) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class _FileNode:
-    """A node as its EDS, DCF, XDD or XDC, *path*, has it."""
+    """A node by its EDS, DCF, XDD or XDC at *path*."""
 
     path: Path
     node_id: int
@@ -118,25 +118,25 @@ class _FileNode:
 
     @property
     def title(self) -> str:
-        """What the device is called in its nodelist, else in its file."""
+        """The device name in its nodelist, else in its file."""
         return self.name or self.dictionary.info.product_name or self.profile.title
 
     @property
     def values(self) -> SdoReader:
-        """What the file says that the node holds."""
+        """The values in the file."""
         return in_standard_order(FileValues(self.dictionary, self.node_id), self.profile)
 
     def identity(self) -> dict[str, int | None]:
-        """What the file says of 0x1018, or of the device as a whole."""
+        """The identity (0x1018) in the file, or its device information."""
         info = self.dictionary.info.identity
         told = {name: info[name] for name in ("vendor", "product")}
         return {name: told[name] or read_identity(self.values, sub) for sub, name in enumerate(told, 1)}
 
 
 def nodes_of_files(folder: Path, path: Path, notes: list[str]) -> Iterator[FoundNode]:
-    """The nodes of the EDS and DCF files of *folder*, as the network file *path* has them; what is left out is noted.
+    """Yield the nodes of the EDS and DCF files in *folder* for the network file *path*; *notes* gets omissions.
 
-    UsageError where there is nothing in it.
+    Raises UsageError if there are none.
     """
     for node in _described(folder, notes):
         yield _of_file(node, path, notes)
@@ -164,7 +164,7 @@ def _of_file(one: _FileNode, path: Path, notes: list[str]) -> FoundNode:
 
 
 def _not_taken(one: _FileNode, wish: NodeWish) -> Iterator[str]:
-    """How many values that can be set *one* has besides those in *wish*: a network file is no whole device."""
+    """Count writable values of *one* missing in *wish*: a network file is not a full backup."""
     taken = {f"{value.index:04X}:{value.sub_index:02X}" for value in wish.objects}
     taken |= {value.object.text for value in wish.values}
     pins = {group.index for group in one.profile.vpdo.values()}
@@ -193,9 +193,9 @@ def _default(defaults: Defaults, entry: OdEntry) -> bytes | None:
 
 
 def _lacked(one: _FileNode) -> list[Pdo]:
-    """PDOs that the EDS lists and of which the device told nothing when a DCF was made of it: it may lack them.
+    """List PDOs in the EDS without a value in the DCF: the device may lack them.
 
-    Of files that others made a value that is not there is the default (CiA 306).
+    In files of other tools, a missing value means the default (CiA 306).
     """
     if not is_read_out(one.path):
         return []
@@ -204,16 +204,16 @@ def _lacked(one: _FileNode) -> list[Pdo]:
 
 
 def _read(path: Path) -> ObjectDictionary:
-    """What the file at *path* says, all of it: what it wants becomes the network file's."""
+    """Read the whole file at *path*: its values become those of the network file."""
     dictionary = read_dictionary(path)
     must_tell_values(read_device_file(path), str(path))
     return dictionary
 
 
 def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
-    """The nodes of the EDS and DCF files of *folder*, each with its own node-ID, or the next that is free.
+    """Return the nodes of files in *folder*, with their own or the next free node-ID.
 
-    Where *folder* is a nodelist, or has one, what that names.
+    If *folder* is or has a nodelist, those in the nodelist.
     """
     if (nodelist := nodelist_in(folder)) is not None:
         listed = listed_files(nodelist, notes)
@@ -249,12 +249,12 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
 
 
 def import_network(session: Session, file: str, folder: str | None = None, manager: int | None = None) -> Facts:
-    """Write the nodes that answer, and what joins them, to the network file *file*: a scan, or the nodes of `-n`.
+    """Import answering nodes (scan or `-n`) and their links to the network file *file*.
 
-    With *folder* its EDS and DCF files instead, which needs no bus: a DCF's node-ID counts, others are numbered. Of a
-    nodelist (CiA 306-3) in it, or as *folder*, its nodes and their DCFs. With *manager* what the node of that node-ID
-    downloads to its nodes. Asks before it overwrites. NoAnswer where no node answers, UsageError where there is no such
-    file or nothing in it, or both are given.
+    *folder*: its EDS and DCF files instead, without a bus; a DCF has its node-ID, others are numbered. A nodelist (CiA
+    306-3) in, or as, *folder* gives its nodes and DCFs. *manager*: what that node downloads to its nodes. Asks before
+    overwriting. Raises NoAnswer if no node answers, UsageError if there is no such file or nothing in it, or both are
+    given.
     """
     if manager is not None:
         from dvtcli.operations.exchange.import_manager import import_manager
@@ -284,7 +284,7 @@ def import_network(session: Session, file: str, folder: str | None = None, manag
 
 
 def _live(session: Session, path: Path, notes: list[str]) -> Iterator[FoundNode]:
-    """Every node that answers; one that is there and does not is said."""
+    """Yield every answering node; reports nodes that are present but do not answer."""
     unnamed: list[str] = []
     ids = list(_ids(session, notes))
     tell_unknown_bit_rate(session, len(ids))
@@ -310,9 +310,9 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[FoundNode]
 
 
 def _look_ahead(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
-    """Read what is exported of the nodes *ids*, side by side where nothing runs; of those that cannot be met, why not.
+    """Read *ids* ahead, in parallel if nothing else runs; returns the failures.
 
-    Anything else that cannot be read is told where it is needed.
+    Other read errors are raised later, at their use.
     """
     nodes: list[Node] = []
     silent: dict[int, DvtcliError] = {}

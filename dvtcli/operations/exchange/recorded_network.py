@@ -1,4 +1,4 @@
-"""What the nodes of a recording hold, as far as their SDO transfers in it say. Opens no bus."""
+"""Reconstruct nodes from SDO transfers in a recording. Opens no bus."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ _Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
 
 
 def recorded_network(session: Session, path: Path, *, throughout: bool = False) -> tuple[NetworkState, list[str]]:
-    """The nodes of which the recording at *path* says a PDO, or those of `-n` among them; and in words what is missing.
+    """Return the nodes of the recording at *path* with known PDOs, or those of `-n`; and what is missing.
 
-    What a node was heard to hold last counts; a boot-up takes back what was not stored. With *throughout* PDOs are left
-    out, and warned of, that had another CAN-ID or mapping before, or may have had. UsageError where no PDO is said, or
-    SDO transfers come from several channels; else as `read_recorded`.
+    The last value counts; a boot-up returns to stored values. *throughout* leaves out, with a warning, PDOs whose CAN-
+    ID or mapping changed, or may have changed. Raises UsageError if no PDO is known, or SDO transfers are on several
+    channels; else as `read_recorded`.
     """
     followed = _Followed()
     _follow(path, followed)
@@ -71,7 +71,7 @@ def recorded_network(session: Session, path: Path, *, throughout: bool = False) 
 
 
 def _tell_changed(session: Session, followed: _Followed, *, throughout: bool) -> None:
-    """Warn of PDOs that changed meanwhile, of all nodes or those of `-n`."""
+    """Warn of PDOs changed during the recording, of all nodes or those of `-n`."""
     wanted = session.base.nodes
     counts = "what its frames carry depends on when: they stay bytes" if throughout else "its last setting counts"
     for node_id, pdo in sorted(followed.changed):
@@ -85,11 +85,11 @@ def _tell_changed(session: Session, followed: _Followed, *, throughout: bool) ->
 
 @dataclass(slots=True)
 class _Followed:
-    """What was *heard*; the last frame of each PDO that was whole and on, and those that had another one before.
+    """Values *heard*; the last complete layout of each enabled PDO, and PDOs with several layouts.
 
-    *late* are those whose CAN-ID was among *seen* when a download, one of *written*, made them whole: nobody knows by
-    what these frames were laid out. What an upload says was so before, too. A PDO is *lost* where its node started and
-    had not stored it: then that holds for frames since.
+    *late*: the CAN-ID was *seen* before a download (*written*) completed the PDO, so the layout of earlier frames is
+    unknown; values of uploads held before, too. *lost*: the node restarted without storing it, so the layout of later
+    frames is unknown.
     """
 
     heard: HeardObjects = field(default_factory=HeardObjects)
@@ -101,7 +101,7 @@ class _Followed:
     lost: set[tuple[int, Pdo]] = field(default_factory=set)
 
     def take(self, frame: Frame) -> bool:
-        """Follow *frame*, and say whether it is the end of an SDO transfer."""
+        """Follow *frame*; returns whether it ends an SDO transfer."""
         said = self.heard.take(frame)
         if said is None:
             self.seen.add((frame.can_id, frame.extended))
@@ -117,7 +117,7 @@ class _Followed:
         return True
 
     def _start(self, node_id: int) -> None:
-        """A node has started: look at which of its PDOs it did not store."""
+        """After a restart, find the PDOs that the node did not store."""
         for node_pdo in [
             node_pdo for node_pdo in self.drawn if node_pdo[0] == node_id and self._whole(*node_pdo) is None
         ]:
@@ -126,12 +126,12 @@ class _Followed:
             self.seen.discard(self.drawn[node_pdo][0])
 
     def _whole(self, node_id: int, pdo: Pdo) -> PdoConfig | None:
-        """*pdo* where it is on and all that its frames need was heard."""
+        """Return *pdo* if it is enabled and completely known."""
         config = _heard_pdo(self.heard.values(node_id), pdo)
         return None if config is None or not config.enabled or config.unread else config
 
     def _draw(self, node_id: int, pdo: Pdo) -> None:
-        """Look at *pdo* after something of it was heard."""
+        """Update *pdo* after a new value."""
         config, one = self._whole(node_id, pdo), (node_id, pdo)
         if config is None:
             return
@@ -158,7 +158,7 @@ def _follow(path: Path, followed: _Followed) -> None:
 
 
 def _heard_pdo(values: HeardValues, pdo: Pdo) -> PdoConfig | None:
-    """*pdo* as far as it was heard; None where nothing of it was, or bytes that are none of it."""
+    """Return *pdo* as far as known; None if nothing is, or bytes are invalid."""
     try:
         return read_pdo(values, pdo, WHATEVER)
     except (SdoAborted, SdoProtocolError):
@@ -166,7 +166,7 @@ def _heard_pdo(values: HeardValues, pdo: Pdo) -> PdoConfig | None:
 
 
 def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[Pdo, PdoConfig]:
-    """The PDOs of which all that a frame needs was heard; of others that may be on, what is *missing*."""
+    """Return completely known PDOs; *missing* gets what others lack that may be enabled."""
     values = followed.heard.values(node_id)
     known = {pdo for index, _ in values.values if (pdo := Pdo.at(index)) is not None}
     whole: dict[Pdo, PdoConfig] = {}
@@ -204,7 +204,7 @@ def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig
 
 
 def _dictionary(session: Session, values: HeardValues) -> ObjectDictionary | None:
-    """The file of --eds where it may be of that node, else that of the identity (0x1018) that was heard."""
+    """Return --eds if it may describe the node, else the file of its recorded identity (0x1018)."""
     from dvtcli.device.file_fits import unlike_file
     from dvtcli.operations.opening.device_files import found_file
     from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary

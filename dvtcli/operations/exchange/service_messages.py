@@ -1,6 +1,6 @@
-"""The frames of other services than PDO as messages of a DBC file: NMT, SYNC, EMCY, heartbeat, SDO (CiA 301, 7.2).
+"""Make DBC messages of NMT, SYNC, EMCY, heartbeat and SDO (CiA 301, 7.2).
 
-Their CAN-IDs and times are those that the nodes hold. Knows no file.
+CAN-IDs and times are those of the nodes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _EMCY = (
 
 
 def service_messages(state: NetworkState, names: Mapping[int, str], services: Collection[str]) -> list[DbcMessage]:
-    """The messages of *services*, some of `SERVICES`; *names* are those of the nodes, by node-ID."""
+    """Make the messages of *services*, from `SERVICES`; *names* by node-ID."""
     return [message for service in SERVICES if service in services for message in _BY_SERVICE[service](state, names)]
 
 

@@ -1,4 +1,4 @@
-"""Nodes that were found, on a bus or in files, as one network file. Does not know where they come from."""
+"""Write nodes found on a bus or in files as a network file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FoundNode:
-    """A node of the network: what it exports to, what its PDOs hold, and where heartbeats are read."""
+    """A node of the network: its export, its PDOs, and the reader of its heartbeats."""
 
     exported: Exported
     held: Mapping[Pdo, PdoConfig]
@@ -36,9 +36,9 @@ class FoundNode:
 
 
 def write_found(session: Session, path: Path, file: str, title: str, found: list[FoundNode], notes: list[str]) -> Facts:
-    """Write the nodes *found*, and what joins them, to *path*, which the user calls *file*, under *title*.
+    """Write the nodes *found* and their links to *path*, named *file* by the user, under *title*.
 
-    The answer has the *notes*, and how many errors `check` finds in it.
+    The result has *notes* and the number of errors by `check`.
     """
     nodes = {node.exported.wish.node_id: node for node in found}
     links = found_links(
@@ -68,7 +68,7 @@ def write_found(session: Session, path: Path, file: str, title: str, found: list
 
 
 def _errors(file: str) -> int:
-    """How many errors `check` finds in the file that was written: of what devices hold not all can be written again."""
+    """Count errors by `check` in the written file: not everything that devices hold can be written again."""
     from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
     (report,) = check_networks((file,), CheckOptions(as_findings=True)).reports
