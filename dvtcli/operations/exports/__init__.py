@@ -1,1 +1,1 @@
-"""Files that `export` writes, a format each, which is found by being here."""
+"""Output formats of `export`, one module each."""

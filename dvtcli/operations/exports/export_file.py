@@ -1,7 +1,4 @@
-"""What nodes hold, to a file of the format that its suffix says: those of `export_formats`.
-
-Writes nothing to a node.
-"""
+"""Export nodes to the format of the file's suffix. Writes nothing to a node."""
 
 from __future__ import annotations
 
@@ -32,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ExportRequest:
-    """What is to be exported: the node with *node_id* (None: the selected one, or all), read *twice*; a *dbc* how."""
+    """A request: the node *node_id* (None: selected, or all), read *twice*, with *dbc* options."""
 
     node_id: int | None = None
     twice: bool = False
@@ -40,7 +37,7 @@ class ExportRequest:
 
 
 class ExportFormat:
-    """A format, found by the *suffixes* of its files, the first of which the help of `export` names."""
+    """A format, chosen by its *suffixes*; `export --help` shows the first."""
 
     suffixes: ClassVar[tuple[str, ...]]
     #: whether it has all nodes in one file, and not one node
@@ -55,18 +52,18 @@ class ExportFormat:
             raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".yaml",)')
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
-        """Write what is *wanted*, the node or all that answer or are meant by -n, to *file*.
+        """Write the *wanted* node, or all answering nodes or those of -n, to *file*.
 
-        It asks before it overwrites. What is not in the file stands in the answer's row `left_out`.
+        Asks before overwriting. Omissions are in the result's row `left_out`.
         """
         raise NotImplementedError
 
 
 def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Facts:
-    """Write the nodes that answer (or those of `-n`) to the nodelist *file*, and a DCF of each into its folder.
+    """Export the answering nodes (or `-n`) to the nodelist *file*, with a DCF each in its folder.
 
-    A node that no EDS describes is listed without one, and said. Asks before it overwrites any of them. With *twice*
-    each object is read a second time. NoAnswer where no node answers; else as `export_dcf`.
+    A node without EDS is listed without a DCF, and reported. Asks before overwriting any file. *twice* reads each
+    object twice. Raises NoAnswer if no node answers; else as `export_dcf`.
     """
     path = place_of(file, "nodelist.cpj")
     ask_before_overwriting(session, path)
@@ -104,7 +101,7 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
 def _listed(
     session: Session, path: Path, node_id: int, notes: list[str], said: list[str], *, twice: bool
 ) -> ListedNode:
-    """The node, with its DCF written; what is left out is in *notes*, each object, and the first of them in *said*."""
+    """List the node and write its DCF; omissions are in *notes*, the first also in *said*."""
     node = session.node(node_id)
     if node.dictionary is None:
         return ListedNode(node_id, node.title)
@@ -118,40 +115,40 @@ def _listed(
 
 
 class NodelistExport(ExportFormat):
-    """Which nodes there are, as a nodelist, with a DCF of each beside it."""
+    """All nodes as a nodelist, with a DCF each beside it."""
 
     suffixes = (NODELIST_SUFFIX,)
     is_of_all = True
     reads_twice = True
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
-        """Write it, as `export_nodelist` does."""
+        """Write it by `export_nodelist`."""
 
         return export_nodelist(session, file, twice=wanted.twice)
 
 
 class DcfExport(ExportFormat):
-    """All of a node's configuration, as a DCF or XDC."""
+    """A node's configuration as a DCF or XDC."""
 
     suffixes = VALUE_SUFFIXES
     reads_twice = True
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
-        """Write it, as `export_dcf` does."""
+        """Write it by `export_dcf`."""
         from dvtcli.operations.whole_device.export_dcf import export_dcf
 
         return export_dcf(session, file, wanted.node_id, twice=wanted.twice)
 
 
 class DbcExport(ExportFormat):
-    """The enabled PDOs of all nodes, as a DBC file."""
+    """The enabled PDOs of all nodes as a DBC file."""
 
     suffixes = (DBC_SUFFIX,)
     is_of_all = True
     has_wishes = True
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
-        """Write it, as `export_dbc` does."""
+        """Write it by `export_dbc`."""
         from dvtcli.operations.exchange.export_dbc import export_dbc
 
         return export_dbc(session, file, wanted.dbc)
@@ -163,7 +160,7 @@ class NetworkFileExport(ExportFormat):
     suffixes = (".yaml", ".yml")
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
-        """Write it, as `export_node` does; UsageError for another suffix."""
+        """Write it by `export_node`; raises UsageError for another suffix."""
         from dvtcli.operations.exchange.export_network import export_node
 
         return export_node(session, file, wanted.node_id)
@@ -171,25 +168,24 @@ class NetworkFileExport(ExportFormat):
 
 @cache
 def export_formats() -> Mapping[str, ExportFormat]:
-    """Every format by its suffixes."""
+    """Map suffixes to formats."""
 
     formats: tuple[ExportFormat, ...] = (DbcExport(), DcfExport(), NetworkFileExport(), NodelistExport())
     return {suffix: format_ for format_ in formats for suffix in format_.suffixes}
 
 
 def is_of_all_nodes(file: str) -> bool:
-    """Whether the format of *file* has all nodes in one file."""
+    """Tell whether the format of *file* has all nodes in one file."""
     return _format_of(file).is_of_all
 
 
 def export_file(
     session: Session, file: str, node_id: int | None = None, *, twice: bool = False, wishes: DbcOptions | None = None
 ) -> Facts:
-    """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, a DCF or an XDC.
+    """Export the node with *node_id* (None: the selected node) to *file*: a network file, a DCF or an XDC.
 
-    A nodelist or a DBC file is of all nodes, as of `export_all`. With *twice* each object of a DCF is read two times.
-    Raises as `export_node` and `export_dcf`; UsageError for another file with *twice*, or with *wishes* for another one
-    than a DBC file.
+    A nodelist or a DBC file has all nodes, as in `export_all`. *twice* reads each object of a DCF twice. Raises as
+    `export_node` and `export_dcf`; UsageError for *twice* with another format, or *wishes* without a DBC file.
     """
     kind = _format_of(file)
     if wishes and not kind.has_wishes:
@@ -208,9 +204,9 @@ def export_file(
 
 
 def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcOptions | None = None) -> Facts:
-    """Write all nodes that answer, or those of `-n`, to *file*: a nodelist with a DCF of each beside it, or a DBC file.
+    """Export all answering nodes, or `-n`, to *file*: a nodelist with DCFs, or a DBC file.
 
-    *twice* and *wishes*, and what is raised for them, as of `export_file`. NoAnswer where no node answers.
+    *twice* and *wishes*, and their errors, as in `export_file`. Raises NoAnswer if no node answers.
     """
     if not is_of_all_nodes(file):
         others = " or ".join(
@@ -221,7 +217,7 @@ def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcO
 
 
 def _format_of(file: str) -> ExportFormat:
-    """The format of *file*; UsageError, which names all formats, if no format has its suffix."""
+    """Return the format of *file*; for an unknown suffix raises UsageError with all formats."""
     known, name = export_formats(), file.lower()
     found = next((export_format for suffix, export_format in known.items() if name.endswith(suffix)), None)
     if found is None:
