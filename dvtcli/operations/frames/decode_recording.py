@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 def decode_recording(
     session: Session, path: Path, nodes: tuple[int, ...] | None = None, dbc: str | None = None, text: str = ""
 ) -> Iterator[FrameSeen]:
-    """The frames of the recording at *path* that have *text* (small letters) in their names; see `decoder_for`.
+    """Yield the decoded frames of the recording at *path* with *text* (lower case) in a name; see `decoder_for`.
 
-    UsageError for a suffix that is no format, and at the end if nothing has *text* in its name; InputFileError if the
-    file is none of its format.
+    Raises UsageError for an unknown suffix, and at the end if no name has *text*; InputFileError if the file is
+    invalid.
     """
     check_readable(path)
     decoder = decoder_for(session, nodes, dbc, path)
@@ -48,11 +48,11 @@ def write_values(
     text: str = "",
     wish: ValuesWish = ANY,
 ) -> SignalRows:
-    """Write the values in the recording at *path* to *target*: to a text as CSV, to a file in the form of its suffix.
+    """Write the values of the recording at *path* to *target*: CSV to a text, else by the file's suffix.
 
-    A row for each frame, a column for each signal that has *text* (small letters) in its name. *wish* says
-    how a .parquet file is; who recorded is the recording's name if it does not say it. UsageError where no such signal
-    is known; else as `decode_recording`.
+    A row per frame, a column per signal with *text* (lower case) in its name. *wish* has options of a .parquet file;
+    its recorder defaults to the recording's name. Raises UsageError if no such signal is known; else as
+    `decode_recording`.
     """
     check_readable(path)
     rows = SignalRows(decoder_for(session, nodes, dbc, path), text)
@@ -101,7 +101,7 @@ def values_into_file(
 
 
 def _seen(session: Session, path: Path, rows: SignalRows) -> Iterator[tuple[Frame, str]]:
-    """The frames of the recording at *path*, each with its channel; it is said which do not fit their layout."""
+    """Yield the frames of the recording at *path* with channels; reports frames that do not fit their layout."""
     misfits = Misfits(rows.decoder.layout, session.tell.warning)
     for recorded in read_recorded(path):
         if not recorded.error:

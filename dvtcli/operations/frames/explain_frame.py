@@ -1,4 +1,4 @@
-"""A frame with every bit named, by what is known of the node it is about. Sends nothing of it."""
+"""Explain every bit of a frame. Does not send it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HOW = "write it as 185#1027, as candump does, or as 0x185 10 27"
 
 
 def parsed_frame(text: str) -> Frame:
-    """The frame that *text* writes; UsageError where it is none."""
+    """Parse a frame; raises UsageError if invalid."""
     try:
         return typed_frame(text)
     except ValueError as wrong:
@@ -35,9 +35,9 @@ def parsed_frame(text: str) -> Frame:
 def explain_frame(
     session: Session, text: str, nodes: tuple[int, ...] | None = None, file: str | None = None
 ) -> FrameExplained:
-    """Name every bit of the frame in *text*, by the mapping that *nodes* hold now, or by what a *file* says.
+    """Explain every bit of the frame in *text* by the mappings of *nodes*, or by *file*.
 
-    *file* is a DBC or network file. The frame is not sent; of nodes only what they map is read. UsageError where *text*
+    *file* is a DBC or network file. The frame is not sent; of nodes only mappings are read. Raises UsageError if *text*
     is no frame.
     """
     frame = parsed_frame(text)
@@ -56,7 +56,7 @@ def explained(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNo
 
 
 def described_nodes(session: Session, file: str | None = None) -> Callable[[int], KnownNode]:
-    """Who says what is known of a node, by node-ID: the node itself, if it was met, else --eds, else the network file.
+    """Return what describes a node-ID: the node if met, else --eds, else the network file.
 
     Asks no node.
     """
@@ -81,7 +81,7 @@ def described_nodes(session: Session, file: str | None = None) -> Callable[[int]
 
 
 def _network_nodes(file: str | None) -> dict[int, KnownNode]:
-    """What a network *file* says of its nodes' objects; nothing if it is no network file."""
+    """Return the nodes of a network *file*; empty for other files."""
     if file is None or Path(file).suffix.lower() not in _NETWORK:
         return {}
     from dvtcli.files.network.physical_keys import rules_by_node

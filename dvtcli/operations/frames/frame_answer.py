@@ -1,4 +1,4 @@
-"""A frame with what its decoder knows of it, as the answer that becomes a document."""
+"""Turn a frame and its decoding into a result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dvtcli.watch.layout_fit import misfit
 
 
 def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
-    """*frame*, decoded; its PDO is named only where a mapping was read."""
+    """Decode *frame*; its PDO is named only if a mapping was read."""
     layout = decoder.layout(frame)
     service = layout.service
     pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None

@@ -1,6 +1,6 @@
-"""Who on the bus sends and takes which frames: nodes that are known or heard are read, a network file says the rest.
+"""Find the producers and consumers of frames on the bus: by reading nodes, and by a network file.
 
-Only reads: SDO uploads.
+Sends nothing but SDO uploads.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _SERVER = 3
 
 
 def node_services(node: Node) -> Iterator[tuple[Address, Service]]:
-    """Each service whose CAN-ID *node* says: SYNC, TIME, EMCY, its SDO servers (0x1200…) and clients (0x1280…).
+    """Yield each service of *node* by CAN-ID: SYNC, TIME, EMCY, SDO servers (0x1200…), SDO clients (0x1280…).
 
-    What it does not answer is left out.
+    Unreadable objects are left out.
     """
     sync = sync_frame(node.sdo)
     yield (sync.can_id, sync.extended), Service("sync", "SYNC")
@@ -57,7 +57,7 @@ def node_services(node: Node) -> Iterator[tuple[Address, Service]]:
 
 
 def _sdo_channels(node: Node, indices: range) -> Iterator[tuple[int, dict[str, Address]]]:
-    """Each SDO channel among *indices* with its CAN-IDs: up to the first that is absent, and those that the EDS has."""
+    """Yield the SDO channels in *indices* with their CAN-IDs, up to the first absent, and all in the EDS."""
     exists = True
     for index in indices:
         if exists or (node.dictionary and node.dictionary.entry(index, 1)):
@@ -74,7 +74,7 @@ def _number(node: Node, index: int, sub_index: int, size: int = 4) -> int | None
 
 
 def _address(raw: int | None) -> Address | None:
-    """The CAN-ID in a COB-ID, None where there is none, or where bit 31 says that the service is off."""
+    """Return the CAN-ID of a COB-ID, None if absent or disabled by bit 31."""
     if raw is None:
         return None
     cob_id = CobId.from_raw(raw)
@@ -85,9 +85,9 @@ _NETWORK = (".yaml", ".yml")
 
 
 class KnownParties:
-    """What is known of a session's bus: *parties* with their PDOs, and a *decoder* of what those carry.
+    """The known *parties* of a session's bus with their PDOs, and a *decoder* for their frames.
 
-    Without *on_bus* no bus is opened: only the file says what is there.
+    Without *on_bus* no bus is opened: only the file counts.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class KnownParties:
         self._read(known_id for known_id in known if known_id is not None)
 
     def look_around(self) -> None:
-        """Listen for nodes that are not known yet, and read those; not where all of them live in this process."""
+        """Find new nodes by their traffic, and read them; not if all nodes live in this process."""
         bus = self._session.wire
         if not bus.simulated:
             bus.sleep(HEARD_S)

@@ -1,6 +1,6 @@
-"""The last exchange as frames: those that were sent here, and those that answered them. Sends nothing.
+"""The last exchange as frames, transmitted and received. Sends nothing.
 
-Of a run without an exchange of its own it is that of the last one that failed (`kept_exchange`).
+A run without an exchange shows that of the last failed run (`kept_exchange`).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LONGEST = 256 * 1024
 
 
 def keep_exchange(lines: Sequence[str]) -> bool:
-    """Keep *lines* in place of those kept before; whether they are. Where there is no room the failure is the news."""
+    """Save *lines* instead of older lines; returns whether it did. A full disk is not reported."""
     if not lines:
         return False
     try:
@@ -53,9 +53,9 @@ def keep_exchange(lines: Sequence[str]) -> bool:
 
 
 def kept_exchange() -> list[tuple[Frame, bool, bool]]:
-    """Each frame kept, whether it was ours, and whether its value was left out; none where nothing is, or damaged.
+    """Load the saved frames, each with whether it was ours and whether its value was left out; empty if damaged.
 
-    SafetyRefusal or OSError where what is kept cannot be read.
+    Raises SafetyRefusal or OSError if unreadable.
     """
     if (unread := unreadable(_file().parent)) is not None:
         raise unread
@@ -71,7 +71,7 @@ def _file() -> Path:
 
 
 def _frame(line: str) -> tuple[Frame, bool, bool]:
-    """The frame of a line as `exchange_text` writes it; ValueError where it is another one."""
+    """Parse a line of `exchange_text`; raises ValueError if invalid."""
     time, arrow, said = line.split(" ", 2)
     if arrow not in _ARROWS:
         raise ValueError(f"{arrow!r} is no arrow")
@@ -87,11 +87,10 @@ _DOWNLOAD, _BLOCK_DOWNLOAD, _ABORT = 1, 6, 4
 
 
 def trace_last(session: Session, count: int | None = None) -> Traced:
-    """The last *count* frames of what was exchanged on the session's bus, each explained.
+    """Explain the last *count* frames exchanged on the session's bus.
 
-    With None the last 32, or as many as it takes from the last write on that a node refused or did not answer. Where
-    nothing was exchanged they are those of the last run that failed. The value of a passcode is left out. UsageError
-    where there are none either.
+    None: 32, or all from the last write that a node refused or did not answer. Without an exchange, those of the last
+    failed run. The values of passcodes are left out. Raises UsageError if there are none.
     """
     from dvtcli.operations.frames.explain_frame import described_nodes, explained
     from dvtcli.operations.results.frames import Traced, TracedFrame
@@ -105,7 +104,7 @@ def trace_last(session: Session, count: int | None = None) -> Traced:
 
 
 def _count_of_refusal(exchanged: Sequence[tuple[Frame, bool, bool]]) -> int:
-    """How many of the frames *exchanged* are to be shown so that the last refused write is among them."""
+    """Return how many frames of *exchanged* reach back to the last refused write."""
     open_at: dict[int, tuple[int, bytes]] = {}
     refused: list[int] = []
     for number, (frame, sent, _) in enumerate(exchanged):
@@ -158,7 +157,7 @@ def exchange_text(session: Session) -> list[str]:
 
 
 def _exchanged(session: Session) -> list[tuple[Frame, bool, bool]]:
-    """Each frame without a passcode in it, whether it is ours, and whether something was left out."""
+    """Return the frames without passcodes, each with whether it is ours and whether its value was left out."""
     if not session.is_open:
         return []
     secret = session.secrets.in_frames(unknown=True)

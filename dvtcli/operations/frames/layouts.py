@@ -1,4 +1,4 @@
-"""Which frames are known: the mappings of nodes as they hold them now, read once, and those of a file."""
+"""Find the layouts of frames: mappings of nodes, read once, and layouts of a file."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _NETWORK = (".yaml", ".yml")
 
 
 def file_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
-    """The layouts in *file*, a network file by its suffix, else a DBC file; errors as those of reading either.
+    """Return the layouts of *file*, a network file by its suffix, else a DBC file; raises as their reading.
 
-    *tell* is told which names in a network file nothing says the objects of, so that frames with them stay bytes.
+    *tell* gets the object names in a network file without description: their frames stay bytes.
     """
     if Path(file).suffix.lower() not in _NETWORK:
         from dvtcli.files.dbc import read_dbc
@@ -39,9 +39,9 @@ def file_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
 
 
 def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
-    """What the nodes of the network *file* send and hear once it is applied, with what it says of their values.
+    """Return the layouts of PDOs in the network *file*, as applied, with its scalings.
 
-    What the file itself says goes before what is only the default of a node's file.
+    The file's own values go before defaults of a node's EDS.
     """
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.check_networks import unknown_names
@@ -73,7 +73,7 @@ def _layouts(node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, sourc
 
 
 def _as_guess(file: str, layout: Layout) -> Layout:
-    """*layout*, which *file* does not say."""
+    """Mark *layout* as not from *file*."""
     who = f"{layout.service.label} of node {layout.service.node}"
     said = f"{Path(file).name} does not say what {who} maps: read by {layout.source}, which the node need not hold"
     return replace(layout, guess=said)
@@ -87,7 +87,7 @@ _WITHOUT_EDS = Hint(Action.GIVE_EDS, why="its values have no names, and no sign:
 
 
 def open_wire(session: Session) -> CanopenBus:
-    """The bus itself, also under --dry-run: only to listen to. UsageError where it carries no frames."""
+    """Open the bus to receive only, even under --dry-run; raises UsageError if it carries no frames."""
     bus = session.open_network().bus
     if not bus.carries_frames:
         raise UsageError(
@@ -98,9 +98,9 @@ def open_wire(session: Session) -> CanopenBus:
 
 
 def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = None) -> Decoder:
-    """The decoder for *nodes*, else for the selected, the simulated and the heard ones, after that of the DBC file.
+    """Return the decoder of *nodes*, else of selected, simulated and heard nodes; the DBC file goes first.
 
-    A node that does not answer is said, and its frames stay bytes. Only reads: SDO uploads.
+    Reports nodes without an answer; their frames stay bytes. Sends nothing but SDO uploads.
     """
     decoder = Decoder()
     for _, decoder in live_decoders(session, nodes, dbc):  # noqa: B007 - the last one knows all
@@ -111,9 +111,9 @@ def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = Non
 def live_decoders(
     session: Session, nodes: tuple[int, ...], dbc: str | None = None, *, named: bool = False
 ) -> Iterator[tuple[int | None, Decoder]]:
-    """The same node by node: the node that is read next (None: all are), and the decoder for those before it.
+    """Like `live_decoder`, node by node: the next node (None: finished), and the decoder so far.
 
-    With *named* it also has the nodes' names: one read more of each that has no EDS.
+    *named* adds the nodes' names: a further read of each node without an EDS.
     """
     known, names = Decoder(), dict[int, str]()
     if dbc is not None:
@@ -136,13 +136,13 @@ def live_decoders(
 
 
 def mapping_of(session: Session, node_id: int) -> str:
-    """Whose mapping is meant, in words: a simulated node is not the one that sent what a recording holds."""
+    """Say whose mapping is used: a simulated node is not the producer in a recording."""
     simulated = node_id in session.network.simulated_ids
     return f"the mapping of the simulated node {node_id}" if simulated else f"the mapping that node {node_id} holds now"
 
 
 def _name(node: Node) -> str:
-    """What *node* is called: by its EDS, by itself (0x1008), by its family."""
+    """Name *node*: by its EDS, 0x1008, or its family."""
     from dvtcli.operations.nodes.find_nodes import device_name
 
     named = node.dictionary.info.product_name if node.dictionary is not None else device_name(node.sdo)
@@ -150,7 +150,7 @@ def _name(node: Node) -> str:
 
 
 def _present(session: Session) -> list[int]:
-    """The nodes that are known without asking: the selected one, simulated ones, and those whose heartbeat is heard."""
+    """List nodes known without a scan: selected, simulated, or by heartbeat."""
     network = session.network
     found = {session.selected_id(), *network.simulated_ids, *network.nodes}
     if found == {None}:

@@ -1,6 +1,6 @@
-"""Frames put on the bus, each when it is due: counted, timed, and held back where the bus would be too busy.
+"""Transmit frames at their times: counted, timed, and delayed if the bus is too busy.
 
-Asks nobody: whoever calls this has asked. Does not know why a frame is sent, nor when it should be.
+The caller has asked for consent.
 """
 
 from __future__ import annotations
@@ -32,11 +32,10 @@ _ALL = 100
 def put_on_bus(
     session: Session, due: Iterable[tuple[float | None, Frame]], wanted: int, *, always_share: bool = False
 ) -> Outcome:
-    """Send each of *due* as soon as its time (s, from now; None: at once) has come; *wanted* is how many there are.
+    """Transmit each of *due* at its time (s from now; None: at once); *wanted* is their number.
 
-    It ends with the last one, when the session is cancelled, or when the bus, or what *due* comes from, fails. While a
-    node is, or may be, OPERATIONAL, with *always_share* at any time, the load stays within --bus-share (50 %) as far as
-    the bit rate is known.
+    Ends with the last frame, when the session is cancelled, or when the bus or *due* fails. While a node is, or may be,
+    OPERATIONAL, or always with *always_share*, the load stays within --bus-share (50 %) if the bit rate is known.
     """
     putting = _Putting(session, always_share=always_share)
     told_s = began_s = putting.bus.now_s()
@@ -66,14 +65,14 @@ def put_on_bus(
 
 
 def _progress(sent: int, wanted: int) -> tuple[str, int, int]:
-    """How far it is, as `Telling.progress` takes it; without an end nobody knows of how many."""
+    """Describe the progress for `Telling.progress`; no total without an end."""
     if wanted >= NO_END:
         return f"{plural(sent, 'frame')} sent", sent, 0
     return f"{sent} of {wanted} frames sent", sent, wanted
 
 
 class _Putting:
-    """The way of frames to the bus, and what became of them."""
+    """Frames being transmitted, and their outcome."""
 
     def __init__(self, session: Session, *, always_share: bool) -> None:
         self.bus = session.open_network().bus
@@ -90,7 +89,7 @@ class _Putting:
         self._looked_s, self._runs = float("-inf"), False
 
     def put(self, frame: Frame, due_s: float | None) -> bool:
-        """Send *frame* at *due_s* or as soon as it may be; False where that was not to be any more."""
+        """Transmit *frame* at *due_s* or later; False if cancelled."""
         while due_s is not None and (left_s := due_s - self.bus.now_s()) > 0:
             if self._cancellation.requested:
                 return False
@@ -107,7 +106,7 @@ class _Putting:
         return True
 
     def _send(self, frame: Frame) -> None:
-        """A well-formed NMT command goes the way of one, so that what was heard of the nodes' states is forgotten."""
+        """Send a valid NMT command through the NMT service, so that cached states are dropped."""
         if (
             frame.can_id == NMT_CAN_ID and not frame.extended and not frame.remote and len(frame.data) == 2
             and frame.data[0] in set(NmtCommand) and frame.data[1] <= 127

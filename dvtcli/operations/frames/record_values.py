@@ -1,4 +1,4 @@
-"""The values that are known of what is on the bus, recorded into a file: a row for each frame."""
+"""Record decoded values from the bus to a file, a row per frame."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def record_values(
     text: str = "",
     wish: ValuesWish = ANY,
 ) -> Facts:
-    """Record the values of known frames into *path*, a .csv, .parquet or .jsonl; *nodes* and *dbc* say what is known.
+    """Record the values of known frames to *path*, a .csv, .parquet or .jsonl, decoded by *nodes* and *dbc*.
 
-    Only signals with *text* (small letters) in their names. It ends after *duration_s* seconds, None for never, or
-    when the session is cancelled. *wish* says how the file is; who recorded is this machine if it does not say it.
+    Only signals with *text* (lower case) in their names. Ends after *duration_s* seconds (None: never), or when the
+    session is cancelled. *wish* has options of the file; the recorder defaults to this machine.
 
-    UsageError where no such signal is known, DvtcliError where the file cannot be written; SafetyRefusal where the bus
-    is back and carries other values.
+    Raises UsageError if no such signal is known, DvtcliError if the file cannot be written; SafetyRefusal if the bus
+    returns with other mappings.
     """
     from dvtcli.files.values.value_file import checked_form, write_file
 
@@ -82,7 +82,7 @@ def record_values(
 
 
 def _first_file(session: Session, path: Path, *, append: bool) -> Path:
-    """Where the recording begins, when what killed ones left is whole: *path*, with *append* a file behind it."""
+    """Return the first file after repairing killed recordings: *path*, with *append* a file after it."""
     with _refused_writes(path):
         if is_parquet(path):
             for whole, count in finish_parts(path):
@@ -94,7 +94,7 @@ def _first_file(session: Session, path: Path, *, append: bool) -> Path:
 
 
 def _rows(decoder: Decoder, text: str) -> SignalRows:
-    """The rows of signals that *decoder* knows and *text* chooses; UsageError where there is none."""
+    """Return the rows of signals chosen by *text*; raises UsageError if there are none."""
     rows = SignalRows(decoder, text)
     if rows.columns:
         return rows
@@ -109,7 +109,7 @@ def _rows(decoder: Decoder, text: str) -> SignalRows:
 
 
 def _the_same(path: Path, rows: SignalRows, known: Callable[[], Decoder]) -> Callable[[], None]:
-    """What makes sure, where the bus is back, that the nodes still send what the columns of *path* are for."""
+    """Return a check that, after the bus returned, the nodes' mappings still fit the columns of *path*."""
 
     def require_the_same() -> None:
         if not rows.decode_by(known()):
@@ -123,7 +123,7 @@ def _the_same(path: Path, rows: SignalRows, known: Callable[[], Decoder]) -> Cal
 
 @contextmanager
 def _refused_writes(path: Path) -> Iterator[None]:
-    """An error of the system as one of dvtcli that names *path*."""
+    """Turn OSError into DvtcliError with *path*."""
     try:
         yield
     except OSError as failed:

@@ -1,4 +1,4 @@
-"""Recordings with what decodes them: a DBC or network file, the mapping in a device's file, or what nodes hold now."""
+"""Decode recordings: by a DBC or network file, an EDS, or the nodes' mappings."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None, path: Path | None = None) -> Decoder:
-    """The decoder of a recording: --dbc, else the mapping in the --eds file, else what the nodes hold now.
+    """Return the decoder of a recording: --dbc, else the mapping in --eds, else of the nodes.
 
-    Nodes are asked only where they are named (-n, --nodes, --sim) or a bus is open already; else the mapping counts
-    that SDO transfers in the recording at *path* carry, and frames that these say nothing of stay bytes.
+    Nodes are read only if named (-n, --nodes, --sim) or a bus is open; else the mappings in SDO transfers of the
+    recording at *path* count, and other frames stay bytes.
     """
     from dvtcli.operations.frames.layouts import live_decoder
     from dvtcli.operations.opening.simulated_nodes import file_or_family
@@ -41,7 +41,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
 
 def _own_decoder(session: Session, path: Path) -> Decoder:
-    """The mapping that the SDO transfers in the recording at *path* carry; it knows nothing where there are none."""
+    """Return the decoder of mappings in SDO transfers of the recording at *path*; empty if none."""
     from dvtcli.domain.network.network_state import IDENTITY, IDENTITY_NAMES
     from dvtcli.domain.several import join_some
     from dvtcli.operations.exchange.recorded_network import recorded_network
@@ -66,9 +66,9 @@ def _own_decoder(session: Session, path: Path) -> Decoder:
 
 
 def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Decoder:
-    """The mapping that an EDS, DCF, XDD or XDC sets, on *nodes*, else on the node-ID that it names, else on node 1.
+    """Return the decoder of an EDS, DCF, XDD or XDC for *nodes*, else its own node-ID, else node 1.
 
-    What the values mean is said by the profile *family*, None for that of the file's identity.
+    Scalings are of the profile *family*, None: of the file's identity.
     """
     from dvtcli.device.described_node import FileValues
     from dvtcli.device.read_pdos import present_pdos, read_pdo

@@ -1,4 +1,4 @@
-"""The values of some signals over time, from a recording."""
+"""Extract signals over time from a recording."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def recorded_tracks(
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
 ) -> tuple[list[Track], tuple[float, float]]:
-    """Each of *signals* (a name or an object) that has samples in the recording at *path*, and from when to when (s).
+    """Return the tracks of *signals* (names or objects) with samples in the recording, and its time span (s).
 
-    A recording is one of frames, or of values as `log --decode` writes them; the unit of those is in their columns.
+    A recording has frames, or values by `log --decode` with units in the columns.
 
-    UsageError for a name that is no signal, or where no sample is found; what decodes is as `decoder_for` says.
+    Raises UsageError for an unknown signal or without samples; the decoder is that of `decoder_for`.
     """
     tracks: Mapping[Any, Track]
     if is_value_file(path):
@@ -56,7 +56,7 @@ def recorded_tracks(
 
 
 def _fitting(session: Session, path: Path, tracks: Mapping[Place, Track], decoder: Decoder) -> Iterator[Frame]:
-    """The frames of the recording at *path*; it is said which of those with *tracks* their layout does not fit."""
+    """Yield the frames of the recording at *path*; reports frames of *tracks* that do not fit their layout."""
     addresses = {address for address, _ in tracks}
     misfits = Misfits(decoder.layout, session.tell.warning)
     for frame in read_recording(path):

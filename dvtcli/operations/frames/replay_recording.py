@@ -36,11 +36,11 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Which part of a recording is meant, and how it is sent.
+    """The part of a recording to send, and how.
 
-    *rate* is how many times as fast as it was recorded, 0 for as fast as the load limit lets; *from_s* and *to_s* are
-    seconds from its first frame on; *only* and *without* are as `frame_filter` takes them; *channel* is a name that the
-    recording has, `all` for every one; *loops* is how often it is sent.
+    *rate* is the speed relative to the recording, 0: as fast as the load limit allows; *from_s* and *to_s* are seconds
+    from the first frame; *only* and *without* are for `frame_filter`; *channel* is a channel's name or `all`; *loops*
+    is the number of repetitions.
     """
 
     rate: float = 1.0
@@ -55,12 +55,12 @@ class Choice:
 def replay_recording(
     session: Session, path: Path, choice: Choice, nodes: Sequence[int] = (), file: str | None = None
 ) -> Replayed:
-    """Send what *choice* means of the recording at *path*, each frame as long after the first as it was recorded.
+    """Replay the part *choice* of the recording at *path* with the recorded timing.
 
-    A frame that is late makes no other one late. CAN FD and error frames are left out and counted. Consent is asked
-    once, as by `send_frames`, with a table of what would be sent. UsageError for a suffix that is no format, or where
-    nothing of it is meant; InputFileError where the file is none of that format; SafetyRefusal without consent, or
-    where the file changes meanwhile. A dry run sends none; it needs no bus where nobody chose one.
+    A late frame does not delay others. CAN FD and error frames are left out and counted. Asks once, as `send_frames`,
+    with a table of frames. Raises UsageError for an unknown suffix or an empty part; InputFileError if the file is
+    invalid; SafetyRefusal without consent or if the file changes. A dry run sends nothing, and needs no bus if none is
+    chosen.
     """
     filters = _filters(choice.only), _filters(choice.without)
     check_readable(path)
@@ -109,7 +109,7 @@ _Kind = tuple[int, bool, bool, bytes]
 
 @dataclass(slots=True)
 class _Found:
-    """What one pass found: how many frames of each kind, when the first and the last one were, what was left out."""
+    """The result of a first pass: frames by kind, first and last time, omissions."""
 
     kinds: Counter[_Kind] = field(default_factory=Counter)
     left_out: Counter[str] = field(default_factory=Counter)
@@ -122,7 +122,7 @@ class _Found:
         return self.kinds.total()
 
     def pass_s(self, rate: float) -> float:
-        """How long one pass takes: the first frame of the next one comes a mean distance behind the last."""
+        """Return the duration of a pass: the next begins a mean distance after the last frame."""
         if not rate:
             return 0.0
         span_s = self.last_s - self.first_s
@@ -130,7 +130,7 @@ class _Found:
 
 
 class _Part:
-    """The frames of a recording that are meant."""
+    """The chosen frames of a recording."""
 
     def __init__(
         self, path: Path, choice: Choice, filters: tuple[list[FrameFilter], list[FrameFilter]], decoder: Decoder,
@@ -141,7 +141,7 @@ class _Part:
         self._state = _state(path)
 
     def summed_up(self) -> _Found:
-        """What is meant of it; UsageError where that is nothing, or of several channels of which none was said."""
+        """Count the frames; raises UsageError if there are none, or several channels without a choice."""
         found = _Found()
         late_s = float("-inf")
         for frame, channel in self._frames(found.left_out):
@@ -166,7 +166,7 @@ class _Part:
         return found
 
     def due(self, found: _Found) -> Iterator[tuple[float | None, Frame]]:
-        """Each frame with when it is due (s from the first one on; None: at once); SafetyRefusal for a changed file."""
+        """Yield each frame with its time (s from the first; None: at once); raises SafetyRefusal for a changed file."""
         rate, pass_s = self._choice.rate, found.pass_s(self._choice.rate)
         for number in range(self._choice.loops):
             if _state(self._path) != self._state:
@@ -187,7 +187,7 @@ class _Part:
                 raise _changed(self._path)
 
     def _frames(self, left_out: Counter[str]) -> Iterator[tuple[Frame, str]]:
-        """What is meant, each with its channel; the others are counted in *left_out*."""
+        """Yield the chosen frames with channels; *left_out* counts the others."""
         began_s: float | None = None
         for frame in read_recorded(self._path):
             reason = self._cannot(frame)
@@ -223,7 +223,7 @@ class _Part:
 
 
 def _state(path: Path) -> tuple[int, int, int]:
-    """What tells that a file was not written since."""
+    """Return a mark that changes when a file is written."""
     found = path.stat()
     return found.st_ino, found.st_size, found.st_mtime_ns
 
@@ -233,15 +233,15 @@ def _changed(path: Path) -> SafetyRefusal:
 
 
 def _kind(frame: Frame) -> _Kind:
-    """Frames of one kind do the same: an NMT command is told by both its bytes, an SDO request by its first.
+    """Group frames of the same effect: NMT by both bytes, SDO requests by the first byte.
 
-    SDO servers may be at any CAN-ID.
+    SDO servers may have any CAN-ID.
     """
     return frame.can_id, frame.extended, frame.remote, frame.data[: 2 if frame.can_id == 0 else 1]
 
 
 def _rows(found: _Found, known: KnownParties) -> tuple[FramesToReplay, ...]:
-    """A row for what does the same, by CAN-ID."""
+    """Return a row per effect, by CAN-ID."""
     from dvtcli.domain.ports import Frame
 
     counted: Counter[tuple[int, bool, bool, str]] = Counter()
@@ -256,7 +256,7 @@ def _rows(found: _Found, known: KnownParties) -> tuple[FramesToReplay, ...]:
 
 
 def _ask(session: Session, path: Path, choice: Choice, found: _Found, rows: Sequence[FramesToReplay]) -> None:
-    """Show what would be sent, and ask where nodes act on some of it."""
+    """Show what would be sent, and ask if nodes act on it."""
     for row in rows[:_MOST_ROWS]:
         session.tell.note(row.text)
     if len(rows) > _MOST_ROWS:

@@ -1,7 +1,4 @@
-"""A recording as it runs: what passes is handed on until its time is over, also where the bus goes and comes back.
-
-Does not know what is written, nor where.
-"""
+"""Run a recording until its time is over, across loss and return of the bus."""
 
 from __future__ import annotations
 
@@ -32,11 +29,11 @@ def record_frames(
     append: bool = False,
     most_bytes: int = 0,
 ) -> Facts:
-    """Record every frame that passes one of *filters* (none: every frame) into *path*, whose suffix says the format.
+    """Record frames that pass one of *filters* (empty: all) to *path*, in the format of its suffix.
 
-    It ends after *duration_s* seconds, None for never, or when the session is cancelled. *append* writes behind what
-    is there; a new file begins after *most_bytes*, 0 for never. UsageError for a suffix that is no format,
-    BusUnavailable where the bus is gone and the session does not wait for it.
+    Ends after *duration_s* seconds (None: never), or when the session is cancelled. *append* continues the file; a new
+    file begins after *most_bytes* (0: never). Raises UsageError for an unknown suffix, BusUnavailable if the bus is
+    lost and not waited for.
     """
     from dvtcli.files.recorder import Recorder, size_of
     from dvtcli.files.recording_formats import format_of
@@ -67,9 +64,9 @@ _GONE = BusUnavailable.exit_code
 
 @dataclass(slots=True)
 class RunningRecording:
-    """What *session* hears by *listener*: each frame that passes one of *filters* (none: every frame) is for *write*.
+    """Frames from *listener* on the bus of *session* that pass one of *filters* (empty: all), for *write*.
 
-    *flush* is called behind each batch, *on_back* where the bus was gone, and is back.
+    *flush* is called after each batch, *on_back* after the bus returned.
     """
 
     session: Session
@@ -80,9 +77,9 @@ class RunningRecording:
     on_back: Callable[[], None]
 
     def run(self, duration_s: float | None) -> float:
-        """Write frames until Ctrl-C or *duration_s* is over; the seconds that were listened. A frame is written whole.
+        """Write frames until Ctrl-C or *duration_s*; returns the seconds recorded. Frames are written whole.
 
-        What came until then is written after it: on a busy bus that takes its time.
+        Frames received by then are written afterwards: on a busy bus this takes some time.
         """
         began_s = self.listener.began_s
         time = ListeningTime(duration_s, began_s=began_s)
@@ -102,7 +99,7 @@ class RunningRecording:
         return seconds
 
     def _write_batch(self, wait_s: float) -> BusUnavailable | None:
-        """Write what came, and what comes first within *wait_s*; how the bus failed, if it did."""
+        """Write received frames, waiting *wait_s* for the first; returns the error if the bus failed."""
         failure: BusUnavailable | None = None
         taken: list[Frame] = []
         try:
@@ -121,7 +118,7 @@ class RunningRecording:
         return (frame for frame in taken if any(frame.can_id & mask == can_id & mask for can_id, mask in self.filters))
 
     def _is_back(self, failed: BusUnavailable, is_over: Callable[[], bool]) -> bool:
-        """Wait for the bus, which *failed*, until *is_over*() or Ctrl-C, which ends it all; whether it is back."""
+        """Wait for the bus, which *failed*, until *is_over*() or Ctrl-C; returns whether it is back."""
         try:
             with self.session.cancellation.released():
                 return self.listener.come_back(failed, is_over)

@@ -36,12 +36,11 @@ def send_frames(
     nodes: Sequence[int] = (),
     file: str | None = None,
 ) -> FramesSent:
-    """Send the frames in *texts*, once, or as often as *every_s*, *for_s* (s) and *count* say, and say what was sent.
+    """Send the frames in *texts* once, or repeated by *every_s*, *for_s* (s) and *count*; returns what was sent.
 
-    Each is explained first; consent is asked once where nodes act on one of them: NMT, SYNC, TIME, SDO, LSS, EMCY and
-    heartbeats of nodes, and what a PDO of *nodes*, of the nodes that are known or heard, or of the network *file*
-    carries. UsageError where a text is no frame, or the bus does not carry it; SafetyRefusal without consent. A dry run
-    sends none.
+    Each is explained first; asks once if nodes act on a frame: NMT, SYNC, TIME, SDO, LSS, EMCY and heartbeats of nodes,
+    and PDOs of *nodes*, of known nodes, or of the network *file*. Raises UsageError for an invalid frame, or if the bus
+    does not carry it; SafetyRefusal without consent. A dry run sends nothing.
     """
     frames = [_frame(text) for text in texts]
     rounds = _rounds(every_s, for_s, count)
@@ -59,7 +58,7 @@ def send_frames(
 
 
 def _frame(text: str) -> Frame:
-    """The frame to send; an empty one has a `#`, since a number alone may be one whose data was forgotten."""
+    """Parse a frame to send; an empty frame needs a `#`, as a number alone may lack its data."""
     frame = parsed_frame(text)
     if "#" not in text and len(text.split()) == 1:
         raise UsageError(f"{text.strip()} says no data", hint=f"an empty frame is {frame_text(frame)}")
@@ -90,7 +89,7 @@ def _require_carried(bus: CanopenBus, frames: Sequence[Frame]) -> None:
 def _looked_at(
     session: Session, frames: Sequence[Frame], nodes: Sequence[int], file: str | None
 ) -> tuple[FrameToSend, ...]:
-    """Each frame with what it is and does; that nobody acts on one is said after listening for unknown nodes only."""
+    """Explain each frame and its effect; unknown nodes are looked for before a frame counts as without effect."""
     known = KnownParties(session, nodes, file)
     if not session.options.yes and not all(effects(frame, known.parties) for frame in frames):
         known.look_around()
@@ -105,7 +104,7 @@ def _looked_at(
 
 
 def _followed(session: Session) -> SdoValues:
-    """Where what is sent next carries a passcode: it may be a part of a transfer that was begun here before."""
+    """Follow open transfers, to find passcodes in the next frames: a transfer may have begun before."""
     secret = session.secrets.in_frames(unknown=True)
     for frame, _ in session.wire.exchanged():
         secret.value_in(frame)

@@ -1,4 +1,4 @@
-"""Where recorded values are from: who recorded them, which nodes sent them, and by what they are decoded."""
+"""The origin of recorded values: recorder, nodes, decoder."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _MOST_BYTES = 64 << 20
 
 @dataclass(frozen=True, slots=True)
 class ValuesWish:
-    """How values are written: a .parquet file in *layout*, with *source* for who recorded; None: long, who it was.
+    """Options of recorded values: *layout* of a .parquet file (None: long), *source* (None: the actual recorder).
 
-    A new file begins by *rotation* (seconds, bytes; 0: never), and with *append* where there is one already.
+    A new file begins by *rotation* (seconds, bytes; 0: never), and with *append* after an existing file.
     """
 
     layout: str | None = None
@@ -47,10 +47,10 @@ def parquet_form(
     dbc: str | None = None,
     live: bool = False,
 ) -> ParquetForm | None:
-    """How *path* is written as *wish* says if it is a .parquet file, *live* or not; None for other forms.
+    """Return the options for *path* if it is a .parquet file, *live* or not; None for other formats.
 
-    *recorder* is who recorded if *wish* does not say it. Nodes of *decoder* that are in *asked* are asked for their
-    identity (0x1018); of others it is what the network file *dbc* says, or what *decoder* was made from.
+    *recorder* is the default recorder. Nodes of *decoder* in *asked* are asked for their identity (0x1018); that of
+    others is from the network file *dbc*, or from the source of *decoder*.
     """
     if not is_parquet(path):
         if wish.layout or wish.source:
@@ -71,7 +71,7 @@ def parquet_form(
 
 
 def is_parquet(path: Path) -> bool:
-    """Whether *path* is a .parquet file by its suffix."""
+    """Tell by its suffix whether *path* is a .parquet file."""
     return path.suffix.lower() == ".parquet"
 
 
@@ -89,7 +89,7 @@ def _of_bus(session: Session) -> dict[str, str]:
 
 
 def _of_files(session: Session, dbc: str | None) -> dict[str, str]:
-    """The file that says what frames carry, and its SHA-256."""
+    """Return the file that describes the frames, and its SHA-256."""
     from hashlib import sha256
 
     from dvtcli.files.input_file import read_input
@@ -104,7 +104,7 @@ def _of_files(session: Session, dbc: str | None) -> dict[str, str]:
 
 
 def _of_file(dbc: str | None) -> dict[int, Mapping[str, int | None]]:
-    """The identities that the network file *dbc* says of its nodes."""
+    """Return the identities of nodes in the network file *dbc*."""
     if dbc is None or Path(dbc).suffix.lower() not in (".yaml", ".yml"):
         return {}
     from dvtcli.operations.wanted.network_wish import read_wish

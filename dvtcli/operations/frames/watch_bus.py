@@ -1,4 +1,4 @@
-"""What is on the bus, as it passes, with what the nodes' mappings and a DBC file say of it. Only reads."""
+"""Watch the bus, decoded by the nodes' mappings and a DBC file. Only reads."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ListeningTime:
         self._until_s = None if duration_s is None else (now_s() if began_s is None else began_s) + duration_s
 
     def is_over(self) -> bool:
-        """Whether all of it has passed."""
+        """Tell whether the time is over."""
         return self._until_s is not None and self._now_s() >= self._until_s
 
     @property
@@ -58,12 +58,12 @@ class Watched:
 
     @property
     def bitrate(self) -> int | None:
-        """The bus's bit rate (bit/s), None where it is not known or has no meaning."""
+        """The bus's bit rate (bit/s), None if unknown or meaningless."""
         wire = self.session.wire
         return None if wire.simulated else wire.bitrate
 
     def layout(self, frame: Frame) -> Layout:
-        """The layout of *frame*; another one after the bus was gone."""
+        """Return the layout of *frame*; it may change after a loss of the bus."""
         return self.decoder.layout(frame)
 
     def decoders(self) -> Iterator[tuple[int | None, Decoder]]:
@@ -71,9 +71,9 @@ class Watched:
         yield from live_decoders(self.session, self.nodes, self.dbc, named=True)
 
     def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell | None = None) -> bool:
-        """Wait for the bus, which *failed*, and read the mappings anew; False as soon as *stopping*().
+        """Wait for the bus, which *failed*, and read mappings again; False as soon as *stopping*().
 
-        Raises *failed* where it is not to be waited for.
+        Raises *failed* if waiting is not allowed.
         """
         while self.listener.come_back(failed, stopping, tell):
             try:
@@ -89,7 +89,7 @@ class Watched:
 def watching(
     session: Session, nodes: tuple[int, ...] = (), dbc: str | None = None, *, known: bool = True
 ) -> Iterator[Watched]:
-    """Listen to the bus from now on, also when it was gone and is back; *known*: with the mappings read before."""
+    """Watch the bus from now on, across loss and return; *known*: with mappings, read first."""
     open_wire(session)
     decoder = live_decoder(session, nodes, dbc) if known else Decoder()
     with SteadyListener(session, unasked=True) as listener:
@@ -105,10 +105,10 @@ def stream(
     changes: bool = False,
     tell: Tell | None = None,
 ) -> None:
-    """Show each frame that has *text* (small letters) in its names, for *duration_s* seconds, None for ever.
+    """Show frames with *text* (lower case) in a name for *duration_s* seconds (None: forever).
 
-    With *changes* only what says something new. The drops are said at the end, however it comes. *tell* hears of a bus
-    that is gone, or back; BusUnavailable where it is not waited for, or not back in time.
+    *changes* shows only new values. Lost frames are reported at the end. *tell* gets loss and return of the bus; raises
+    BusUnavailable if it is not waited for, or not back in time.
     """
     listener, store, time = watched.listener, FrameStore(watched.decoder), ListeningTime(duration_s)
     misfits = Misfits(watched.layout, watched.session.tell.warning)

@@ -1,4 +1,4 @@
-"""The EMCY messages of every node as they come. Only reads."""
+"""Show the EMCY messages of all nodes. Only reads."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 def watch_faults(
     session: Session, show: Callable[[Iterable[FaultSeen]], None], duration_s: float | None = None
 ) -> None:
-    """Show each EMCY message for *duration_s* seconds, None for ever; those that came before, first.
+    """Show EMCY messages, earlier ones first, for *duration_s* seconds (None: forever).
 
-    Of the selected node, and of those that are simulated or were met, codes are in the words of their family: they are
-    asked once who they are. UsageError where the bus carries no frames, BusUnavailable where it fails.
+    Selected, simulated and met nodes are identified once, for the error codes of their family. Raises UsageError if the
+    bus carries no frames, BusUnavailable if it fails.
     """
     bus = open_wire(session)
     counter = _Counter(session)
@@ -38,7 +38,7 @@ def watch_faults(
 
 
 def _waits(now_s: Callable[[], float], duration_s: float | None) -> Iterator[float]:
-    """How long to wait for messages each time (s) until *duration_s* is over; then for those that are there by then."""
+    """Yield waiting times (s) until *duration_s* is over, then 0 for received messages."""
     time = ListeningTime(duration_s, now_s)
     while not time.is_over():
         yield time.batch_s
@@ -46,7 +46,7 @@ def _waits(now_s: Callable[[], float], duration_s: float | None) -> Iterator[flo
 
 
 class _Counter:
-    """Messages with what they mean, counted by node and code."""
+    """EMCY messages with meanings, counted by node and code."""
 
     def __init__(self, session: Session) -> None:
         network = session.network
@@ -55,20 +55,20 @@ class _Counter:
         self._seen: dict[tuple[int, int], HeardEmergency] = {}
 
     def heard(self, one: HeardEmergency) -> FaultSeen:
-        """Messages that came before."""
+        """Count an earlier message."""
         node_id = one.last.node_id
         self._seen[node_id, one.last.code] = one
         return FaultSeen(node_id, self._words.setdefault(node_id, ErrorWords()).heard(one))
 
     def take(self, said: Emergency) -> FaultSeen:
-        """One message that came now."""
+        """Count a new message."""
         before = self._seen.get((said.node_id, said.code))
         first_s, count = (said.timestamp_s, 0) if before is None else (before.first_s, before.count)
         return self.heard(HeardEmergency(count + 1, first_s, said))
 
 
 def _words(session: Session, node_id: int) -> ErrorWords:
-    """The words of a node's family; the standard's where it does not answer, which is said."""
+    """Return the error codes of the node's family; the standard's, with a message, if it does not answer."""
     try:
         return ErrorWords(session.node(node_id))
     except BusUnavailable:
