@@ -1,1 +1,1 @@
-"""A CANopen gateway of CiA 309-3: its lines served, and plans as lines."""
+"""A CANopen gateway (CiA 309-3): a server, and plans as gateway lines."""

@@ -1,6 +1,6 @@
-"""LSS as a gateway's client asks for it: one slave is selected by its address, and asked or configured then.
+"""LSS through a gateway: a slave is selected by its address for each order.
 
-Whom a client selected is that client's own. Does not know lines.
+The selection belongs to the client.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway allows 
 
 
 class LssLines:
-    """LSS orders of all clients: a bus has one LSS master, and each order selects its client's slave anew."""
+    """LSS orders of all clients: a bus has a single LSS master, so each order selects its slave again."""
 
     def __init__(self, session: Session, *, allow_changes: bool) -> None:
         self._session = session
         self._allow_changes = allow_changes
 
     def answer(self, client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
-        """What *client* is answered to the order *name*."""
+        """Return the answer to the order *name* of *client*."""
         if not self._allow_changes and (name in _CHANGES or (name, numbers) == _SWITCH_ALL):
             return READ_ONLY
         if self._session.dry_run:
@@ -71,7 +71,7 @@ class LssLines:
         return Done()
 
     def _node_id(self, address: LssAddress) -> int:
-        """The node-ID that the slave with *address* has now, 255 for none: another client may have given it one."""
+        """Return the slave's current node-ID, 255 for none: another client may have set it."""
         from dvtcli.operations.lss.lss_find import lss_select
 
         # It waits again at once, and each order selects it anew: whoever goes, none is left to be configured.
@@ -92,7 +92,7 @@ class LssLines:
         return Done() if there else Failed(GatewayError.TIME_OUT, "no slave answered")
 
     def _scan(self) -> Answer:
-        """The address of the first slave that waits for a node-ID."""
+        """Return the address of the first slave without a node-ID."""
         from dvtcli.operations.lss.lss_find import lss_scan
 
         found = lss_scan(self._session).nodes

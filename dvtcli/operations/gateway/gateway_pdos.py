@@ -1,6 +1,6 @@
-"""The gateway's own PDOs (CiA 309-3): RPDOs keep the last frame that was heard, TPDOs are sent when a client says so.
+"""The gateway's own PDOs (CiA 309-3): RPDOs keep the last frame, TPDOs are sent on request.
 
-They are no node's: nothing of a device's PDOs is set here. Does not know lines.
+They belong to no node: no device's PDOs are changed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _LONGEST = 8
 
 
 class GatewayPdos:
-    """The PDOs that clients set up, of all of them: a bus is one."""
+    """The PDOs that all clients have set up on the bus."""
 
     def __init__(self, session: Session, *, allow_changes: bool) -> None:
         self._session = session
@@ -51,7 +51,7 @@ class GatewayPdos:
                 return self._write(number, values)
 
     def _set(self, pdo: SetPdo) -> Answer:
-        """Set *pdo* up; one with bit 31 set in its COB-ID is there no longer."""
+        """Set up *pdo*; bit 31 of its COB-ID deletes it."""
         cob_id = CobId.from_raw(pdo.cob_id)
         own = self._tpdos if pdo.is_tpdo else self._rpdos
         if pdo.is_tpdo and not self._allow_changes:
@@ -86,7 +86,7 @@ class GatewayPdos:
         return None
 
     def _note(self, frame: Frame, sent: bool) -> None:
-        """Keep what an RPDO waits for; called by whoever reads the bus."""
+        """Keep the frame of an RPDO; called by the bus reader."""
         if sent or frame.remote:
             return
         for number, pdo in tuple(self._rpdos.items()):
@@ -131,7 +131,7 @@ def _bits(entry: PdoEntry) -> int:
 
 
 def _packed(pdo: SetPdo, values: tuple[str, ...]) -> bytes:
-    """A frame's bytes with *values*, one for each entry that is no gap."""
+    """Pack *values*, one per entry except gaps, into a frame's bytes."""
     word, at, left = 0, 0, list(values)
     for entry in pdo.entries:
         if entry.index is not None:
@@ -142,7 +142,7 @@ def _packed(pdo: SetPdo, values: tuple[str, ...]) -> bytes:
 
 
 def _unpacked(pdo: SetPdo, data: bytes) -> list[str]:
-    """The values in a frame's *data*, those of gaps left out."""
+    """Unpack a frame's *data* without gaps."""
     word, values = int.from_bytes(data, "little"), []
     for entry in pdo.entries:
         bits = _bits(entry)

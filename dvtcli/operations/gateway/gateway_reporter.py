@@ -1,4 +1,4 @@
-"""Who is told what a gateway does, and is asked nothing: a client cannot wait for a person's answer."""
+"""Report what a gateway does, without questions: a client cannot wait for a person."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _NOT_HERE = {
 
 
 def ordered(client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
-    """Do what the order *name* sets for its *client*, or says."""
+    """Carry out the setting or query *name* of *client*."""
     if name in _NOT_HERE:
         return Failed(GatewayError.NOT_SUPPORTED, _NOT_HERE[name])
     match name, numbers:
@@ -80,9 +80,9 @@ def _set_sdo_time_out(client: LineClient, milliseconds: int) -> Answer:
 
 
 class GatewayReporter:
-    """Hands what happens to *told*, or as text to *tell* where that is None; questions and progress to nobody.
+    """Passes events to *told*, or as text to *tell* if None; drops questions and progress.
 
-    *client* is the name of the one whose line is done now, None for nobody's.
+    *client* is the name of the client being served, or None.
     """
 
     def __init__(self, tell: Reporter, told: Callable[[GatewayEvent], None] | None = None) -> None:
@@ -90,7 +90,7 @@ class GatewayReporter:
         self.client: str | None = None
 
     def happened(self, event: GatewayHappening, text: Hint | str, **facts: Any) -> None:
-        """Tell of an *event*; *facts* are further fields of it."""
+        """Report an *event*; *facts* are its further fields."""
         if self._told is not None:
             self._told(GatewayEvent(event, time(), text, **{"client": self.client, **facts}))
         elif event == "warning":

@@ -1,7 +1,4 @@
-"""What a gateway does for a request: the same operations as the commands for it, one answer a request.
-
-Does not know sockets, nor how an answer is written.
-"""
+"""Carry out gateway requests with the same operations as the commands, an answer each."""
 
 from __future__ import annotations
 
@@ -45,7 +42,7 @@ LATE_S = 0.05
 
 
 class HeartbeatWatches:
-    """What all clients watch."""
+    """The heartbeat watches of all clients."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -73,7 +70,7 @@ class HeartbeatWatches:
         return Done()
 
     def news(self) -> Iterator[tuple[LineClient, int, GatewayError]]:
-        """Who is to be told what of which node, since the last call; who left watches nothing any more."""
+        """Yield client, node and error of each event since the last call; drops watches of closed clients."""
         self._watches = [open_watch for open_watch in self._watches if not open_watch.client.gone]
         if not self._watches:
             return
@@ -95,7 +92,7 @@ class HeartbeatWatches:
 
 
 class Watch:
-    """The heartbeat of one node, as a *client* wants it: at least every *within_s* seconds, once it has begun."""
+    """A heartbeat watched for *client*: at least every *within_s* seconds, once begun."""
 
     def __init__(self, client: LineClient, node_id: int, within_s: float) -> None:
         self.client, self.node_id, self._within_s = client, node_id, within_s
@@ -105,12 +102,12 @@ class Watch:
         self._heard_s: float | None = None
 
     def look(self, now_s: float) -> None:
-        """Find out whether it is missed: one that came in time may be read a moment later."""
+        """Check for a missed heartbeat, allowing for frames read late."""
         if self._heard_s is not None and now_s - self._heard_s > self._within_s + LATE_S:
             self._lost()
 
     def heard(self, stamp_s: float, now_s: float) -> None:
-        """One came, at *stamp_s* by the bus's clock (0: it has none); consumers wait from the first one on.
+        """Take a heartbeat at *stamp_s* of the bus's clock (0: none); consumers wait from the first on.
 
         Source: CiA 301, 7.2.8.3.2.2.
         """
@@ -134,7 +131,7 @@ WAITING_S, SILENT_S = 5.0, 10.0
 
 
 class GatewayWork:
-    """Carries requests out on *session*; changes only where *allow_changes* says so; *tell* hears what was changed."""
+    """Carries out requests on *session*; changes only with *allow_changes*; *tell* gets changes."""
 
     def __init__(self, session: Session, tell: GatewayReporter, *, allow_changes: bool) -> None:
         self._session, self._tell = session, tell
@@ -155,7 +152,7 @@ class GatewayWork:
         self.heartbeats.close()
 
     def ended_by(self, gone: BusUnavailable) -> DvtcliError:
-        """What to say where the bus is *gone*: what a client's line could not put back, else how the nodes are."""
+        """Make the error if the bus is *gone*: a client's failed roll-back, else the nodes' state."""
         if self._left is not None:
             self._left.details.append(("then", str(gone)))
             return self._left
@@ -164,9 +161,9 @@ class GatewayWork:
         return gone
 
     def answer(self, client: LineClient, request: Request, *, alone: bool) -> Answer | None:
-        """What *client* is answered, None where `later` says it; BusUnavailable and Interrupted end the gateway.
+        """Answer *client*, None if `later` does; BusUnavailable and Interrupted end the gateway.
 
-        Where it is not *alone*, no node has a longer time-out for it than the options say.
+        Unless *alone*, no node gets a longer time-out than in the options.
         """
         net = client.net if request.net is None else request.net
         if net is None:
@@ -178,7 +175,7 @@ class GatewayWork:
 
     @contextmanager
     def _in_the_name_of(self, client: LineClient) -> Iterator[None]:
-        """A block in which what happens is *client*'s doing."""
+        """Attribute the events of a block to *client*."""
         self._tell.client = client.name
         try:
             yield
@@ -186,7 +183,7 @@ class GatewayWork:
             self._tell.client = None
 
     def later(self) -> Iterator[tuple[LineClient, Request, Answer]]:
-        """Each request whose answer had to be waited for, once there is one, also where its client has left."""
+        """Yield delayed answers when ready, even of closed clients."""
         for reset in [ended_reset for ended_reset in self._resets if ended_reset.begun.sent.is_over()]:
             self._resets.remove(reset)
             ended = partial(self._end_reset, reset)
@@ -196,18 +193,18 @@ class GatewayWork:
                 yield reset.client, reset.request, answer
 
     def waits(self, client: LineClient) -> bool:
-        """Whether *client* waits for an answer that `later` says: nothing else of it is done meanwhile."""
+        """Tell whether *client* waits for `later`: its other requests wait."""
         return any(reset.client is client for reset in self._resets)
 
     def must_wait(self, client: LineClient, request: Request) -> bool:
-        """Whether *request* is about a node whose restart is not over."""
+        """Tell whether *request* is about a node that is still restarting."""
         if not isinstance(request.command, Read | Write | Nmt):
             return False
         node_id = _node_of(client, request)
         return any(node_id in (0, reset.begun.node_id) for reset in self._resets)
 
     def _tried(self, client: LineClient, work: Callable[[], Answer | None], *, alone: bool) -> Answer | None:
-        """What *work* answers for *client*, or why it failed."""
+        """Return the answer of *work* for *client*, or its failure."""
         given, usual_s = {}, self._session.options.timeout
         if client.timeout_s is not None:
             given["timeout"] = client.timeout_s if alone else min(client.timeout_s, usual_s)
@@ -263,7 +260,7 @@ class GatewayWork:
             return self._nmt(node_id, command.command)
 
     def _silence(self, client: LineClient, node_id: int, command: Read | Write, *, alone: bool) -> Failed | None:
-        """What to answer where the node does not say who it is, or was silent and *client* made others wait before."""
+        """Return the failure if the node cannot be identified, or was silent and *client* has delayed others."""
         left_s = self._silent_until_s.get(node_id, 0.0) - monotonic()
         if left_s > 0 and not alone and client.waited_s > WAITING_S:
             return Failed(GatewayError.TIME_OUT, _known_silent(node_id, left_s))
@@ -276,7 +273,7 @@ class GatewayWork:
 
     @contextmanager
     def _counted(self, client: LineClient, node_id: int) -> Iterator[None]:
-        """A block whose time is what *client* made the others wait, if the node is silent in it."""
+        """Count the time of a block against *client* if the node is silent."""
         begun_s = monotonic()
         try:
             yield
@@ -289,7 +286,7 @@ class GatewayWork:
 
     @contextmanager
     def _line(self) -> Iterator[None]:
-        """A block that changes something: nodes go back to where they were at its end."""
+        """A block of changes: at its end nodes return to their NMT states."""
         code, self._wrote = 1, True
         try:
             yield
@@ -351,7 +348,7 @@ class GatewayWork:
 
 @dataclass(frozen=True, slots=True)
 class _Reset:
-    """A node's restart that a *client* waits for, and nobody else but who asks for that node."""
+    """A node's restart that only *client*, and requests for the node, wait for."""
 
     client: LineClient
     request: Request
@@ -362,12 +359,12 @@ _LENGTH = 0x0607_0010
 
 
 def _node_of(client: LineClient, request: Request) -> int | None:
-    """The node that *request* is about, as it says or *client* did; None where neither does."""
+    """Return the node of *request*, else the client's default; None if neither."""
     return client.node if request.node is None else request.node
 
 
 def _silent(node_id: int, command: Read | Write, silent: NoAnswer) -> str:
-    """What is to be said where a node did not even say who it is, which is asked before anything else."""
+    """Describe a node that could not even be identified, before any other access."""
     place = f"0x{command.index:04X}:{command.sub_index:02X}"
     return f"node {node_id} did not answer for {place}, nor before that for who it is: {silent.text}"
 
@@ -380,7 +377,7 @@ def _known_silent(node_id: int, left_s: float) -> str:
 
 
 def failure(failed: DvtcliError) -> Failed:
-    """The answer for what *failed*: the node's own abort code, or that of the rule, else a number of the gateway."""
+    """Return the failure: the node's abort code, or the rule's, else a gateway error number."""
     if failed.abort is not None:
         return Failed(failed.abort, failed.text)
     if isinstance(failed, NoAnswer):
@@ -391,5 +388,5 @@ def failure(failed: DvtcliError) -> Failed:
 
 
 def _word_of(short: str) -> str:
-    """The word of a line for the data type that dvtcli calls *short*."""
+    """Return the gateway word for the data type *short*."""
     return {"bool": "b", "domain": "d"}.get(short, short)

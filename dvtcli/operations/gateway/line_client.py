@@ -1,7 +1,4 @@
-"""One client of a gateway: the lines that it said and nobody answered yet, and what it set for itself.
-
-Does not know what lines mean.
-"""
+"""A gateway's client: its unanswered lines and settings."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ _HTTP = re.compile(r"[A-Z]+ \S+ HTTP/\d")
 
 @dataclass(eq=False, slots=True)
 class LineClient(Client):
-    """A connection that speaks in lines."""
+    """A connection with lines."""
 
     lines: deque[str] = field(default_factory=deque)
     rest: bytes = b""
@@ -48,7 +45,7 @@ class LineClient(Client):
         """A gateway says nothing first."""
 
     def take(self, data: bytes) -> list[Frame]:
-        """Keep the lines that *data* completes; who says a line without an end, or speaks HTTP, has to go."""
+        """Keep the lines completed by *data*; a client with an endless line or HTTP is disconnected."""
         *lines, self.rest = (self.rest + data).split(b"\n")
         self.lines.extend(line.decode("latin-1").rstrip("\r") for line in lines)
         if any(map(_HTTP.match, self.lines)):

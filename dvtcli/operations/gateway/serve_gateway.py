@@ -1,8 +1,7 @@
-"""A gateway for other programs (CiA 309-3): clients come and go, and each gets its answers in its turn.
+"""A gateway for other programs (CiA 309-3), serving clients fairly.
 
-One thread does everything. A client that says nothing, reads nothing or says nonsense is nobody else's trouble: the
-next line is that of a newcomer, or of the client that took least of the time. Who waits for a node that restarts waits
-alone. Does not know what lines mean.
+Uses a single thread. A client that is silent, does not read or sends garbage does not affect others: the next line is
+that of a newcomer, or of the client that took least time. Only requests for a restarting node wait for it.
 """
 
 from __future__ import annotations
@@ -69,11 +68,11 @@ def gateway(
     dialect: Dialect = Dialect.HASH,
     told: Callable[[GatewayEvent], None] | None = None,
 ) -> Iterator[Gateway]:
-    """A gateway to the bus of *session* at *where*: loopback addresses, of which port 0 is free, paths of Unix sockets.
+    """A gateway to the bus of *session* at *where*: loopback addresses (port 0: any), Unix socket paths.
 
-    Without *allow_changes* nothing is written or commanded. On Linux nobody but the same user is let in, unless
-    *any_user*. *told* hears what happens, None: the session's own user. SafetyRefusal where others than this machine
-    could reach it, BusUnavailable where an address or the bus is not to be had.
+    Without *allow_changes* writes and commands are refused. On Linux only the same user is admitted, unless *any_user*.
+    *told* gets events, None: the session's user. Raises SafetyRefusal if other machines could connect, BusUnavailable
+    if an address or the bus cannot be opened.
     """
     for endpoint in where:
         if isinstance(endpoint, str):
@@ -206,7 +205,7 @@ class Gateway:
         self._stopping = False
 
     def note(self, event: NodeEvent) -> None:
-        """Keep what a node said by itself, from any thread."""
+        """Keep a node's event, from any thread."""
         self._events.append(event)
 
     def stop(self) -> None:
@@ -215,9 +214,9 @@ class Gateway:
         self.hub.wake()
 
     def run(self) -> None:
-        """Serve until `stop`; raises where the bus is gone, KeyboardInterrupt for a Ctrl-C that came during a write.
+        """Serve until `stop`; raises if the bus is lost, KeyboardInterrupt for a Ctrl-C during a write.
 
-        BusUnavailable says how the nodes are then, LeftChanged what a client's last change left.
+        BusUnavailable has the nodes' state, LeftChanged what a client's last change left.
         """
         try:
             self._serve()
@@ -240,7 +239,7 @@ class Gateway:
                 self._reply(client, request, answer)
 
     def _answer_lines(self) -> None:
-        """Answer lines for a short while: in turn the first one of who came last, and of who took least of the time."""
+        """Answer lines for a short while: by turns of the newest client and the client with least time."""
         until_s = monotonic() + _ANSWERING_S
         clients, stalled = self._clients(), set[LineClient]()
         while ready := [
@@ -260,10 +259,10 @@ class Gateway:
                 break
 
     def _next(self, ready: list[LineClient]) -> LineClient:
-        """Whose line is answered next: who came during the last line, else in turn a newcomer and who was heard before.
+        """Choose the next line: of a client new since the last line, else by turns a newcomer and an older client.
 
-        Who comes anew for each line has that for some lines only: their count grows slowly, as others are answered. Of
-        the last two newcomers the first one goes first, so that nobody who comes anew is always the last.
+        A client that reconnects for each line is preferred for some lines only: their number grows slowly as others are
+        served. Of the last two newcomers the earlier goes first, so that newcomers are not always last.
         """
         newcomers = [client for client in ready if not client.turn_s]
         known = [client for client in ready if client.turn_s]
@@ -285,7 +284,7 @@ class Gateway:
         return bool(client.lines) and not client.stalled and not self._work.waits(client)
 
     def _clients(self) -> list[LineClient]:
-        """Who is connected; who came or left since is said."""
+        """Return the connected clients; reports changes."""
         now = self.hub.connected
         for client in now:
             if client not in self._known:
@@ -338,7 +337,7 @@ def _may_read(client: Client) -> bool:
 
 
 def _event_line(event: NodeEvent) -> str:
-    """What clients are told of *event*, empty for nothing."""
+    """Return the line about *event* for clients, empty if none."""
     if isinstance(event, BootUp):
         return f"{NET} {event.node_id} BOOT_UP"
     if isinstance(event, Emergency):

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 
 def plan_as_lines(session: Session, plan: NetworkPlan, stores: Mapping[int, Sequence[str]] | None = None) -> str:
-    """The text of a file with the lines that carry *plan* out; *stores*, by node-ID, where a node has several.
+    """Return *plan* as gateway lines; *stores* by node-ID if a node has several.
 
-    Asks what `apply` would ask of another device than the file is about; SafetyRefusal where a power stage is on.
+    Asks as `apply` does for another device than in the file; raises SafetyRefusal if a power stage is enabled.
     """
     planned = [node for node in plan.nodes if len(node.plan) or node.stores]
     refuse_powered(session, [planned_node.node_id for planned_node in planned if planned_node.needs_power_off])
@@ -58,9 +58,9 @@ _UNSAID = ("login", "fpo", "restore")
 
 
 def save_lines(session: Session, file: str) -> Facts:
-    """Write the end of this session's changes into *file*, as lines that a CANopen gateway carries out.
+    """Write the net changes of this session to *file* as CANopen gateway lines.
 
-    Asks before it overwrites. UsageError where nothing was changed, where gateway lines cannot say it, or where the
+    Asks before overwriting. Raises UsageError if there are no changes, if gateway lines cannot express them, or if the
     file cannot be written.
     """
     path = place_of(file, f"NAME{SUFFIX}")
@@ -79,13 +79,13 @@ def save_lines(session: Session, file: str) -> Facts:
 
 
 def _stores(lines: list[str]) -> list[str]:
-    """What the stores among *lines* are of, as `NodePlan` says it."""
+    """Return the parameter groups of stores in *lines*, for `NodePlan`."""
     stores = [line.split()[1:] for line in lines if line.split()[0] == "store"]
     return [next((word for word in words if not word.startswith("-")), "all") for words in stores]
 
 
 def _planned(node: Node, done: list[str], stores: list[str]) -> NodePlan:
-    """From what *node* held before *done* to what it holds now, with the last of its *stores*."""
+    """Plan from *node* before *done* to its values now, with the last of its *stores*."""
     flat = [line for entry in done for line in entry.splitlines()]
     if unsaid := [line.split()[0] for line in flat if line.startswith(_UNSAID)]:
         raise UsageError(
@@ -99,7 +99,7 @@ def _planned(node: Node, done: list[str], stores: list[str]) -> NodePlan:
 
 
 def _ends(node: Node) -> Iterator[Change]:
-    """One change for each PDO and object that was changed, in the order in which they were last."""
+    """Yield a net change per PDO and object, in the order of their last changes."""
     first: dict[object, Change] = {}
     last: dict[object, Change] = {}
     for change in (change for plan in node.history for change in plan.changes):
