@@ -1,1 +1,1 @@
-"""What is known of kinds of devices: EDS files, profiles, habits, and what was learnt."""
+"""Knowledge about kinds of devices: EDS files, profiles, habits, learnt families."""

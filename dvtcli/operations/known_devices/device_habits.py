@@ -1,4 +1,4 @@
-"""What is remembered of devices that want a PDO off or PRE-OPERATIONAL first: shown and forgotten. Needs no bus."""
+"""Show and forget devices that need a PDO disabled or PRE-OPERATIONAL first. Needs no bus."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from dvtcli.operations.user.keeping import state_folder
 
 
 def known_habits() -> tuple[str, ...]:
-    """The names of the devices of which something is remembered, sorted; reads nothing of it."""
+    """List the names of devices with remembered habits, sorted, without reading them."""
     return tuple(sorted(path.stem for path in habits_folder().glob("*.json")))
 
 
 def list_habits() -> HabitListing:
-    """What was found out of every device; a file that cannot be read says so in its row."""
+    """List the habits of every device; unreadable files have an error in their row."""
     return HabitListing(tuple(map(_row, known_habits())), str(habits_folder()))
 
 
 def forget_habits(name: str) -> HabitListing:
-    """Forget what the device *name* was found to want, or with `all` that of every one; and what is still remembered.
+    """Forget the habits of the device *name*, or with `all` of every device; returns the rest.
 
-    UsageError where nothing is remembered of *name*, SafetyRefusal where a file cannot be removed.
+    Raises UsageError if nothing is remembered of *name*, SafetyRefusal if a file cannot be removed.
     """
     known = known_habits()
     if name != "all" and name.upper() not in known:
@@ -44,7 +44,7 @@ def forget_habits(name: str) -> HabitListing:
 
 
 def habits_folder() -> Path:
-    """The folder of what is remembered, which may not be there."""
+    """Return the folder of habits, which may not exist."""
     return state_folder(None) / "habits"
 
 

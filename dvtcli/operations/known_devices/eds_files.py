@@ -40,12 +40,11 @@ def check_eds(
     strict: bool = False,
     family: str | None = None,
 ) -> FileReport | FileReports:
-    """Everything odd in each of *files*, with its line, by the rules named in *only* (none: all) but not in *without*.
+    """Check *files* by the rules in *only* (empty: all) except *without*; findings have lines.
 
-    A word with `*`, `?` or `[` that is no file's name stands for the files that it matches. With *strict* a warning
-    makes a file invalid, too; *family* is the profile by which its PDOs are judged. UsageError for a rule or a family
-    that there is not, and where one file is asked for that is not there. Among several one that is not there, or cannot
-    be read, is a finding.
+    A word with `*`, `?` or `[` that is no file matches files. *strict* treats warnings as errors; *family* is the
+    profile for PDOs. Raises UsageError for an unknown rule or family, or a missing single file. Among several files a
+    missing or unreadable file is a finding.
     """
     from dvtcli.files.profile.library import load_profile
 
@@ -57,7 +56,7 @@ def check_eds(
 
 
 def _matched(words: Sequence[str]) -> list[str]:
-    """The files that *words* name, each once; for a simulated family its EDS."""
+    """Expand *words* into files without repetition; a simulated family stands for its EDS."""
     from glob import glob, has_magic
 
     names: dict[str, None] = {}
@@ -68,7 +67,7 @@ def _matched(words: Sequence[str]) -> list[str]:
 
 
 def _place(word: str) -> str:
-    """*word* where it is a file, else the path of the EDS of the simulated family that it names, if it does."""
+    """Return *word* if it is a file, else the EDS path of the simulated family, if any."""
     from os.path import exists
 
     if exists(word):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
@@ -98,7 +97,7 @@ def _asked(rule: LintRule) -> FileRule:
 def report(
     file: str, eds: DeviceFile, rules: tuple[LintRule, ...], *, strict: bool = False, profile: DeviceProfile = GENERIC
 ) -> FileReport:
-    """What *rules* find in *eds*; *file* is what it is called."""
+    """Apply *rules* to *eds*, named *file*."""
     from dvtcli.files.device_lint import lint_device_file
 
     findings = tuple(
@@ -110,7 +109,7 @@ def report(
 
 
 def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[LintRule, ...]:
-    """The rules named in *only* but not in *without*; UsageError for a name that there is not, or for none left."""
+    """Return the rules in *only* except *without*; raises UsageError for an unknown name, or if none is left."""
     from dvtcli.files.device_lint import EVERY_RULE
 
     names = [rule.name for rule in EVERY_RULE]
@@ -128,13 +127,13 @@ def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> t
 
 
 def show_eds(file: str) -> Facts:
-    """Whose file it is, and how much is in it, or a simulated family's; UsageError where it cannot be read."""
+    """Summarise a file or a simulated family's EDS; raises UsageError if unreadable."""
     path = _place(file)
     return facts(path, _read(path))
 
 
 def facts(file: str, eds: DeviceFile) -> Facts:
-    """Whose file *eds* is, and how much is in it; *file* is what it is called."""
+    """Summarise *eds*, named *file*."""
     info = eds.dictionary.info
     pdos = {pdo for pdo in map(Pdo.at, eds.dictionary) if pdo is not None and pdo.communication_index in eds.dictionary}
     tpdos = sum(pdo.is_tpdo for pdo in pdos)

@@ -1,4 +1,4 @@
-"""Keeping what was learnt of a device: under which name, over what, and where from. Does not know how it was found."""
+"""Save a learnt profile: name, replacement, source."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def profile_to_compare(name: str) -> object:
 
 
 def differences(profile: object, learnt: Conclusions) -> list[Difference]:
-    """What the profile says otherwise; what it leaves to the EDS or the standard is no difference."""
+    """Compare a profile with *learnt* values; what it leaves to the EDS or the standard is no difference."""
     found = []
     for conclusion in learnt.profile:
         held = said(profile, conclusion.key)
@@ -60,12 +60,12 @@ def differences(profile: object, learnt: Conclusions) -> list[Difference]:
 
 
 def is_advice(held: Value | None, learnt: Value) -> bool:
-    """Whether a profile advises against what the device was *learnt* to take: that it does is no reason to."""
+    """Tell whether a profile advises against what the device accepts: no contradiction."""
     return (held, learnt) in (("warning", "fine"), ("advised", "no"))
 
 
 def said(profile: object, key: str) -> Value | None:
-    """What the profile says of *key*, as it is written in its file; None where it does not say."""
+    """Return *key* of the profile as in its file; None if absent."""
     field, _, way = key.partition(".")
     value = getattr(profile, field)
     if way:
@@ -88,7 +88,7 @@ _SIGNATURES = (STORE, RESTORE)
 
 
 def refuse_name(name: str) -> None:
-    """Raise UsageError for a name that no profile can have, or whose folder is somebody else's."""
+    """Raises UsageError for an invalid profile name, or a name whose folder is another's."""
     import re
 
     from dvtcli.files.learnt_folder import refuse_foreign
@@ -106,7 +106,7 @@ def refuse_name(name: str) -> None:
 
 
 def refuse_other(name: str, node: Node) -> None:
-    """Raise SafetyRefusal where what is kept as *name* was learnt of a device with another identity than *node*."""
+    """Raises SafetyRefusal if *name* was learnt from a device with another identity than *node*."""
     from dvtcli.files.learnt_folder import kept_profiles
 
     held = node.identity()
@@ -128,9 +128,9 @@ def _identity_text(vendor: int, product: int) -> str:
 
 
 def values_found(session: Session, node: Node) -> Values:
-    """What *node* holds, as far as its EDS says something else: what a device that stands for it is to start with.
+    """Return values of *node* that differ from its EDS: the initial values of a simulated device.
 
-    Read; nothing is written. Nothing if no EDS describes it. Programs and other domains are left out.
+    Writes nothing. Empty without an EDS. Programs and other domains are left out.
     """
     if node.dictionary is None:
         return {}
@@ -154,9 +154,9 @@ def save_learnt(
     known: Sequence[KnownAnswers],
     values: Values,
 ) -> tuple[str, ...]:
-    """Write what was *learnt* as *name*; the files. Without an EDS one is made of *pdos*, and what is *known* of them.
+    """Save *learnt* as *name*; returns the files. Without an EDS, one is made of *pdos* and *known*.
 
-    *values* are what the simulated device starts with. InputFileError where a file cannot be read, or be written.
+    *values* are initial values of the simulated device. Raises InputFileError if a file cannot be read or written.
     """
     from dvtcli.files.learnt_folder import write_folder
     from dvtcli.files.sim_state import Kept
@@ -191,7 +191,7 @@ def save_learnt(
 
 
 def _read_back(origin: Origin, learnt: Conclusions, eds: Path | str) -> None:
-    """Read what is to be written, before it is; InputFileError where it cannot be read."""
+    """Check what is to be written by reading it; raises InputFileError if unreadable."""
     from dvtcli.files.device_file import must_describe, parse_device_file, read_device_file
     from dvtcli.files.learnt_folder import PROFILE, SIMULATED, profile_text, simulated_text
     from dvtcli.files.profile.toml import read_profile
@@ -204,7 +204,7 @@ def _read_back(origin: Origin, learnt: Conclusions, eds: Path | str) -> None:
 
 
 def _take_up(session: Session) -> None:
-    """Let the nodes that were met have the profile that is theirs now."""
+    """Give the met nodes their new profile."""
     from dvtcli.device.file_fits import as_file_says
 
     for node_id, node in session.network.nodes.items():
@@ -214,7 +214,7 @@ def _take_up(session: Session) -> None:
 def _described(
     node: Node, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]
 ) -> str:
-    """An EDS of what was read of *node*, for which no file is known."""
+    """Make an EDS from reads of *node*, which has none."""
     from dvtcli.device.learn.read_device import read_device
     from dvtcli.domain.learning.read_dictionary import described
     from dvtcli.files.eds.writer import eds_text

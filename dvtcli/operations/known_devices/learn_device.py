@@ -50,10 +50,10 @@ LISTEN_S = 1.5
 
 @dataclass(frozen=True, slots=True)
 class _Prepared:
-    """What is to be asked of a node as it was *found*, at most *limit* writes; *saves* is what 0x1010 is to be asked.
+    """The tests of a node as *found*, at most *limit* writes; *saves* are tests of 0x1010.
 
-    *instead* are asked if a mapping of *subjects* does not take back what it holds. *pdos* are all that the node holds,
-    *isolated* says that nothing else is on its bus.
+    *instead* are tested if a mapping of *subjects* cannot be restored. *pdos* are all PDOs of the node, *isolated* says
+    that nothing else is on its bus.
     """
 
     node: Node
@@ -72,14 +72,14 @@ class _Prepared:
         return tuple(str(subject.pdo) for subject in self.subjects)
 
     def forecast(self) -> LearnForecast:
-        """What would be asked: the node's twin, which is not told to save, says how many writes are likely."""
+        """Estimate the number of writes on the node's twin, without stores."""
         terms = Terms(self.limit, self.isolated)
         likely = ask_safely(self.node, [*self.subjects, *self.instead], self.pdos, self.found, terms).writes
         probes = [*self.probes, *self.saves]
         return LearnForecast(self.node.node_id, self.names, probes, self.limit, likely, self.storage.wears)
 
     def ask(self, told: Callable[[], None]) -> Asked:
-        """Ask the node all of it, and put everything back; *told* is called at each write."""
+        """Run all tests and roll back; *told* is called at each write."""
         terms = Terms(self.limit, self.isolated, self.saves)
         return ask_safely(self.node, [*self.subjects, *self.instead], self.pdos, self.found, terms, told)
 
@@ -93,13 +93,12 @@ def learn(
     isolated: bool = False,
     with_store: bool = False,
 ) -> LearntDevice | LearnForecast:
-    """Find out what the node *node_id* (None: the selected one) takes, and put everything back.
+    """Learn what the node *node_id* (None: the selected node) accepts, and roll back.
 
-    *save* is the name of the profile and of the folder that are written, *compare* that of a profile, or the path of
-    such a folder, to compare with; *isolated* asserts that nothing else is on the bus; *with_store* lets the node be
-    told to save, with at most two writes to 0x1010. Errors: SafetyRefusal without consent, where what it holds must not
-    be stored, and without force where *save* was learnt of another device; DeviceRefused where no PDO can be asked,
-    UsageError where *save* names somebody else's folder.
+    *save* is the name of the profile and folder to write, *compare* a profile's name or such a folder's path;
+    *isolated* asserts that nothing else is on the bus; *with_store* allows stores, at most two writes to 0x1010. Raises
+    SafetyRefusal without consent, if the node's values must not be stored, and without force if *save* was learnt from
+    another device; DeviceRefused if no PDO can be tested, UsageError if *save* names another's folder.
     """
     node = session.node(node_id)
     if save is not None:
@@ -128,7 +127,7 @@ def learn(
 
 
 def _claimed(node: Node) -> InitialState:
-    """The node as it was found, which no other dvtcli writes to now; SafetyRefusal where it cannot be asked."""
+    """Claim the node, locked against other dvtcli processes; raises SafetyRefusal if it cannot be tested."""
     found = node.begin_change()
     if found.state is NmtState.STOPPED:
         raise stopped_node(node.node_id)
@@ -137,7 +136,7 @@ def _claimed(node: Node) -> InitialState:
 
 
 def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
-    """What tells the user of each write; how many there will be depends on the answers."""
+    """Return a callback that reports each write; the total depends on the answers."""
     count, node_id = itertools.count(1), prepared.node.node_id
 
     def wrote() -> None:
@@ -147,13 +146,13 @@ def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
 
 
 def _looked(session: Session, node: Node) -> Callable[[int, int], None]:
-    """What tells the user how far the look for what the node lacks has come."""
+    """Return a callback that reports the search for missing objects."""
     text = f"node {node.node_id}: which objects of its EDS are there"
     return lambda done, total: session.tell.progress(f"{text}, {done + 1} of {total}", done, total)
 
 
 def _heard(session: Session) -> frozenset[int]:
-    """CAN-IDs that pass; none may be known where the bus carries no frames, so then no PDO is enabled."""
+    """Return the CAN-IDs in use; if the bus carries no frames, they are unknown and no PDO is enabled."""
     if not session.bus.carries_frames:
         return frozenset(range(0x800))
     session.tell.progress(f"listening for {LISTEN_S} s to which CAN-IDs are in use", 0, 0)
@@ -161,7 +160,7 @@ def _heard(session: Session) -> frozenset[int]:
 
 
 def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool) -> _Prepared:
-    """What *node*, which no other dvtcli writes to now, can be asked; DeviceRefused where that is nothing."""
+    """Prepare the tests of *node*, which is locked; raises DeviceRefused if there are none."""
     found = _claimed(node)
     pdos = node.pdos()
     asked = subjects(node, pdos, frozenset() if session.dry_run else _heard(session))
@@ -185,13 +184,13 @@ def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool)
 
 
 def _most_instead(subject: ProbedPdo, instead: Sequence[ProbedPdo], *, isolated: bool) -> list[int]:
-    """How many downloads there are at most if another PDO of that direction is asked instead of *subject*."""
+    """Return the maximum numbers of downloads if another PDO of the direction replaces *subject*."""
     others = [pdo for pdo in instead if pdo.pdo.direction is subject.pdo.direction]
     return [most_writes(other, forecast(other, isolated=isolated)) + most_until_refused(subject) for other in others]
 
 
 def _consent(session: Session, prepared: _Prepared) -> None:
-    """Ask, in words that say all that is done to the node; SafetyRefusal where what it holds must not be stored."""
+    """Ask, naming all acts on the node; raises SafetyRefusal if its values must not be stored."""
     node, isolated = prepared.node, prepared.isolated
     is_operational = prepared.found.state is NmtState.OPERATIONAL
     if prepared.saves:
@@ -217,7 +216,7 @@ def _consent(session: Session, prepared: _Prepared) -> None:
 
 
 def _saving_text(prepared: _Prepared) -> str:
-    """What --with-store does, in words; empty without it."""
+    """Describe what --with-store does; empty without it."""
     if not prepared.saves:
         return ""
     unstored = join_some(prepared.node.pending.unstored)
@@ -227,13 +226,13 @@ def _saving_text(prepared: _Prepared) -> str:
 
 
 def _note_saved(node: Node, saved: SignatureAnswers) -> None:
-    """Changes of this session that were saved are no longer pending."""
+    """Clear pending changes of this session that were stored."""
     if saved.sub_index is not None:
         mark_stored(node, node.pending.was_stored(saved.sub_index, len(node.history)))
 
 
 def _answers(asked: Asked, storage: Storage) -> list[ProbeAnswer]:
-    """What the node answered about its PDOs, and about saving, if it was told to save."""
+    """Return the node's answers about PDOs, and about stores, if tested."""
     about_pdos = [answer for known in asked.known for answer in known.answers.values()]
     return [*about_pdos, *(asked.saved.answers or not_asked(storage, "only if a store is allowed"))]
 

@@ -1,4 +1,4 @@
-"""The device profiles that there are, and why each says what it says. Needs no bus and no session."""
+"""Show the device profiles with their reasons. Needs no bus and no session."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def known_profiles() -> tuple[str, ...]:
 
 
 def list_profiles() -> ProfileListing:
-    """Every profile, the user's own ones too; InputFileError for one that cannot be read."""
+    """List every profile, including the user's; raises InputFileError for an unreadable profile."""
     return ProfileListing(tuple(map(_row, profile_names())), str(folder()))
 
 
 def show_profile(name: str) -> ProfileShown:
-    """The profile *name*, with the reason for each value; UsageError where there is none of that name."""
+    """Show the profile *name* with the reason for each value; raises UsageError if unknown."""
     row = _row(name)
     found = list(reasons(profile_text(name)))
     like = next((reason.value.strip("\"'") for reason in found if reason.key == "like"), None)
