@@ -16,6 +16,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import canopen
@@ -98,6 +100,16 @@ def run_canopen(count: int, bitrate: int, server_s: float) -> float:
     return bus.now_s()
 
 
+@contextmanager
+def described(bus: WireTimedBus, count: int, folder: str) -> Iterator[Session]:
+    """A session on *bus* that knows the EDS and the profile of each of *count* nodes, with its files in *folder*."""
+    with Session(Options(yes=True, journal=folder), open_bus=lambda _options: bus) as session:
+        for node_id in range(1, count + 1):
+            session.open_network().files.own_eds[node_id] = family_eds("generic")
+            session.open_network().files.own_profile[node_id] = "generic"
+        yield session
+
+
 def run(
     count: int, bitrate: int, server_s: float, *, width: int = 64, store: bool = False
 ) -> tuple[float, float, float]:
@@ -107,10 +119,7 @@ def run(
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "many.yaml"
         file.write_text(network(count) if store else network(count).replace("{store: true}", "{}"))
-        with Session(Options(yes=True, journal=folder), open_bus=lambda _options: bus) as session:
-            for node_id in range(1, count + 1):
-                session.open_network().files.own_eds[node_id] = family_eds("generic")
-                session.open_network().files.own_profile[node_id] = "generic"
+        with described(bus, count, folder) as session:
             plan = plan_network(session, str(file))
             bus.begin()
             began_s, cpu_s = bus.now_s(), time.process_time()

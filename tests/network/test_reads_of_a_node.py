@@ -22,8 +22,8 @@ PDOS = [Pdo.parse(f"{direction}{number}") for direction in ("tpdo", "rpdo") for 
 #: what the rules of networks look at beside PDOs (`node_state`): SYNC, guarding, TIME, EMCY, and heartbeats
 TIMING = ("1005:00", "1006:00", "1007:00", "1019:00", "100C:00", "100D:00", "1012:00", "1014:00", "1015:00", "1016:00",
           "1016:01", "1017:00")  # fmt: skip
-#: who it is, what it does after an error, and whether it is the NMT master, and of whom
-JUDGED = ("1018:01", "1018:02", "1018:03", "1018:04", "1029:01", *(f"1F8{number}:00" for number in range(10)))
+#: who it is, what it does after an error, and whether it is the NMT master: of whom is read of a master alone
+JUDGED = ("1018:01", "1018:02", "1018:03", "1018:04", "1029:01", "1F80:00")
 #: of a node that is written: whether a write makes its stamp void
 STAMP = "1020:01"
 ONCE = Counter((*TIMING, *JUDGED))

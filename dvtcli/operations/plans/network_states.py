@@ -57,11 +57,10 @@ TIMING = (
 #: What the rules of `check` look at besides.
 JUDGED = (
     *((IDENTITY, sub_index, 4) for sub_index in range(1, 5)), (ERROR_BEHAVIOUR, 1, 1), (NMT_STARTUP, 0, 4),
-    (BOOT_TIME, 0, 4),
 )  # fmt: skip
-#: Objects with an entry a node: the length of each in bytes.
-_ARRAYS = {
-    CONSUMER_HEARTBEAT: 4, SLAVE_ASSIGNMENT: 4, REQUEST_NMT: 1, REQUEST_GUARDING: 1, 0x1F84: 4, 0x1F85: 4, 0x1F86: 4,
+#: What they look at of an NMT master: objects with an entry a node, the length of each in bytes.
+_OF_MASTER = {
+    SLAVE_ASSIGNMENT: 4, REQUEST_NMT: 1, REQUEST_GUARDING: 1, 0x1F84: 4, 0x1F85: 4, 0x1F86: 4,
     0x1F87: 4, 0x1F88: 4,
 }  # fmt: skip
 
@@ -73,9 +72,10 @@ def node_state(node: Node, *, for_rules: bool = False, only_enabled: bool = Fals
     """
     pdos = node.observed(lambda: _enabled(node)) if only_enabled else dict(node.known_pdos())
     places = (*TIMING, *(JUDGED if for_rules else ()))
-    arrays = _ARRAYS if for_rules else {CONSUMER_HEARTBEAT: 4}
-    numbers = node.observed(lambda: dict(_numbers(node.memory.look(), places, arrays)))
+    numbers = node.observed(lambda: dict(_numbers(node.memory.look(), places, {CONSUMER_HEARTBEAT: 4})))
     if for_rules:
+        if (NMT_STARTUP, 0) in numbers:  # a node without it is no NMT master, and cannot become one
+            numbers |= node.observed(lambda: dict(_numbers(node.memory.look(), ((BOOT_TIME, 0, 4),), _OF_MASTER)))
         numbers |= node.observed(lambda: sdo_channels(node.memory.look(), node.dictionary))
     downloads = node.observed(lambda: dict(_downloads(node.memory))) if numbers.get((NMT_STARTUP, 0)) else {}
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
