@@ -22,6 +22,8 @@ from dvtcli.files.values.value_rows import STREAM
 
 #: how long a value may wait until it is on the disk (s)
 _AT_MOST_S = 1.0
+#: batches that are kept back for a row group
+_MOST_BATCHES = 64
 
 
 class Table(Protocol):
@@ -53,24 +55,27 @@ class _WholeParquet:
         self._file = self._part.open("wb")
         self._parquet = pyarrow("pyarrow.parquet").ParquetWriter(self._file, schema)
         self._kept: list[Any] = []
-        self._rows = 0
+        self._rows = self._bytes = 0
 
     @property
     def size(self) -> int:
-        """How many bytes were written."""
-        return self._file.tell()
+        """How many bytes were written, and are kept back."""
+        return self._file.tell() + self._bytes
 
     def write(self, batch: Any) -> None:
         """Write the rows of *batch* with those that were kept back, once they are enough."""
         self._kept.append(batch)
         self._rows += len(batch)
+        self._bytes += batch.nbytes
         if self._rows >= self._group:
             self._write_group()
+        elif len(self._kept) >= _MOST_BATCHES:  # each takes some kilobytes, however few rows it has
+            self._kept = pyarrow().Table.from_batches(self._kept).combine_chunks().to_batches()
 
     def _write_group(self) -> None:
         if self._kept:
             self._parquet.write_table(pyarrow().Table.from_batches(self._kept))
-            self._kept, self._rows = [], 0
+            self._kept, self._rows, self._bytes = [], 0, 0
 
     def close(self) -> int:
         """Write the rest and the end, and give the file its name; its size in bytes."""
@@ -121,7 +126,7 @@ class ParquetWriter:
         if self._stream is not None:
             self._stream.write(batch)
         self._parquet.write(batch)
-        self.size = max(self._parquet.size, 0 if self._stream is None else self._stream.size)
+        self.size = self._parquet.size
 
     def close(self) -> None:
         """Write what is kept back, and the end."""
@@ -151,11 +156,6 @@ class _Stream:
     def _to_disk(self) -> None:
         self._file.flush()
         to_disk(self._file.fileno())
-
-    @property
-    def size(self) -> int:
-        """How many bytes were written."""
-        return self._file.tell()
 
     def write(self, batch: Any) -> None:
         """Write *batch*."""

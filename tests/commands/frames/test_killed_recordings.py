@@ -1,0 +1,237 @@
+"""A recording of values whose process is killed: what was on the disk becomes a whole file; others are left alone."""
+
+from __future__ import annotations
+
+import csv
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.domain.ports import Frame
+from dvtcli.files.values.parquet_file import finish, part_of, stream_of
+from dvtcli.files.values.value_file import ParquetForm, read_values, write_file
+from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
+from dvtcli.watch.table import SignalRows
+from tests.files.recordings import BEGIN_S
+from tests.files.test_value_files import layouts_of
+from tests.process import PATIENCE_S, documents, dvtcli
+from tests.serve.served import Served, bus_words, own_environment, served, wait_for
+
+pytestmark = [pytest.mark.needs("pyarrow"), pytest.mark.drawn(6, "killed recordings")]
+
+
+def on_disk(path: Path) -> list[float]:
+    """The velocities that are in the Arrow stream at *path* by now."""
+    import pyarrow
+
+    found: list[float] = []
+    with suppress(pyarrow.ArrowException, OSError, StopIteration), path.open("rb") as file:
+        reader = pyarrow.ipc.open_stream(file)
+        while True:
+            found += velocities(reader.read_next_batch().to_pylist())
+    return found
+
+
+def velocities(rows: list[dict[str, object]]) -> list[float]:
+    return [float(str(row["value"])) for row in rows if row["object"] == "606C:00"]
+
+
+def in_file(path: Path) -> list[float]:
+    import pyarrow.parquet
+
+    return velocities(pyarrow.parquet.read_table(path).to_pylist())
+
+
+@contextmanager
+def logging(server: Served, folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
+    """`log` of the values of node 5, which has begun; it is killed at the end."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", *words, "--decode", "--nodes", "5"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=own_environment(folder), cwd=folder,
+    )  # fmt: skip
+    try:
+        assert process.stderr is not None
+        lines = iter(process.stderr.readline, "")
+        assert any("Ctrl-C ends it" in line for line in lines)
+        yield process
+    finally:
+        process.kill()
+        process.communicate(timeout=PATIENCE_S)
+
+
+def send(bus: can.BusABC, numbers: range) -> None:
+    """TPDO2 of node 5, with *numbers* for its velocity."""
+    for number in numbers:
+        data = number.to_bytes(4, "little", signed=True) + bytes(4)
+        bus.send(can.Message(arbitration_id=0x285, data=data, is_extended_id=False))
+
+
+@pytest.mark.long
+def test_what_a_killed_log_left_becomes_a_whole_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    with served(tmp_path, "gen4@5") as server:
+        bus = server.attach()
+        with logging(server, tmp_path, "run.parquet", "-a") as process:
+            send(bus, range(300))
+            wait_for(lambda: on_disk(stream_of(path)) == [*range(300)], "values on the disk")
+            assert not path.exists()
+            send(bus, range(300, 400))
+            process.send_signal(signal.SIGKILL)
+            process.wait(timeout=PATIENCE_S)
+        left = on_disk(stream_of(path))
+        assert not path.exists()
+        words = ["log", "run.parquet", "--decode", "--nodes", "5", "-a", "--duration", "0.2"]
+        again = dvtcli(*bus_words(server.port), *words, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "run.parquet: " in again.stderr
+    assert "rows of a recording that was killed" in again.stderr
+    assert in_file(path) == left == [*range(len(left))]
+    assert len(left) >= 300
+    assert again.stdout.startswith("run-0002.parquet: ")
+    assert sorted(each.name for each in tmp_path.glob("*run*")) == ["run-0002.parquet", "run.parquet"]
+
+
+def test_a_file_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
+    with served(tmp_path, "gen4@5") as server:
+        bus = server.attach()
+        with logging(server, tmp_path, "run.parquet") as process:
+            words = ["log", "run.parquet", "--decode", "--nodes", "5", "--duration", "0.2"]
+            second = dvtcli(*bus_words(server.port), *words, cwd=tmp_path)
+            assert second.returncode == 6, second.stderr
+            assert "another dvtcli is writing" in second.stderr
+            behind = dvtcli(*bus_words(server.port), *words, "-a", cwd=tmp_path)
+            assert behind.returncode == 0, behind.stderr
+            assert [each.name for each in tmp_path.glob("*.parquet")] == ["run-0002.parquet"]
+            send(bus, range(20))
+            wait_for(lambda: on_disk(tmp_path / "_run.arrows") == [*range(20)], "values on the disk")
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=PATIENCE_S)
+    assert in_file(tmp_path / "run.parquet") == [*range(20)]
+    assert sorted(each.name for each in tmp_path.glob("*run*")) == ["run-0002.parquet", "run.parquet"]
+
+
+@pytest.mark.parametrize("layout", ["long", "wide"])
+def test_a_stream_that_is_torn_anywhere_gives_its_whole_batches(tmp_path: Path, layout: str) -> None:
+    """Cut at any byte, as a power-off does: no error, no value that was not sent, and none of a whole batch lost."""
+    path, stream = tmp_path / "run.parquet", tmp_path / "_run.arrows"
+    rows = SignalRows(layouts_of(5, [0x2000, 0x2001]))
+    writer = write_file(path, rows, lambda _: {}, ParquetForm(layout, live=True))
+    ends, per_batch = [0], {"long": 6, "wide": 3}[layout]
+    for number in range(4):
+        for step in range(3):
+            writer.write(frame(3 * number + step))
+        writer._write_batch()  # type: ignore[attr-defined]
+        ends.append(stream.stat().st_size)
+    whole = stream.read_bytes()
+    writer.close()
+    sent = [cells for _, cells in read_values(path).rows]
+    assert len(sent) == 12
+    for size in sorted({*range(0, len(whole), 97), *ends, *(end - 1 for end in ends[1:]), len(whole)}):
+        path.unlink(missing_ok=True)
+        stream.write_bytes(whole[:size])
+        part_of(path).write_bytes(b"PAR1")
+        batches = max((number for number, end in enumerate(ends) if end <= size), default=0)
+        found = finish(stream, path)
+        least = per_batch * batches
+        assert found in {least or None, least + per_batch}, size  # what a batch ends with may be padding
+        assert path.exists() == bool(found)
+        assert not found or [cells for _, cells in read_values(path).rows] == sent[: 3 * found // per_batch]
+        assert not stream.exists()
+        assert not part_of(path).exists()
+
+
+def frame(number: int) -> Frame:
+    return Frame(0x185, number.to_bytes(2, "little") + bytes(2), timestamp_s=BEGIN_S + number / 100)
+
+
+def test_a_whole_file_is_not_made_again(tmp_path: Path) -> None:
+    """Killed between the file's name and the removal of its stream."""
+    path, stream = tmp_path / "run.parquet", tmp_path / "_run.arrows"
+    writer = write_file(path, SignalRows(layouts_of(5, [0x2000])), lambda _: {}, ParquetForm(live=True))
+    writer.write(frame(1))
+    writer.close()
+    whole = path.read_bytes()
+    stream.write_bytes(b"a stream whose file is whole")
+    assert finish_parts(path) == []
+    assert path.read_bytes() == whole
+    assert not stream.exists()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
+def test_parts_are_whole_and_hold_each_frame_once(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    (tmp_path / f"run-0007{suffix}").write_bytes(b"older")
+    rows = SignalRows(layouts_of(5, [0x2001]))
+    form = ParquetForm(live=True)
+    parts = ValueParts(path, lambda part: write_file(part, rows, _document, form), Rotation(size_bytes=2_000))
+    for number in range(500):
+        parts.write(frame(number))
+        if number % 50 == 49:
+            if suffix == ".parquet":
+                parts._file._write_batch()  # type: ignore[attr-defined]
+            parts.flush()
+    parts.close()
+    names = [path, *(tmp_path / f"run-{number:04}{suffix}" for number in range(8, 7 + len(parts.files)))]
+    assert parts.files == names
+    assert len(parts.files) > 2
+    assert parts.size == sum(part.stat().st_size for part in parts.files)
+    if suffix != ".jsonl":
+        assert [cells for part in parts.files for _, cells in read_values(part).rows] == [[n] for n in range(500)]
+    assert (tmp_path / f"run-0007{suffix}").read_bytes() == b"older"
+
+
+def _document(_frame: Frame) -> dict[str, object]:
+    return {"text": "x" * 40}
+
+
+def test_rotation_by_time_and_a_file_behind_others(tmp_path: Path) -> None:
+    words = ["log", "run.parquet", "--decode", "--duration", "2.5", "--rotate", "1s"]
+    done = dvtcli("--sim", "gen4", "--json", stdin=f"nmt start\n{' '.join(words)}\n", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = documents(done.stdout)[-1]
+    files = sorted(tmp_path.glob("run*.parquet"))
+    assert len(files) >= 2
+    assert told["bytes"] == sum(each.stat().st_size for each in files)
+    assert sum(len(list(read_values(each).rows)) for each in files) == told["frames"]
+    for suffix, words in ((".parquet", ["-a"]), (".csv", []), (".csv", ["-a"])):
+        line = " ".join(["log", f"run{suffix}", "--decode", "--duration", "0.2", *words])
+        done = dvtcli("--sim", "gen4", stdin=f"nmt start\n{line}\n", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert {each.name for each in tmp_path.iterdir()} >= {"run.csv", "run-0002.csv", f"run-{len(files) + 1:04}.parquet"}
+    with (tmp_path / "run-0002.csv").open(encoding="utf-8") as file:
+        assert next(csv.reader(file))[:2] == ["time", "frame"]
+    assert next_part(tmp_path / "run.csv").name == "run-0003.csv"
+
+
+def test_few_values_for_a_long_time_take_little_memory(tmp_path: Path) -> None:
+    """A batch a second, of a value each: what waits for its row group is not kept as thousands of arrays."""
+    import pyarrow
+
+    writer = write_file(tmp_path / "a.parquet", SignalRows(layouts_of(5, [0x2001])), lambda _: {}, ParquetForm())
+    before = pyarrow.total_allocated_bytes()
+    for number in range(3_000):
+        writer.write(frame(number))
+        writer._write_batch()  # type: ignore[attr-defined]
+    assert pyarrow.total_allocated_bytes() - before < 2_000_000
+    writer.close()
+    assert len(list(read_values(tmp_path / "a.parquet").rows)) == 3_000
+
+
+@pytest.mark.parametrize("words", [["--rotate", "fast"], ["--rotate", "1kB"], ["--rotate", "10"], ["--rotate", "0.5s"]])
+def test_a_rotation_that_is_none_is_said(tmp_path: Path, words: list[str]) -> None:
+    done = dvtcli("--sim", "gen4", "log", "run.csv", "--decode", *words, cwd=tmp_path)
+    assert (done.returncode, words[1] in done.stderr) == (2, True), done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_frames_are_rotated_by_their_own_option(tmp_path: Path) -> None:
+    done = dvtcli("--sim", "gen4", "log", "run.log", "--rotate", "10min", cwd=tmp_path)
+    assert (done.returncode, "-s BYTES" in done.stderr) == (2, True)
+    done = dvtcli("--sim", "gen4", "log", "run.csv", "--decode", "-s", "5000", cwd=tmp_path)
+    assert (done.returncode, "--rotate 100MB" in done.stderr) == (2, True)
