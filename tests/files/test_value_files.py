@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -10,19 +12,21 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.datatypes import BY_SHORT_NAME, Value
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.unit import parse_scale
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.values.csv_values import csv_text
-from dvtcli.files.values.value_file import FORMS, read_values, write_file
+from dvtcli.files.values.parquet_values import MOST_COLUMNS, _kind, _schema, cells_array, long_cells
+from dvtcli.files.values.value_file import FORMS, Origin, ParquetForm, read_values, write_file
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded_tracks import find_tracks
-from dvtcli.watch.decoder import Decoder, pdo_layouts
-from dvtcli.watch.table import SignalRows, all_columns
+from dvtcli.watch.decoder import Decoder, Signal, pdo_layouts
+from dvtcli.watch.table import Column, SignalRows, all_columns
 from tests.files.recordings import BEGIN_S
 
 SCALES = ("1/16 V", "rpm", "0.1 %", "1/32767", "0.01 °")
@@ -145,3 +149,94 @@ def test_a_long_cell_or_line_is_damage_of_the_file(tmp_path: Path, suffix: str, 
     with pytest.raises(InputFileError) as damaged:
         list(read_values(path).rows)
     assert str(damaged.value.place).startswith(f"{path}:2")
+
+
+#: a value of each kind: its type's name, its bits, the raw value, and value, raw value and text of the long layout
+KINDS = (
+    ("i8", -1, -1.0, -1, None),
+    ("u8", 255, 255.0, 255, None),
+    ("i64", -(1 << 63), -(2.0**63), -(1 << 63), None),
+    ("u64", (1 << 63) - 1, 2.0**63, (1 << 63) - 1, None),
+    ("u64", 1 << 63, 2.0**63, None, "9223372036854775808"),
+    ("u64", (1 << 64) - 1, 2.0**64, None, "18446744073709551615"),
+    ("bool", True, 1.0, 1, None),
+    ("r32", 0.5, 0.5, None, None),
+    ("vs", "=1+1", None, None, "=1+1"),
+    ("os", b"\x01\xff", None, None, "01 FF"),
+    ("us", "a\ud800", None, None, "a?"),
+)
+
+
+@pytest.mark.parametrize(("name", "raw", "value", "whole", "text"), KINDS)
+def test_a_long_row_has_the_number_what_was_sent_and_the_text(
+    name: str, raw: Value, value: float | None, whole: int | None, text: str | None
+) -> None:
+    assert long_cells(signal_of(name), raw) == (value, whole, text)
+
+
+def test_a_long_row_has_the_unit_s_number_and_the_word() -> None:
+    words = replace(signal_of("u16"), meaning=Scaling(values={5: "stopped"}))
+    assert long_cells(words, 5) == (5.0, 5, "stopped")
+    assert long_cells(words, 6) == (6.0, 6, None)
+    scaled = replace(signal_of("i16"), meaning=Scaling("V", Fraction(1, 10)))
+    assert long_cells(scaled, -15) == (-1.5, -15, None)
+    by_dbc = replace(scaled, object="", meaning=Scaling("V"))
+    assert long_cells(by_dbc, 14) == (14.0, None, None)
+
+
+def signal_of(name: str) -> Signal:
+    data_type = BY_SHORT_NAME[name]
+    return Signal("x", "x", "2001:00", bits=data_type.bits or 16, data_type=data_type)
+
+
+@pytest.mark.needs("pyarrow")
+def test_types_of_the_wide_layout_follow_from_the_signal(tmp_path: Path) -> None:
+    """Whatever the values are: with a unit a double, else signed, so that differences are right."""
+    import pyarrow.compute
+    import pyarrow.parquet
+
+    rows = SignalRows(layouts_of(5, [0x2001, 0x2005]))  # rpm, and nothing in particular
+    path = tmp_path / "a.parquet"
+    writer = write_file(path, rows, lambda _: {}, ParquetForm("wide"))
+    for number in (5, 3, 65535):
+        writer.write(Frame(0x185, 2 * number.to_bytes(2, "little"), timestamp_s=BEGIN_S))
+    writer.close()
+    table = pyarrow.parquet.read_table(path)
+    assert [str(kind) for kind in table.schema.types] == ["timestamp[us, tz=UTC]", "string", "double", "int64"]
+    assert pyarrow.compute.pairwise_diff(table.column(3).combine_chunks()).to_pylist() == [None, -2, 65532]
+    for name, kind in {"i8": "int64", "u32": "int64", "u56": "int64", "u64": "decimal128(20, 0)", "i64": "int64",
+                       "r32": "double", "bool": "bool", "vs": "string"}.items():  # fmt: skip
+        column = Column("x", signal_of(name))
+        assert str(_schema(pyarrow, {"x": _kind(column)}, Origin()).field("x").type) == kind, name
+        scaled = replace(column.signal, meaning=Scaling("V"))
+        assert _kind(Column("x", scaled)) == "float64"
+
+
+@pytest.mark.needs("pyarrow")
+@given(st.lists(st.none() | st.integers(-(1 << 63), (1 << 64) - 1), max_size=20))
+def test_arrays_hold_what_lists_do(cells: list[int | None]) -> None:
+    """As `pyarrow.array` makes them, for each type that is written."""
+    import pyarrow
+
+    fitting = [None if cell is None or cell >= 1 << 63 else cell for cell in cells]
+    for kind, values in (
+        (pyarrow.int64(), fitting),
+        (pyarrow.int32(), [None if cell is None else cell % 1000 for cell in cells]),
+        (pyarrow.timestamp("us", tz="UTC"), fitting),
+        (pyarrow.float64(), [None if cell is None else cell / 7 for cell in cells]),
+        (pyarrow.bool_(), [None if cell is None else bool(cell % 2) for cell in cells]),
+        (pyarrow.string(), [None if cell is None else "ä" * (cell % 5) for cell in cells]),
+        (pyarrow.decimal128(20, 0), cells),
+    ):
+        made = cells_array(pyarrow, kind, values)
+        made.validate(full=True)
+        assert made.equals(pyarrow.array(values, kind)), kind
+
+
+@pytest.mark.needs("pyarrow")
+def test_the_wide_layout_has_an_end(tmp_path: Path) -> None:
+    rows = SignalRows(layouts_of(5, [0x2000]))
+    rows.columns *= MOST_COLUMNS + 1
+    with pytest.raises(UsageError, match=f"takes {MOST_COLUMNS} signals, and there are {MOST_COLUMNS + 1}"):
+        write_file(tmp_path / "a.parquet", rows, lambda _: {}, ParquetForm("wide"))
+    assert not list(tmp_path.iterdir())

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from datetime import datetime
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recorder import Recorder
 from dvtcli.files.values.value_file import read_values
+from tests.benchmarks.bench_values import peak_mb, recording
 from tests.commands.bench import Bench
 from tests.files.recordings import BEGIN_S
 from tests.process import PATIENCE_S, ROOT, dvtcli
@@ -188,3 +190,75 @@ def test_a_layout_is_of_parquet_alone(fleet: Path, tmp_path: Path) -> None:
         assert dvtcli("decode", log, "--eds", "gen4", *words).returncode == 2
         assert dvtcli("log", str(tmp_path / "a.log"), "--sim", "gen4", *words).returncode == 2
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.long
+@pytest.mark.drawn(1)
+@pytest.mark.skipif(sys.platform != "linux", reason="the most memory of a process is read from /proc")
+@pytest.mark.parametrize(("layout", "signals"), [("long", 8), ("long", 800), ("wide", 200)])
+def test_a_conversion_takes_little_memory(tmp_path: Path, layout: str, signals: int) -> None:
+    """However many signals there are; `python -m tests.benchmarks.bench_values` takes a million frames."""
+    assert peak_mb(tmp_path, recording(tmp_path, 30_000, signals), ".parquet", layout) <= 150
+
+
+def test_nodes_are_who_the_network_file_says(tmp_path: Path) -> None:
+    """The serial number is in each row; the file's hash, the bit rate and the whole identity are in the metadata."""
+    import pyarrow.parquet
+
+    network, log = tmp_path / "press.yaml", tmp_path / "run.log"
+    network.write_text(
+        "nodes:\n  drive:\n    node_id: 1\n    profile: gen4\n    identity: {vendor: 0x1E, serial: 4711}\n"
+        "    tpdo: {1: {enabled: true}, 2: {enabled: true}}\n", "utf-8"
+    )  # fmt: skip
+    log.write_text("(1.0) can0 281#44FFFFFF780088FF\n(2.0) can1 281#44FFFFFF780088FF\n(3.0) can1 181#3706\n", "ascii")
+    done = dvtcli("-b", "250000", "decode", str(log), "-d", str(network), "-o", str(tmp_path / "a.parquet"))
+    assert done.returncode == 0, done.stderr
+    table = pyarrow.parquet.read_table(tmp_path / "a.parquet")
+    rows = table.to_pylist()
+    assert {(row["source"], row["node"], row["serial"]) for row in rows} == {("run.log", 1, 4711)}
+    assert [row["bus"] for row in rows] == ["can0"] * 3 + ["can1"] * 4
+    assert {row["object"]: (row["value"], row["raw"], row["unit"]) for row in rows[:3]} == {
+        "606C:00": (-188.0, -188, "rpm"), "6077:00": (12.0, 120, "%"), "5100:02": (-7.5, -120, "A"),
+    }  # fmt: skip
+    assert (rows[-1]["value"], rows[-1]["raw"], rows[-1]["text"]) == (0x637, 0x637, "operation enabled")
+    told = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
+    assert told["dvtcli.network_file"] == "press.yaml"
+    assert told["dvtcli.network_file_sha256"] == sha256(network.read_bytes()).hexdigest()
+    assert told["dvtcli.bitrate"] == "250000"
+    identity = {"node": 1, "vendor": 0x1E, "product": None, "revision": None, "serial": 4711}
+    assert json.loads(told["dvtcli.nodes"]) == [identity]
+
+
+def test_nodes_are_who_the_recording_says(tmp_path: Path) -> None:
+    """Where its SDO transfers carry the identity, as a master reads it at the start."""
+    import pyarrow.parquet
+
+    frames = (
+        "585#4318100467120000", "585#431810011E000000",
+        "585#4300180185010000", "585#4F001A0001000000", "585#43001A0110004160", "185#3712",
+    )  # fmt: skip
+    log = tmp_path / "run.log"
+    log.write_text("".join(f"({number}.0) can0 {frame}\n" for number, frame in enumerate(frames)), "ascii")
+    done = dvtcli("decode", str(log), "-o", str(tmp_path / "a.parquet"))
+    assert done.returncode == 0, done.stderr
+    (row,) = pyarrow.parquet.read_table(tmp_path / "a.parquet").to_pylist()
+    assert (row["node"], row["serial"], row["pdo"], row["object"], row["raw"]) == (
+        5,
+        0x1267,
+        "tpdo1",
+        "6041:00",
+        0x1237,
+    )
+
+
+def test_nodes_are_who_they_say_themselves(tmp_path: Path) -> None:
+    """`log` asks them; no text is made safe for a spreadsheet."""
+    import pyarrow.parquet
+
+    path = tmp_path / "run.parquet"
+    done = dvtcli("--sim", "gen4", stdin=f"nmt start\nlog {path} --decode --duration 0.3 --source =press\n")
+    assert done.returncode == 0, done.stderr
+    table = pyarrow.parquet.read_table(path)
+    (node,) = json.loads(table.schema.metadata[b"dvtcli.nodes"])
+    assert {(row["serial"], row["source"]) for row in table.to_pylist()} == {(node["serial"], "=press")}
+    assert node["vendor"] == 0x1E
