@@ -98,7 +98,8 @@ def quick_first(lines: list[str]) -> list[Any]:
 
 def _needed(line: str) -> list[pytest.MarkDecorator]:
     """The mark of an example that needs a package which few have."""
-    return [pytest.mark.needs("matplotlib")] if line.endswith(".png") else []
+    packages = {"matplotlib": line.endswith(".png"), "pyarrow": ".parquet" in line}
+    return [pytest.mark.needs(package) for package, is_needed in packages.items() if is_needed]
 
 
 ENDING = [line for line in EXAMPLES if line not in kind("until") + kind("why_not")]
