@@ -22,7 +22,8 @@ from dvtcli.domain.unit import parse_scale
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.values.csv_values import csv_text
 from dvtcli.files.values.parquet_values import MOST_COLUMNS, _kind, _schema, cells_array, long_cells
-from dvtcli.files.values.value_file import FORMS, Origin, ParquetForm, read_values, write_file
+from dvtcli.files.values.value_file import FORMS, read_values, write_file
+from dvtcli.files.values.value_rows import Origin, ParquetForm
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded_tracks import find_tracks
 from dvtcli.watch.decoder import Decoder, Signal, pdo_layouts

@@ -23,8 +23,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
 from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.csv_values import FRAME, TIME
-from dvtcli.files.values.value_file import Origin
-from dvtcli.files.values.value_rows import ValueRows
+from dvtcli.files.values.value_rows import Origin, ValueRows
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.table import Column, SignalRows, signal_name
 

@@ -2,43 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.files.values.value_rows import ValueRows, ValueWriter
+from dvtcli.files.values.value_rows import WIDE, ParquetForm, ValueRows, ValueWriter
 from dvtcli.watch.table import SignalRows
 
 #: what a person reads of each form
 FORMS = {".csv": "text", ".jsonl": "one JSON document a frame", ".parquet": "for DuckDB and pandas, needs pyarrow"}
-
-#: the layouts of a .parquet file, the default first: a row for each value, a column for each signal
-LONG, WIDE = "long", "wide"
-
-
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """Where values are from: *source* is who recorded them, *serials* are the serial numbers of nodes by node-ID.
-
-    *facts* are for the file's metadata, by their keys.
-    """
-
-    source: str = ""
-    serials: Mapping[int, int] = field(default_factory=dict)
-    facts: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class ParquetForm:
-    """How a .parquet file is written: in *layout*, and if it is *live* so that a power-off takes one second at most."""
-
-    layout: str = LONG
-    origin: Origin = Origin()
-    live: bool = False
 
 
 def is_value_file(path: Path) -> bool:

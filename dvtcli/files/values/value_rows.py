@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import IO, Protocol
 
 from dvtcli.domain.ports import Frame
@@ -12,6 +12,31 @@ from dvtcli.watch.table import Column
 
 #: the suffix of what stands for a .parquet file until that is whole
 STREAM = ".arrows"
+
+
+#: the layouts of a .parquet file, the default first: a row for each value, a column for each signal
+LONG, WIDE = "long", "wide"
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where values are from: *source* is who recorded them, *serials* are the serial numbers of nodes by node-ID.
+
+    *facts* are for the file's metadata, by their keys.
+    """
+
+    source: str = ""
+    serials: Mapping[int, int] = field(default_factory=dict)
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ParquetForm:
+    """How a .parquet file is written: in *layout*, and if it is *live* so that a power-off takes one second at most."""
+
+    layout: str = LONG
+    origin: Origin = Origin()
+    live: bool = False
 
 
 class ValueWriter(Protocol):

@@ -18,7 +18,7 @@ from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.files.values.value_file import ParquetForm
+    from dvtcli.files.values.value_rows import ParquetForm
     from dvtcli.operations.results import Facts, FrameSeen
     from dvtcli.operations.results.documents import Document
     from dvtcli.operations.session.session import Session

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from socket import gethostname
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
@@ -59,7 +59,7 @@ def record_values(
     rows = _rows(known(), text)
     misfits = Misfits(rows.layout, session.tell.warning)
     asked = nodes or (tuple(range(1, 128)) if dbc is None else ())
-    form = parquet_form(session, path, rows.decoder, wish, gethostname(), asked=asked, dbc=dbc, live=True)
+    form = parquet_form(session, path, rows.decoder, wish, platform.node(), asked=asked, dbc=dbc, live=True)
 
     def document(frame: Frame) -> Document:
         return frame_seen(frame, rows.decoder).chosen(text).document()

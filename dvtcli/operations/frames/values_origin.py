@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
-from dvtcli.files.values.value_file import LONG, Origin, ParquetForm
+from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -15,8 +15,9 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.values.parquet_file import finish, part_of, stream_of
-from dvtcli.files.values.value_file import ParquetForm, read_values, write_file
+from dvtcli.files.values.value_file import read_values, write_file
 from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
+from dvtcli.files.values.value_rows import ParquetForm
 from dvtcli.watch.table import SignalRows
 from tests.files.recordings import BEGIN_S
 from tests.files.test_value_files import layouts_of

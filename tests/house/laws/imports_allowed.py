@@ -61,6 +61,7 @@ PLAIN = frozenset(
     [
         "__future__",
         "abc",
+        "array",
         "base64",
         "binascii",
         "bisect",
@@ -72,6 +73,7 @@ PLAIN = frozenset(
         "csv",
         "dataclasses",
         "datetime",
+        "decimal",
         "difflib",
         "enum",
         "errno",
