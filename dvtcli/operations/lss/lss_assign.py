@@ -1,4 +1,4 @@
-"""Node-IDs for the nodes of a network file, by what it says of their identity. Does not know how one is given."""
+"""Set node-IDs of the nodes of a network file, found by their identity."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 def to_store(
     session: Session, master: LssMaster, settled: Sequence[NodeWish], there: Mapping[int, Identity | None]
 ) -> list[LssGiven]:
-    """Those of *settled* that can be told to store; the others, which LSS does not reach, are named in a warning.
+    """Return those of *settled* that LSS can store; warns of the others.
 
-    *there* is what 0x1018 of each node-ID says. DeviceRefused where several nodes have one address, SafetyRefusal where
-    a node has another node-ID by LSS than by SDO.
+    *there* is the 0x1018 of each node-ID. Raises DeviceRefused if several nodes have the same address, SafetyRefusal if
+    a node's node-ID by LSS differs from that by SDO.
     """
     kept: list[LssGiven] = []
     out_of_reach: list[str] = []
@@ -60,7 +60,7 @@ def _takes_part(master: LssMaster, one: LssGiven) -> bool:
 
 
 def require_same(one: LssGiven, now: int) -> None:
-    """SafetyRefusal where a node says by LSS (*now*) that it has another node-ID than by SDO."""
+    """Raises SafetyRefusal if a node's node-ID by LSS (*now*) differs from that by SDO."""
     if now != one.before:
         raise SafetyRefusal(
             f"{one.name} says by LSS that its node-ID is {told_id(now)}, and by SDO {told_id(one.before)}",
@@ -74,11 +74,10 @@ _FOR_THE_TIME_BEING = range(126, 0, -1)
 
 
 def in_order(given: Sequence[LssGiven], used: Collection[int], kept: Collection[int]) -> list[LssGiven]:
-    """The steps by which each of *given* gets its node-ID, each to one that nobody has by then.
+    """Order the steps so that each of *given* gets a node-ID that is free by then.
 
-    *used* are the node-IDs that somebody has now, *kept* those that nobody may take for the time being, besides.
-    Where nodes stand in each other's way one of them takes another node-ID for the time being; SafetyRefusal where none
-    is free, or where a node-ID is of somebody who does not move.
+    *used* are current node-IDs, *kept* further node-IDs that must stay free. Nodes that block each other use a
+    temporary node-ID; raises SafetyRefusal if none is free, or if a node-ID belongs to a node that stays.
     """
     left, taken, steps = list(given), set(used), []
     wanted = {slave.node_id for slave in given} | set(kept)
@@ -95,7 +94,7 @@ def in_order(given: Sequence[LssGiven], used: Collection[int], kept: Collection[
 
 
 def _aside(left: Sequence[LssGiven], not_free: Collection[int]) -> LssGiven:
-    """The step that lets one of *left* make room for another one."""
+    """Return a step to a temporary node-ID for one of *left*."""
     one = next((slave for slave in left if any(other.node_id == slave.before for other in left)), None)
     node_id = next((node_id for node_id in _FOR_THE_TIME_BEING if node_id not in not_free), None)
     if one is None or node_id is None:
@@ -111,13 +110,13 @@ def _of(left: Sequence[LssGiven], step: LssGiven) -> LssGiven:
 
 
 def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool = False) -> LssChanged:
-    """Give each node of the network *file* that has another node-ID there or none the one of the file.
+    """Set the node-IDs of the network *file* on nodes with another node-ID or none.
 
-    Each is found by its identity in the file. The plan is told first, and asked for. Nodes that have theirs keep it,
-    those that are not found are `missing`. Where one does not come up with its node-ID all get back what they had. With
-    *stores* all store it, once all came up, also those that had it before: it may be in RAM only. With *prove* each is
-    reset then, and looked at. SafetyRefusal where a node-ID is another device's, an identity fits several nodes, or
-    another master is active.
+    Nodes are found by their identity in the file. Reports the plan and asks. Nodes with the right node-ID are left
+    alone, nodes not found are `missing`. If a node does not come up with its node-ID, all are rolled back. *stores*
+    stores all, once all came up, even unchanged nodes: theirs may be in RAM only. *prove* then resets and checks each
+    node. Raises SafetyRefusal if a node-ID is another device's, an identity fits several nodes, or another master is
+    active.
     """
     nodes = read_wish(file).nodes
     wishes = _with_identity(session, file, nodes)
@@ -146,7 +145,7 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
 
 
 def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
-    """Those of *nodes* that LSS can find; UsageError where there is none, and those that it cannot are named."""
+    """Return those of *nodes* that LSS can find and report the others; raises UsageError if there are none."""
     wishes = [wish for wish in nodes if any(part is not None for part in astuple(wish.identity))]
     if not wishes:
         hint = "identity: {vendor: 0x1E, serial: 0x12345} under a node says who it is"
@@ -158,7 +157,7 @@ def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> li
 
 
 def _is_there(wish: NodeWish, there: Mapping[int, Identity | None]) -> bool:
-    """Whether the node of the file has its node-ID."""
+    """Tell whether the node already has its node-ID."""
     identity = there.get(wish.node_id)
     return identity is not None and _fits(identity, wish.identity)
 
@@ -168,7 +167,7 @@ def _fits(identity: Sequence[int | None], wanted: WantedIdentity) -> bool:
 
 
 def _movable(there: Mapping[int, Identity | None], settled: Collection[int]) -> list[LssNode]:
-    """The nodes that tell their whole address, and whose node-IDs are not those of the file's nodes *settled* there."""
+    """Return nodes with a complete address whose node-IDs are not those of *settled* nodes."""
     found: list[LssNode] = []
     for node_id, identity in there.items():
         told = [part for part in identity or () if part is not None]
@@ -178,7 +177,7 @@ def _movable(there: Mapping[int, Identity | None], settled: Collection[int]) -> 
 
 
 def _matched(wishes: Sequence[NodeWish], found: Sequence[LssNode]) -> tuple[list[LssGiven], tuple[str, ...]]:
-    """Who gets which node-ID, and the names of those that were not found; SafetyRefusal where that is not clear."""
+    """Match *found* nodes to node-IDs, and name missing nodes; raises SafetyRefusal if ambiguous."""
     given: list[LssGiven] = []
     missing: list[str] = []
     for wish in wishes:
@@ -207,7 +206,7 @@ def _id(node: LssNode) -> int:
 
 
 def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: Mapping[int, Identity | None]) -> None:
-    """SafetyRefusal where a node-ID of *wishes* is of a node that does not get another one itself."""
+    """Raises SafetyRefusal if a node-ID of *wishes* belongs to a node that keeps it."""
     moving = {slave.before for slave in given}
     for wish in wishes:
         if wish.node_id in there and wish.node_id not in moving:
@@ -222,7 +221,7 @@ def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: M
 
 
 def _another(identity: Identity | None, taken: Collection[int]) -> Hint:
-    """How the node of *identity* gets a node-ID that is not *taken*."""
+    """Suggest how the node of *identity* gets a node-ID that is not *taken*."""
     told = [part for part in identity or () if part is not None]
     free = next((node_id for node_id in range(1, 128) if node_id not in taken), None)
     if len(told) != PARTS or free is None:
@@ -232,14 +231,14 @@ def _another(identity: Identity | None, taken: Collection[int]) -> Hint:
 
 
 def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:
-    """See by LSS that each of *given* is there once, and has the node-ID that it had before; raises where not so."""
+    """Verify by LSS that each of *given* is present once with its old node-ID; raises otherwise."""
     for slave in given:
         require_same(slave, selected(master, slave.address))
     master.let_wait()
 
 
 def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven], *, stores: bool, prove: bool) -> None:
-    """Tell the plan, and ask for it."""
+    """Report the plan and ask."""
     lines = [f"{step.name} gets node-ID {step.node_id} (now {told_id(step.before)})" for step in steps]
     lines += [f"{slave.name} stores node-ID {slave.node_id}, which it has" for slave in kept]
     if len(lines) > 1:
@@ -249,7 +248,7 @@ def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven]
 
 
 def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) -> None:
-    """Do all *steps*; where one node does not come up all get back what they had."""
+    """Carry out *steps*; if a node does not come up, roll all back."""
     done: list[LssGiven] = []
     for number, step in enumerate(steps):
         session.tell.progress(f"LSS: node-ID {step.node_id} to {step.name}", number, len(steps))

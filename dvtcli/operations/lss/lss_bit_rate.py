@@ -1,7 +1,4 @@
-"""Another bit rate for a bus and every node on it, by LSS: under consent, all are seen at the new one, or brought back.
-
-Does not know who is on the bus (`lss_on_bus`), nor how all change together (`lss_rate_change`).
-"""
+"""Change the bit rate of a bus and all its nodes by LSS, with consent: all change, or all are rolled back."""
 
 from __future__ import annotations
 
@@ -47,7 +44,7 @@ class RateChange:
         self.delay_ms = _SIMULATED_MS if self.bus.simulated else DELAY_MS
 
     def make(self) -> None:
-        """Change it; raises once all are back, or LeftChanged."""
+        """Change it; raises after a roll-back of all, or LeftChanged."""
         self._configure()
         try:
             self.switch(self.after)
@@ -58,7 +55,7 @@ class RateChange:
             raise self.back(failed) from failed
 
     def _configure(self) -> None:
-        """Tell each node the new bit rate, which nobody runs at before it is activated."""
+        """Configure the new bit rate, not active yet, on each node."""
         for number, slave in enumerate(self.nodes):
             try:
                 self.tell(slave, self.after)
@@ -69,7 +66,7 @@ class RateChange:
                 raise
 
     def _forget(self, told: Sequence[LssGiven], failed: DvtcliError, state: State) -> None:
-        """Tell those that were *told* the new bit rate the old one, at which they run; *failed* says the *state*."""
+        """Configure the old, active bit rate on the nodes *told*; *failed* gets the *state*."""
         left = [slave for slave in told if not self._takes(slave, self.before)]
         failed.state = "unknown" if left else state
         failed.state_text = f"all nodes run at {self.before} bit/s as before, nothing is stored" + (
@@ -84,7 +81,7 @@ class RateChange:
         return True
 
     def tell(self, one: LssGiven, bit_rate: int) -> None:
-        """Let *one*, alone, have *bit_rate* (bit/s) once that is activated; DeviceRefused, NoAnswer."""
+        """Configure *bit_rate* (bit/s) on the single node *one*; raises DeviceRefused, NoAnswer."""
         selected(self.master, one.address)
         self.master.configure_bit_rate(bit_rate)
 
@@ -105,7 +102,7 @@ class RateChange:
             self.session.take_bit_rate(bit_rate)
 
     def missing(self, nodes: Sequence[LssGiven]) -> list[LssGiven]:
-        """Those of *nodes* that do not say who they are, by LSS and, with a node-ID, by SDO."""
+        """Return those of *nodes* that do not answer by LSS and, with a node-ID, by SDO."""
         missing = list(nodes)
         for _ in range(_LOOKS):
             missing = [slave for slave in missing if not self.is_there(slave)]
@@ -114,7 +111,7 @@ class RateChange:
         return missing
 
     def is_there(self, one: LssGiven) -> bool:
-        """Whether *one* says who it is where we are, by LSS and, with a node-ID, by SDO."""
+        """Tell whether *one* answers at the current bit rate by LSS and, with a node-ID, by SDO."""
         try:
             if selected(self.master, one.address) != one.node_id:
                 return False
@@ -127,7 +124,7 @@ class RateChange:
             self.master.let_wait()
 
     def fetch(self, nodes: Sequence[LssGiven]) -> None:
-        """Bring *nodes*, which are at the old bit rate again, to the new one, where the others are; else NoAnswer."""
+        """Switch *nodes*, back at the old bit rate, to the new one like the others; else raises NoAnswer."""
         self.go_to(self.before)
         for node in nodes:
             self.tell(node, self.after)
@@ -136,7 +133,7 @@ class RateChange:
             raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
 
     def back(self, failed: DvtcliError) -> DvtcliError:
-        """*failed*, once all run at the old bit rate again; LeftChanged where one does not."""
+        """Return *failed* after all are back at the old bit rate, or LeftChanged."""
         missing: Sequence[LssGiven] = self.nodes
         try:
             for _ in range(2):  # who answered too late to be brought along is brought the second time
@@ -170,7 +167,7 @@ class RateChange:
         return error
 
     def store(self) -> list[LssGiven]:
-        """Let every node store it; raises once all have the old one, stored and in use, or LeftChanged."""
+        """Store it on every node; raises after all have stored and use the old bit rate, or LeftChanged."""
         for number, slave in enumerate(self.nodes, 1):
             try:
                 if self.before == self.after:
@@ -190,7 +187,7 @@ class RateChange:
     def _partly_stored(
         self, stored: Sequence[LssGiven], others: Sequence[LssGiven], failed: DvtcliError
     ) -> DvtcliError:
-        """*failed* where all run at what was to be stored already: what they had stored before is not known."""
+        """Return *failed* if the bit rate was in use already: earlier stored bit rates are unknown."""
         if not stored and isinstance(failed, DeviceRefused):
             failed.state_text = f"all nodes run at {self.after} bit/s as before, nothing new is stored"
             return failed
@@ -209,7 +206,7 @@ class RateChange:
         )
 
     def unstored(self, stored: Sequence[LssGiven], failed: DvtcliError) -> DvtcliError:
-        """*failed*, once those that may have *stored* have stored the old bit rate, and all run at that."""
+        """Return *failed* after those that may have *stored* stored the old bit rate, with all nodes at it."""
         left, again = [], []
         for slave in stored:
             try:
@@ -245,7 +242,7 @@ class RateChange:
 
 
 def _said_by(one: LssGiven) -> tuple[str, str]:
-    """Who refused or was silent, as a line of an error."""
+    """Name, as an error's line, the node that refused or was silent."""
     return "node", f"{told_id(one.node_id)}, {one.address}"
 
 
@@ -255,7 +252,7 @@ def _with_details(error: LeftChanged, failed: DvtcliError) -> LeftChanged:
 
 
 def names(nodes: Sequence[LssGiven]) -> str:
-    """Who *nodes* are, in words."""
+    """Name *nodes* in words."""
     return join_some([str(node.address) if node.node_id == UNCONFIGURED else f"node {node.node_id}" for node in nodes])
 
 
@@ -264,10 +261,10 @@ _OWN = (0x080, 0x580, 0x700)
 
 
 def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> list[LssGiven]:
-    """Every node that is on the bus, those without a node-ID, too; with *file* exactly the nodes of that network.
+    """Find every node on the bus, even without node-ID; with *file* exactly those of the network.
 
-    SafetyRefusal where another one is heard, one of the file is not, one does not tell its whole address, or one says
-    that it is OPERATIONAL. Who does not say its NMT state is named in a warning.
+    Raises SafetyRefusal if another node is heard, a node of the file is missing, has an incomplete address, or is
+    OPERATIONAL. Warns of nodes with unknown NMT state.
     """
     bus = lss_bus(session)
     frames: dict[int, Frame] = {}
@@ -326,7 +323,7 @@ def _refuse_running(session: Session, bus: CanopenBus, there: Collection[int]) -
 
 
 def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
-    """Refuse frames that no node of *there* sends by itself while it is PRE-OPERATIONAL."""
+    """Refuse frames that no node of *there* sends while PRE-OPERATIONAL."""
     theirs = {base + node_id for base in _OWN for node_id in there} | {ANSWER_ID}
     strange = next((frame for frame in frames.values() if frame.extended or frame.can_id not in theirs), None)
     if strange is not None:
@@ -352,7 +349,7 @@ def _address(node_id: int, identity: Identity | None) -> LssAddress:
 
 
 def confirmed(master: LssMaster, nodes: Sequence[LssGiven]) -> list[LssGiven]:
-    """*nodes*, once each has said by LSS that it has its node-ID; SafetyRefusal where one takes no part in LSS."""
+    """Return *nodes* after each confirmed its node-ID by LSS; raises SafetyRefusal for a node without LSS."""
     for node in nodes:
         try:
             now = selected(master, node.address)
@@ -372,15 +369,16 @@ _ALL = 0
 
 
 def refuse_resets(session: Session, nodes: Sequence[LssGiven]) -> None:
-    """SafetyRefusal where one of *nodes* is a drive that its reset may let go of."""
+    """Raises SafetyRefusal if a reset of *nodes* could release a drive's motor."""
     refuse_reset(session, [node.node_id for node in nodes if node.node_id != UNCONFIGURED])
 
 
 def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGiven]) -> list[LssGiven]:
-    """Reset all nodes of the bus, and see that those that *stored* are back at the new bit rate, as they were heard.
+    """Reset all nodes of the bus, and verify that those that *stored* return at the new bit rate.
 
-    One without a node-ID says nothing when it boots: it is seen, and not proved. Where one is back at the old bit rate
-    all go back to that, and store it; LeftChanged where that fails. DeviceRefused where one was not heard to boot up.
+    A node without node-ID sends no boot-up: it is found, but not proved. If a node returns at the old bit rate, all go
+    back to and store the old bit rate; LeftChanged if this fails. Raises DeviceRefused if no boot-up message was
+    received.
     """
     named = [stored_slave for stored_slave in stored if stored_slave.node_id != UNCONFIGURED]
     seen = {named_slave.node_id: change.bus.boot_ups(named_slave.node_id) for named_slave in named}
@@ -412,7 +410,7 @@ def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGi
 
 
 def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
-    """What is to be said where *missing* did not come back, once all have the old bit rate again, if that can be."""
+    """Make the error for *missing* nodes, after all returned to the old bit rate, if possible."""
     text = f"{names(missing)} said that it stored {change.after} bit/s, and did not come back at it after a reset"
     if change.before == change.after:
         return LeftChanged(
@@ -452,14 +450,14 @@ def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
 def lss_bit_rate(
     session: Session, bit_rate: int, file: str | None = None, *, stores: bool = False, prove: bool = False
 ) -> LssBitRate:
-    """Let the bus and every node on it run at *bit_rate* (bit/s, one of the standard's).
+    """Change the bus and all its nodes to *bit_rate* (bit/s, a standard value).
 
-    Asks first. The nodes of the network *file*, None: all that are found; SafetyRefusal where anybody else is heard,
-    one does not take part in LSS or is OPERATIONAL, or the bit rate of the interface cannot be set from here. Done once
-    each node says at the new bit rate who it is; where one does not all go back. With *stores* each stores it then,
-    also where the bus runs at it already; without, no node is asked then. With *prove* all are reset then at once, and
-    looked at; refused where a drive may move. DeviceRefused, NoAnswer with state `rolled_back`; LeftChanged. A dry run
-    looks at the interface and the file, and sends nothing.
+    Asks first. The nodes are those of the network *file*, None: all found; raises SafetyRefusal if another node is
+    heard, a node has no LSS or is OPERATIONAL, or the interface's bit rate cannot be set. Succeeds once each node is
+    identified at the new bit rate; otherwise all are rolled back. *stores* then stores it on each node, even if the bus
+    uses it already. *prove* then resets all nodes at once and checks them; refused if a drive may move. Raises
+    DeviceRefused, NoAnswer with state `rolled_back`; LeftChanged. A dry run checks the interface and the file, and
+    sends nothing.
     """
     if bit_rate not in BIT_TIMINGS:
         known = join_some([str(rate) for rate in BIT_TIMINGS])
@@ -491,7 +489,7 @@ def lss_bit_rate(
 
 
 def _way_back(bus: CanopenBus, bit_rate: int) -> int:
-    """What the bus runs at (bit/s), to which it could be set back; SafetyRefusal where that is not so."""
+    """Return the bus's bit rate (bit/s) to return to; raises SafetyRefusal if not possible."""
     bus.require_settable(bit_rate)
     before = bus.runs_at
     if before is None:
@@ -505,7 +503,7 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
 
 
 def _require_readable(file: str | None) -> None:
-    """InputFileError where the network *file* cannot be used."""
+    """Raises InputFileError if the network *file* is invalid."""
     if file is not None:
         from dvtcli.operations.wanted.network_wish import read_wish
 
@@ -515,7 +513,7 @@ def _require_readable(file: str | None) -> None:
 def _agree(
     session: Session, nodes: Sequence[LssGiven], before: int, bit_rate: int, *, stores: bool, prove: bool
 ) -> None:
-    """Tell who is told, and ask."""
+    """Report the nodes and ask."""
     then = ", and reset all of them" if prove else ""
     if before == bit_rate:
         who = f"{plural(len(nodes), 'node')}: {names(nodes)}"

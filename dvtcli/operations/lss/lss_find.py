@@ -1,4 +1,4 @@
-"""Finding nodes by LSS: those without a node-ID, and the one that has an address. Changes nothing that is kept."""
+"""Find nodes by LSS: without node-ID, or by address. Changes nothing permanently."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def lss_bus(session: Session) -> CanopenBus:
-    """The bus itself; UsageError where it carries no frames."""
+    """Return the bus; raises UsageError if it carries no frames."""
     bus = session.open_network().bus
     if not bus.carries_frames:
         raise UsageError(f"{bus.name} carries no CAN frames, so that no LSS either", hint="open a CAN interface")
@@ -28,10 +28,10 @@ def lss_bus(session: Session) -> CanopenBus:
 
 
 def lss_scan(session: Session, wait_s: float = SCAN_S) -> LssFound:
-    """Find every node without a node-ID by fast scan, lowest address first; each is confirmed by its address.
+    """Find all nodes without node-ID by fast scan, lowest address first, each confirmed by its address.
 
-    A question waits *wait_s* seconds for its answer. NoAnswer where the answers do not fit together. Afterwards all
-    nodes wait as before. Nothing is sent in a dry run.
+    *wait_s* is the time-out of a request in seconds. Raises NoAnswer for contradicting answers. All nodes wait again
+    afterwards. A dry run sends nothing.
     """
     if session.dry_run:
         return LssFound("scan", dry_run=True)
@@ -45,7 +45,7 @@ def lss_scan(session: Session, wait_s: float = SCAN_S) -> LssFound:
 
 
 def scanned(session: Session, master: LssMaster) -> list[LssNode]:
-    """What `lss_scan` finds."""
+    """Return the result of `lss_scan`."""
     found: list[LssAddress] = []
 
     def on_bit(bits: int) -> None:
@@ -62,11 +62,10 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
 
 
 def lss_select(session: Session, who: LssAddress | int, *, keep: bool = True) -> LssFound:
-    """Let the node with the address *who* be configured, alone, or that with this node-ID.
+    """Select the single node with the address or node-ID *who* for configuration.
 
-    It stays so for others, or waits again where it is not to *keep*.
-    Of a node-ID the address is what its 0x1018 says by SDO. NoAnswer where nobody has it, DeviceRefused where several
-    have, SafetyRefusal where it does not tell its whole address.
+    The selection stays for later orders; without *keep* the node waits again. The address of a node-ID is read by SDO
+    (0x1018). Raises NoAnswer if no node has it, DeviceRefused if several have, SafetyRefusal for an incomplete address.
     """
     if session.dry_run:
         return LssFound("select", dry_run=True)
@@ -82,9 +81,9 @@ def lss_select(session: Session, who: LssAddress | int, *, keep: bool = True) ->
 
 
 def selected(master: LssMaster, address: LssAddress) -> int:
-    """Let the node with *address* be configured, alone; its node-ID, 255 for none.
+    """Select the single node with *address*; returns its node-ID, 255 for none.
 
-    NoAnswer where nobody has that address, DeviceRefused where several have.
+    Raises NoAnswer if no node has the address, DeviceRefused if several have.
     """
     answers = master.select(address)
     if not answers:
@@ -104,7 +103,7 @@ def selected(master: LssMaster, address: LssAddress) -> int:
 
 
 def two_alike(address: LssAddress) -> DeviceRefused:
-    """What is to be said where several nodes have one address."""
+    """Make the error for several nodes with the same address."""
     return DeviceRefused(
         f"more than one node answers to {address}", why="nodes with one identity cannot be told apart by LSS",
         hint="connect them one at a time, and give each its node-ID",
@@ -112,9 +111,9 @@ def two_alike(address: LssAddress) -> DeviceRefused:
 
 
 def lss_identify(session: Session, address: LssAddress | LssRanges | None = None) -> LssFound:
-    """Ask whether nodes without a node-ID are there, or one with *address*, or within it, whatever its node-ID.
+    """Ask for nodes without node-ID, or for any node with *address*, or within a range of addresses.
 
-    Nothing is sent in a dry run.
+    A dry run sends nothing.
     """
     if session.dry_run:
         return LssFound("identify", dry_run=True)

@@ -1,4 +1,4 @@
-"""Who has a node-ID, asked by SDO: the numbers of its LSS address are its 0x1018. Sends no LSS, changes nothing."""
+"""Read who has a node-ID by SDO: 0x1018 is the LSS address. Sends no LSS, changes nothing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ANSWER_S = 0.05
 
 
 def answers(bus: CanopenBus, node_id: int) -> bool:
-    """Whether somebody answers SDO requests as *node_id*, be it nonsense."""
+    """Tell whether SDO requests to *node_id* are answered, even with nonsense."""
     try:
         bus.sdo(node_id).upload(0x1000, 0)
     except NoAnswer:
@@ -35,7 +35,7 @@ def answers(bus: CanopenBus, node_id: int) -> bool:
 
 
 def identity_on(bus: CanopenBus, node_id: int) -> Identity | None:
-    """What 0x1018 of *node_id* says, None where nobody answers, however often."""
+    """Read 0x1018 of *node_id*, None without an answer, after retries."""
     for _ in range(_ASKED):
         with suppress(NoAnswer, SdoProtocolError):
             return tuple(read_identity(bus.sdo(node_id), sub_index) for sub_index in (1, 2, 3, 4))
@@ -43,7 +43,7 @@ def identity_on(bus: CanopenBus, node_id: int) -> Identity | None:
 
 
 def who_is_there(bus: CanopenBus, heard: Collection[int]) -> dict[int, Identity | None]:
-    """Every node-ID that was *heard* or answers, with what its 0x1018 says; None where it does not say."""
+    """Read 0x1018 of every node-ID that was *heard* or answers; None if unreadable."""
     found: dict[int, Identity | None] = {}
 
     def ask(node_id: int) -> None:
@@ -59,7 +59,7 @@ def who_is_there(bus: CanopenBus, heard: Collection[int]) -> dict[int, Identity 
 
 
 def free_node_id(bus: CanopenBus) -> int | None:
-    """The lowest node-ID (1..127) that was not heard and does not answer SDO; None if there is none."""
+    """Return the lowest node-ID (1..127) not heard and without SDO answer; None if there is none."""
     heard = bus.heard_nodes()
     silent = (node_id for node_id in range(1, 128) if node_id not in heard and not _answers_soon(bus, node_id))
     return next((node_id for node_id in silent if not answers(bus, node_id)), None)
@@ -76,7 +76,7 @@ def _answers_soon(bus: CanopenBus, node_id: int) -> bool:
 
 
 def require_on(bus: CanopenBus, address: LssAddress, node_id: int) -> None:
-    """NoAnswer where the node's address is not what *its* node-ID says at 0x1018, SafetyRefusal where another's is."""
+    """Raises NoAnswer if *node_id* does not answer, SafetyRefusal if its 0x1018 does not fit *address*."""
     identity = identity_on(bus, node_id)
     if identity is None:
         raise NoAnswer(f"{address} did not come up as node {node_id}", node=node_id)
@@ -94,18 +94,18 @@ def is_on(bus: CanopenBus, address: LssAddress, node_id: int) -> bool:
 
 
 def in_words(identity: Identity) -> str:
-    """The numbers of a 0x1018, those that it lacks as `-`."""
+    """Print 0x1018, missing numbers as `-`."""
     return " ".join("-" if part is None else f"0x{part:X}" for part in identity)
 
 
 def _is(identity: Identity, address: LssAddress) -> bool:
-    """Whether a 0x1018 is of *address*: its vendor, and every other number that it has."""
+    """Tell whether 0x1018 fits *address*: its vendor, and every other number present."""
     told = zip(identity, address.parts, strict=True)
     return identity[0] is not None and all(part in (None, wanted) for part, wanted in told)
 
 
 def address_of(bus: CanopenBus, node_id: int) -> LssAddress:
-    """Who the node with *node_id* is by its 0x1018; NoAnswer, SafetyRefusal where it does not tell all four numbers."""
+    """Return the LSS address of *node_id* by 0x1018; raises NoAnswer, SafetyRefusal if incomplete."""
     identity = identity_on(bus, node_id)
     if identity is None:
         raise NoAnswer(

@@ -30,11 +30,11 @@ _HEARTBEAT = 0x700
 
 
 def lss_node_id(session: Session, node_id: int, address: LssAddress | None = None) -> LssChanged:
-    """Give *node_id* (1..127) to the node with *address*, None: to the one that is selected.
+    """Set *node_id* (1..127) on the node with *address*, None: the selected node.
 
-    Asks first. Done once the node has booted up with it, and says by SDO that it is the one; where it does not come up,
-    its old node-ID is given back. SafetyRefusal where *node_id* is in use, or another master is active; DeviceRefused,
-    NoAnswer with state `rolled_back`; LeftChanged.
+    Asks first. Succeeds once the node booted with it and is identified by SDO; otherwise its old node-ID is restored.
+    Raises SafetyRefusal if *node_id* is in use, or another master is active; DeviceRefused, NoAnswer with state
+    `rolled_back`; LeftChanged.
     """
     if session.dry_run:
         return LssChanged("node-id", wanted=node_id, dry_run=True)
@@ -53,7 +53,7 @@ def lss_node_id(session: Session, node_id: int, address: LssAddress | None = Non
 
 
 def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, int]:
-    """The node that is to be configured, and its node-ID; it is selected then."""
+    """Select the node to configure; returns its address and node-ID."""
     if address is not None:
         return address, selected(master, address)
     said = master.inquire()
@@ -66,7 +66,7 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
 
 
 def refuse_used(session: Session, node_id: int) -> None:
-    """SafetyRefusal where *node_id* is heard or answers, or where another master is active."""
+    """Raises SafetyRefusal if *node_id* is heard or answers, or another master is active."""
     heard = node_id in heard_ids(session)
     if heard or answers(session.bus, node_id):
         raise SafetyRefusal(
@@ -77,7 +77,7 @@ def refuse_used(session: Session, node_id: int) -> None:
 
 
 def heard_ids(session: Session) -> set[int]:
-    """The node-IDs of heartbeats and boot-ups, while another master is listened for; SafetyRefusal where one is."""
+    """Return node-IDs of heartbeats and boot-ups; raises SafetyRefusal if another master is active meanwhile."""
     heard: set[int] = set()
 
     def note(frame: Frame, sent: bool) -> None:
@@ -96,7 +96,7 @@ def consent_to_give(
     session: Session, given: Sequence[LssGiven], kept: Sequence[LssGiven] = (), *, store: bool = False,
     prove: bool = False,
 ) -> None:  # fmt: skip
-    """Ask before nodes get node-IDs, and those *kept* store theirs; and before a drive that may move is reset."""
+    """Ask before nodes get node-IDs, those *kept* are stored, and a drive that may move is reset."""
     lines = [
         f"give node-ID {slave.node_id} to {slave.name or slave.address} (now {told_id(slave.before)})"
         for slave in given
@@ -115,7 +115,7 @@ def told_id(node_id: int) -> str:
 
 
 def give(session: Session, master: LssMaster, given: LssGiven) -> None:
-    """Give a node that is selected its node-ID, and see that it comes up with it; else take it back."""
+    """Set the node-ID of a selected node, and verify that it comes up; else roll back."""
     bus = session.open_network().bus
     seen = bus.boot_ups(given.node_id)
     try:
@@ -135,16 +135,16 @@ def give(session: Session, master: LssMaster, given: LssGiven) -> None:
 
 
 def activate(master: LssMaster, before: int) -> None:
-    """Let a node that is being configured take its new node-ID: its first one by waiting, another one by a reset."""
+    """Activate a node-ID: the first by waiting, a changed node-ID by a reset."""
     master.let_wait()
     if before != UNCONFIGURED:
         master.reset_communication(before)
 
 
 def _taken_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: DvtcliError) -> DvtcliError:
-    """*failed*, with the state that the node is in after its old node-ID was given back; LeftChanged where it was not.
+    """Return *failed* with the node's state after its old node-ID was restored; LeftChanged if it was not.
 
-    Seen by LSS, and by who answers SDO with the old and the new node-ID.
+    Checked by LSS, and by SDO at the old and the new node-ID.
     """
     try:
         take_back(bus, master, given)
@@ -166,7 +166,7 @@ def _taken_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: Dvt
 
 
 def take_back(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
-    """Give a node its old node-ID back, and see by LSS and by SDO that it has it, and no other; raises if not so."""
+    """Restore a node's old node-ID; verified by LSS and SDO, raises if it failed."""
     now = selected(master, given.address)
     if now == given.before and is_on(bus, given.address, given.node_id):
         now = given.node_id  # it tells the node-ID that it was given, and has the other one
@@ -187,7 +187,7 @@ def take_back(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
 
 
 def answering_now(bus: CanopenBus, given: LssGiven) -> str:
-    """Who answers SDO with the old and with the new node-ID of *given*, in words."""
+    """Say which of the old and new node-ID of *given* answer SDO."""
     said = []
     for node_id in dict.fromkeys(
         candidate_id for candidate_id in (given.before, given.node_id) if candidate_id != UNCONFIGURED
@@ -200,7 +200,7 @@ def answering_now(bus: CanopenBus, given: LssGiven) -> str:
 
 
 def forget(session: Session, given: LssGiven) -> None:
-    """Whoever has these node-IDs is met anew: what was read of them was another node's."""
+    """Drop cached data of these node-IDs: they belong to another node now."""
     network = session.open_network()
     for node_id in (given.before, given.node_id):
         node = network.nodes.pop(node_id, None)

@@ -1,7 +1,4 @@
-"""Letting a node keep its node-ID and bit rate by LSS, and proving by a reset that it did.
-
-Does not know files, nor how the node got them.
-"""
+"""Store a node's node-ID and bit rate by LSS, and prove the store by a reset."""
 
 from __future__ import annotations
 
@@ -24,11 +21,11 @@ if TYPE_CHECKING:
 
 
 def lss_store(session: Session, node_id: int | None = None, *, prove: bool = False) -> LssChanged:
-    """Let the node with *node_id*, None: the selected one, keep its node-ID without power; with *prove* reset it, too.
+    """Store the node-ID of the node *node_id*, None: the selected node; *prove* also resets it.
 
-    Asks first. It is asked by SDO who it is, so that a node that did not come up with its node-ID stores none. Proved
-    is what comes back with its node-ID after the reset. DeviceRefused with its reason, LeftChanged where it comes back
-    otherwise; NoAnswer, SafetyRefusal.
+    Asks first. Identifies the node by SDO, so that a node that did not come up is not stored. Proved: it returns with
+    its node-ID after the reset. Raises DeviceRefused with its reason, LeftChanged if it returns differently; NoAnswer,
+    SafetyRefusal.
     """
     node_id = session.node_id() if node_id is None else node_id
     if session.dry_run:
@@ -46,7 +43,7 @@ def lss_store(session: Session, node_id: int | None = None, *, prove: bool = Fal
 
 
 def store(master: LssMaster, given: LssGiven) -> LssGiven:
-    """Let a node that has its node-ID keep it; SafetyRefusal where it says that it has another one."""
+    """Store a node's node-ID; raises SafetyRefusal if it has another by LSS."""
     now = selected(master, given.address)
     if now != given.node_id:
         raise SafetyRefusal(

@@ -1,7 +1,4 @@
-"""Several nodes that keep their new node-IDs by LSS: all of them, or none, so that no power-on brings two with one.
-
-Does not know files, nor how the nodes got them.
-"""
+"""Store the new node-IDs of several nodes by LSS, all or none: no power-on may bring a node-ID twice."""
 
 from __future__ import annotations
 
@@ -27,10 +24,10 @@ if TYPE_CHECKING:
 def store_all(
     bus: CanopenBus, master: LssMaster, kept: Sequence[LssGiven], given: Sequence[LssGiven], steps: Sequence[LssGiven]
 ) -> list[LssGiven]:
-    """Let each of *given* keep its node-ID; raises once all have what they had before *steps*, stored, too.
+    """Store the node-ID of each of *given*; raises after all have, and have stored, their state before *steps*.
 
-    Those *kept*, who had theirs before, come first: what they had stored is not known, and no way leads back to it.
-    LeftChanged where one has not what it had: it says who has stored what, and who has which node-ID.
+    The unchanged nodes *kept* come first: their earlier stored node-ID is unknown, and cannot be restored. LeftChanged
+    says who has stored, and which node-ID each node has.
     """
     stored: list[LssGiven] = []
     for slave in (everybody := [*kept, *given]):
@@ -50,7 +47,7 @@ def store_all(
 
 
 def prove_all(session: Session, master: LssMaster, stored: Sequence[LssGiven]) -> list[LssGiven]:
-    """Reset each of *stored*, and see that it comes back with its node-ID; raises, and says who was not looked at."""
+    """Reset each of *stored*, and verify its node-ID; an error names the nodes not checked."""
     proved: list[LssGiven] = []
     for number, slave in enumerate(stored, 1):
         try:
@@ -69,9 +66,9 @@ def prove_all(session: Session, master: LssMaster, stored: Sequence[LssGiven]) -
 def all_back(
     bus: CanopenBus, master: LssMaster, done: Sequence[LssGiven], failed: DvtcliError, *, at: LssGiven | None = None
 ) -> DvtcliError:
-    """*failed*, once those that were *done* have what they had; LeftChanged where one has not: who has what by then.
+    """Return *failed* after those *done* have their old state; LeftChanged with each node's state if not.
 
-    It failed *at* that one, None: behind all, which was taken back or not where that was seen.
+    *at* is the node that failed, None: after all.
     """
     stuck: list[str] = []
     for slave in reversed(done):
@@ -91,7 +88,7 @@ def all_back(
 
 
 def _who_has_what(bus: CanopenBus, master: LssMaster, done: Sequence[LssGiven]) -> list[tuple[str, str]]:
-    """Which node-ID each has by now, asked by LSS and by SDO, as lines of an error; what is not told is not known."""
+    """List each node's current node-ID by LSS and SDO, as lines of an error."""
     lines: list[tuple[str, str]] = []
     for address, before in {slave.address: slave.before for slave in reversed(done)}.items():
         name, last = next((slave.name, slave) for slave in reversed(done) if slave.address == address)
@@ -109,7 +106,7 @@ def _partly_stored(
     bus: CanopenBus, master: LssMaster, stored: Sequence[LssGiven], kept: Sequence[LssGiven], steps: Sequence[LssGiven],
     failed: DvtcliError,
 ) -> DvtcliError:  # fmt: skip
-    """*failed* where one that had its node-ID already did not store it, once the others have what they had."""
+    """Return *failed* if an unchanged node did not store, after the others were rolled back."""
     error = all_back(bus, master, steps, failed)
     if error is failed and not stored and isinstance(failed, DeviceRefused):
         failed.state = "unchanged"
@@ -131,7 +128,7 @@ def _unstored(
     bus: CanopenBus, master: LssMaster, kept: Sequence[LssGiven], stored: Sequence[LssGiven], steps: Sequence[LssGiven],
     failed: DvtcliError,
 ) -> DvtcliError:  # fmt: skip
-    """*failed*, once all have what they had before *steps*, and those that may have *stored* another stored that."""
+    """Return *failed* after all have their state before *steps*, stored if they may have *stored* another."""
     error = all_back(bus, master, steps, failed)
     left: list[str] = []
     for slave in stored:
@@ -158,7 +155,7 @@ def _unstored(
 
 
 def store_again(node_ids: Sequence[int], first: Hint | str) -> Hint:
-    """What to do *first*, and then or else: the nodes of *node_ids* store what they have, all at once if many."""
+    """Suggest *first*, then or else a store on *node_ids*, as a single command if many."""
     known = [node_id for node_id in node_ids if node_id != UNCONFIGURED]
     one_by_one: list[int | None] = [*known] if len(known) <= _SINGLY else [None]
     hint = as_hint(first)
