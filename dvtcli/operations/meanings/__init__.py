@@ -1,1 +1,1 @@
-"""What people write of objects and their values, and what it means on a node. Asks no device."""
+"""Parse objects and values as users write them, for a node. Asks no device."""

@@ -16,14 +16,14 @@ T = TypeVar("T")
 
 
 def object_at(node: Node, text: str) -> tuple[int, int]:
-    """Index and sub-index of `0x6C01:1`, `6041`, `statusword`…; UsageError where no object has the name."""
+    """Parse `0x6C01:1`, `6041`, `statusword`… into index and sub-index; raises UsageError for unknown names."""
     return _resolved(resolve_object, text, node)
 
 
 def means_whole(node: Node, text: str) -> bool:
-    """Whether *text* names a record or an array without one of its sub-indices: `1018`, not `1018:0`.
+    """Tell whether *text* names a record or array without a sub-index: `1018`, not `1018:0`.
 
-    Told by the node's EDS, else by CiA 301; of another object it is not known. UsageError where *text* is no object.
+    By the node's EDS, else by CiA 301; False for other objects. Raises UsageError if *text* is no object.
     """
     if is_name(text) or ":" in text or "-" in text:
         return False
@@ -37,7 +37,7 @@ def means_whole(node: Node, text: str) -> bool:
 
 
 def refuse_whole(node: Node, text: str) -> None:
-    """UsageError if *text* means a whole record: a file takes one value."""
+    """Raises UsageError if *text* is a whole record: a file takes a single value."""
     if means_whole(node, text):
         raise UsageError(
             f"{text} has several sub-indices, and a file takes one",
@@ -47,12 +47,12 @@ def refuse_whole(node: Node, text: str) -> None:
 
 
 def entry_at(node: Node, text: str) -> MappedObject | Skipped:
-    """The object and its length of a mapping entry, or the bits to skip; UsageError where the name is unknown."""
+    """Parse a mapping entry into object and length, or skipped bits; raises UsageError for an unknown name."""
     return _resolved(resolve_entry, text, node)
 
 
 def is_name(text: str) -> bool:
-    """Whether *text* is an object, or a mapping entry, by its name: nobody knows which without a dictionary."""
+    """Tell whether *text* is a name, which needs a dictionary."""
     try:
         resolve_entry(text, None, {})
     except UnknownName:
@@ -63,14 +63,14 @@ def is_name(text: str) -> bool:
 
 
 def name_hint(unknown: UnknownName) -> Hint | str:
-    """What to do about a name that nothing knows."""
+    """Suggest a remedy for an unknown name."""
     if unknown.similar:
         return f"did you mean {', '.join(unknown.similar)}?"
     return Hint(Action.FIND_OBJECTS, why="searches the dictionary") + Hint(Action.GIVE_EDS, why="gives one")
 
 
 def one_name(words: Sequence[str], is_object: Callable[[str], bool]) -> str | None:
-    """What to say where neighbours of *words* are together the name of one object: it was typed without quotes."""
+    """Suggest quotes if neighbouring *words* together name an object."""
     for length in range(len(words), 1, -1):
         for first in range(len(words) - length + 1):
             name = " ".join(words[first : first + length])

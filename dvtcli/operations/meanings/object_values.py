@@ -1,4 +1,4 @@
-"""What `read` and `write` share: which type an object has, and its value as an answer."""
+"""Shared by `read` and `write`: types of objects, and values for results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BY_SIZE = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
 
 
 def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
-    """The object's type: the EDS's, else what *size* in bytes suggests."""
+    """Return the object's type in the EDS, else by its *size* in bytes."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is not None and entry.data_type is not None:
         return entry.data_type
@@ -35,7 +35,7 @@ def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
 
 
 def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
-    """What the values of the objects in *sizes* (printed form, and how many bytes) mean, where somebody says."""
+    """Map the objects in *sizes* (printed form: bytes) to scaled values, if a scaling is known."""
     meanings = meanings_of(node.profile, node.dictionary)
     found = {}
     for place, size in sizes.items():
@@ -47,14 +47,14 @@ def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
 
 
 def _is_count(node: Node, index: int, sub_index: int) -> bool:
-    """Whether its file calls it a long unsigned number; of communication (0x1000…) those are words of bits."""
+    """Tell whether the EDS has a long unsigned number; communication objects (0x1000…) are bit fields."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     kind = None if entry is None else entry.data_type
     return index >= _MAKERS and kind is not None and kind.kind is Kind.UNSIGNED and (kind.size or 0) > _SHORT
 
 
 def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
-    """*data* of an object as a person reads it: `48.0 V (768)`, a word, a number; else the first of its bytes."""
+    """Print *data* of an object: `48.0 V (768)`, a word, a number; else its first bytes."""
     kind = type_of(node, index, sub_index, len(data))
     try:
         value = kind.decode(data)

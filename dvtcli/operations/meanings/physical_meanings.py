@@ -1,4 +1,4 @@
-"""What the values of a node's objects mean, and how a person types them. Sends nothing."""
+"""Scale values of a node's objects, and parse typed values. Sends nothing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 def meanings_of(
     profile: DeviceProfile | None, dictionary: ObjectDictionary | None, more: Sequence[Rules] = ()
 ) -> Meanings:
-    """What the objects of a device mean, by *profile* and *dictionary*; *more*, as of a network file, goes before."""
+    """Return the scalings of a device by *profile* and *dictionary*; *more*, as of a network file, goes first."""
     from dvtcli.files.profile.library import standards
 
     family = () if profile is None else (profile.physical,)
@@ -35,7 +35,7 @@ def meanings_of(
 
 
 def meaning_of(node: Node, index: int, sub_index: int) -> Scaling:
-    """What the values of one object of *node* mean."""
+    """Return the scaling of an object of *node*."""
     return meanings_of(node.profile, node.dictionary).of(index, sub_index)
 
 
@@ -48,22 +48,22 @@ def _is_understood(kind: DataType, meaning: Scaling, text: str) -> bool:
 
 
 def _bit_words(meaning: Scaling, kind: DataType) -> str:
-    """Which words stand for which bits, of an object whose number is made of bits."""
+    """List the words of a bit field."""
     digits = (kind.bits or 8) // 4
     return ", ".join(f"{state.text} is 0x{state.bits:0{digits}X}" for state in meaning.states)
 
 
 def typed_bytes(kind: DataType, meaning: Scaling, text: str) -> bytes:
-    """The bytes of what a person types: a number with its unit or a word of *meaning*, else as *kind* reads it.
+    """Encode a typed value: a number with unit or a word of *meaning*, else as *kind*.
 
-    ValueError where it fits neither.
+    Raises ValueError if neither fits.
     """
     raw = meaning.to_raw(text, whole=kind.kind is not Kind.REAL) if kind.kind in _NUMBERS else None
     return kind.parse(text) if raw is None else kind.encode(raw)
 
 
 def how_to_write(meaning: Scaling, kind: DataType, text: str = "") -> str | None:
-    """How a value of the object may be written, where *text* is not understood; None where only raw can be."""
+    """Explain how to write a value of the object after *text* failed; None if only raw values exist."""
     if _DECIMAL_COMMA.fullmatch(text.strip()) and _is_understood(kind, meaning, text.replace(",", ".")):
         return f"with a decimal point: {text.strip().replace(',', '.')}"
     if meaning.values:

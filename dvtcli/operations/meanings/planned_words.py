@@ -1,4 +1,4 @@
-"""A value of one object as a plan shows it, for what compares by the same values."""
+"""Print an object's value as in plans, for comparisons."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ if TYPE_CHECKING:
 
 
 def planned_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
-    """*data* with what it means, where somebody says that; else as the field writes it."""
+    """Print *data* with its scaling, if known; else raw."""
     step = Step(index, sub_index, None, data, "", names_objects(node, index, sub_index))
     return step_text(step, data, understood(node, {step.object: len(data)}).get(step.object))
