@@ -1,4 +1,4 @@
-"""NMT commands: sent to one node or all, and judged by the state that each is seen in."""
+"""Send NMT commands to a node or all nodes, and check the resulting states."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 
 def command_nmt(session: Session, command: NmtCommand, node_id: int | None = None) -> Commanded:
-    """Send *command* to *node_id*: 0 for all nodes, None for the selected one; each node's state is looked at then.
+    """Send *command* to *node_id* (0: all nodes, None: the selected node), and check each node's state.
 
-    A reset of a node that could move needs consent: SafetyRefusal without. What a reset took is named in the answer.
+    A reset of a node that could move needs consent, else SafetyRefusal. The result names changes lost by a reset.
     """
     target = session.node_id() if node_id is None else node_id
     if target and command.is_reset:
@@ -46,7 +46,7 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
 
 @dataclass(frozen=True, slots=True)
 class BegunReset:
-    """One node that was told to restart, and was not waited for yet; *met* holds it where it was known before."""
+    """A node that is being reset; *met* is the node if known before."""
 
     command: NmtCommand
     sent: SentReset
@@ -59,7 +59,7 @@ class BegunReset:
 
 
 def begin_reset(session: Session, command: NmtCommand, node_id: int) -> BegunReset:
-    """Send the reset *command* to *node_id* (1..127), after consent where it could move; SafetyRefusal without."""
+    """Send the reset *command* to *node_id* (1..127); if it could move, needs consent, else SafetyRefusal."""
     consent_to_reset(session, {node_id})
     met = _told(session, {node_id})
     return BegunReset(command, send_reset(_access(session, node_id), command), met)
@@ -74,7 +74,7 @@ def end_reset(session: Session, begun: BegunReset) -> Commanded:
 
 
 def _told(session: Session, node_ids: Collection[int]) -> list[Node]:
-    """Those of *node_ids* that were met: what was read of them counts no more, since they are commanded now."""
+    """Return the met nodes among *node_ids*, with their caches dropped before the command."""
     nodes = [node for node in session.network.nodes.values() if node.node_id in node_ids]
     for node in nodes:
         node.commanded()
@@ -85,9 +85,9 @@ def _commanded(
     session: Session, target: int, command: NmtCommand, nodes: Sequence[Node], states: Mapping[int, NmtState | None],
     unheard: Sequence[int],
 ) -> Commanded:  # fmt: skip
-    """The answer: which *states* were seen, and what a reset took from the *nodes* that were met before.
+    """Make the result: the *states*, and changes of met *nodes* lost by a reset.
 
-    *unheard* are nodes that answer after a reset, and sent no boot-up message.
+    *unheard* are nodes that answer after a reset without a boot-up message.
     """
     reset = command.is_reset
     communication = command is NmtCommand.RESET_COMMUNICATION
@@ -113,12 +113,12 @@ def _commanded(
 
 
 def _known(session: Session) -> set[int]:
-    """The nodes that were met, and those that were heard."""
+    """Return the node-IDs that were met or heard."""
     return {*session.network.nodes, *([] if session.dry_run else session.open_network().bus.heard_nodes())}
 
 
 def _heard(session: Session) -> set[int]:
-    """The nodes that are there, as far as can be known before all are reset: met, selected and answering, or heard."""
+    """Return the nodes present, as known before a reset of all: met, selected and answering, or heard."""
     if not session.dry_run and not session.bus.simulated:
         session.bus.sleep(CONFIRM_S)  # the first command of a session has heard nobody yet
         selected = session.selected_id()
@@ -129,7 +129,7 @@ def _heard(session: Session) -> set[int]:
 
 
 def _meet_all(session: Session) -> None:
-    """Make twins of all nodes that are there, as far as they are heard, or selected: a dry run says whom it reaches."""
+    """Make twins of all nodes that are heard or selected, so that a dry run names them."""
     bus = session.open_network().bus
     if not bus.simulated:
         bus.sleep(CONFIRM_S)
@@ -140,7 +140,7 @@ def _meet_all(session: Session) -> None:
 
 
 def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[Hint | str, ...]:
-    """What is to be known of those nodes that an interrupted change left half configured."""
+    """Report interrupted changes of the nodes."""
     network = session.open_network()  # under --dry-run, too: what is left half configured is the node itself
     said = (
         network.interrupted(node_id) for node_id in sorted(known_id for known_id in node_ids if known_id is not None)
@@ -149,13 +149,13 @@ def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[Hint
 
 
 def _access(session: Session, node_id: int) -> NodeAccess:
-    """A node that was not met yet may be stopped, and silent: it is commanded before it is asked who it is."""
+    """Return access without identification: an unknown node may be stopped and silent."""
     met = session.network.nodes.get(node_id)
     return met.access if met is not None else NodeAccess(session.bus, node_id, GENERIC)
 
 
 def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | None:
-    """Command one node, which is not reset; the state that it is seen in, None where it cannot be seen."""
+    """Command a node without a reset; returns its state, None if unknown."""
     access = _access(session, target)
     session.bus.send_nmt(command, target)
     if command.after is not NmtState.STOPPED:
@@ -164,9 +164,9 @@ def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | No
 
 
 def _to_all(session: Session, command: NmtCommand, unheard: list[int]) -> dict[int, NmtState | None]:
-    """Command all nodes; the states of those that were met or are heard, None if one cannot be seen.
+    """Command all nodes; returns the states of met and heard nodes, None if unknown.
 
-    Nodes that answer after a reset without a boot-up message are added to *unheard*.
+    Adds nodes that answer after a reset without a boot-up message to *unheard*.
     """
     bus, known = session.bus, _known(session)
     if command.is_reset:
@@ -181,7 +181,7 @@ def _to_all(session: Session, command: NmtCommand, unheard: list[int]) -> dict[i
 
 
 def _note_what_came_up(session: Session, node_ids: Iterable[int]) -> None:
-    """Read what a met node came up with: `store --if-changed` compares with that."""
+    """Read the boot-up values of met nodes, for `store --if-changed`."""
     for node in (session.network.nodes[node_id] for node_id in node_ids if node_id in session.network.nodes):
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # not known is not unchanged: then it is stored
             node.pdos()

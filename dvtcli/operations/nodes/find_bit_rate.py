@@ -1,7 +1,7 @@
-"""The bit rate of a bus, by listening through the standard's: where frames come without errors. Sends nothing.
+"""Find a bus's bit rate by listening at each of the standard's. Sends nothing.
 
-Who listens at a wrong bit rate destroys the frames of others, unless the controller is in listen-only mode: without it
-nothing is listened to.
+At a wrong bit rate, a controller destroys frames of others unless in listen-only mode: without this mode it does not
+listen.
 """
 
 from __future__ import annotations
@@ -27,11 +27,10 @@ assert set(ORDER) == set(BIT_TIMINGS)  # noqa: S101 - all of them
 
 
 def find_bit_rate(session: Session, listen_s: float = LISTEN_S) -> BitRateFound:
-    """Listen to the bus at each of the standard's bit rates for *listen_s* seconds, until frames come without errors.
+    """Listen at each standard bit rate for *listen_s* seconds, until frames arrive without errors.
 
-    SafetyRefusal where the interface is not known to listen without a word (unless forced, which is asked for; one that
-    can is silent all the same), or its bit rate cannot be set from here: then it says how. A bus that is open goes back
-    to its bit rate. BusUnavailable.
+    Raises SafetyRefusal, with a remedy, if listen-only mode is not guaranteed (unless forced, after a question; used
+    anyway if available), or the bit rate cannot be set. An open bus returns to its bit rate. Raises BusUnavailable.
     """
     try:
         return _found(session, listen_s, silent=True)
@@ -55,7 +54,7 @@ def _found(session: Session, listen_s: float, *, silent: bool) -> BitRateFound:
 
 
 def _spoken(session: Session) -> bool:
-    """Whether frames of others may be destroyed: somebody forced it, and said so again."""
+    """Tell whether frames of others may be destroyed: forced, and confirmed."""
     if not session.options.force or session.dry_run:
         return False
     session.consent("without listen-only mode a wrong bit rate destroys the frames of others; is the machine at rest?")
@@ -72,7 +71,7 @@ def _heard(bus: CanopenBus, bit_rate: int, listen_s: float) -> HeardAt:
 
 @contextmanager
 def _listening(session: Session, *, listen_only: bool) -> Iterator[tuple[CanopenBus, Sequence[int]]]:
-    """A bus that only listens, and the bit rates that it can be listened to at."""
+    """Open a bus for listening, with the bit rates it supports."""
     if session.is_open or session.options.sim:
         with _lent(session, listen_only=listen_only) as bus:
             yield bus, ORDER
@@ -94,7 +93,7 @@ def _listening(session: Session, *, listen_only: bool) -> Iterator[tuple[Canopen
 
 @contextmanager
 def _lent(session: Session, *, listen_only: bool) -> Iterator[CanopenBus]:
-    """The bus that is open, which gets its bit rate back."""
+    """Use the open bus, and restore its bit rate."""
     bus = session.open_network().bus
     bus.require_settable(ORDER[0], listen_only=listen_only)
     before = bus.runs_at

@@ -1,4 +1,4 @@
-"""The nodes on the bus: those whose heartbeat is heard, and those that answer when each node-ID is asked."""
+"""Find nodes on the bus: by heartbeat, and by asking each node-ID."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 def device_name(sdo: SdoTransport) -> str:
-    """The manufacturer's device name (0x1008), empty if there is none, or its upload is aborted twice.
+    """Read the manufacturer's device name (0x1008), empty if absent or aborted twice.
 
-    It takes segments: a device may abort these for a reason that has passed by now.
+    It needs a segmented upload, which a device may abort for temporary reasons.
     """
     for _ in range(2):
         try:
@@ -36,7 +36,7 @@ def device_name(sdo: SdoTransport) -> str:
 
 
 class SaidOfItself:
-    """What the node of *row* said of its identity (0x1018), read like its SDO channel; the rest it refuses."""
+    """The identity (0x1018) in *row*, readable like an SDO channel; refuses other objects."""
 
     def __init__(self, row: NodeRow) -> None:
         parts = enumerate((row.vendor_id, row.product_code, row.revision, row.serial), 1)
@@ -46,7 +46,7 @@ class SaidOfItself:
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
-        """What it said; SdoAborted where it said nothing."""
+        """Return the known value; raises SdoAborted otherwise."""
         del timeout_s, retries
         if (index, sub_index) not in self._said:
             raise SdoAborted(index, sub_index, Abort.NO_OBJECT, node=self._node)
@@ -54,9 +54,9 @@ class SaidOfItself:
 
 
 def identify(session: Session, node_id: int | None = None) -> NodeListing:
-    """Ask a node what it is: *node_id*, which is selected then, or the selected one.
+    """Identify *node_id*, which is then selected, or the selected node.
 
-    UsageError where none is selected, NoAnswer where it is silent.
+    Raises UsageError if none is selected, NoAnswer if silent.
     """
     if node_id is not None and not session.in_script:
         session.network.accept(node_id)
@@ -67,7 +67,7 @@ def identify(session: Session, node_id: int | None = None) -> NodeListing:
 
 
 def _described(session: Session, row: NodeRow) -> NodeRow:
-    """*row* with why its file describes the node."""
+    """Add to *row* why its file describes the node."""
     chosen = session.network.files.choice(row.node)
     if chosen is None or chosen.path.name != row.source:
         return row
@@ -103,10 +103,10 @@ _LISTEN_S = 1.0
 
 
 def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
-    """List the nodes 1…127 that are heard or answer; each node-ID has *answer_s* seconds for its first answer.
+    """List nodes 1…127 that are heard or answer; *answer_s* (s) is the time-out of the first answer.
 
-    A node that was heard, or whose answer came late, is there, and gets the bus's time-out as well before it is said
-    not to answer. Only reads. BusUnavailable where there is no bus; what goes wrong with one node is its row's note.
+    Nodes that are heard or answer late get the bus's time-out as well before they count as silent. Only reads. Raises
+    BusUnavailable without a bus; an error of a node is a note in its row.
     """
     started = time.monotonic()
     bus = session.bus
@@ -136,7 +136,7 @@ def _answers_at_all(bus: CanopenBus, node_id: int, limit_s: float | None) -> int
 
 
 def _each_asked(bus: CanopenBus, answer_s: float, ask: Callable[[int, float | None], _Said | None]) -> list[_Said]:
-    """What *ask*(node-ID, its time limit in s) has of each node-ID 1…127; once more of those that answered late."""
+    """Call *ask*(node-ID, time-out in s) for each node-ID 1…127; again for late answers."""
     with ThreadPoolExecutor(_AT_ONCE) as pool, _answers(bus) as answered:
         found = list(pool.map(lambda node_id: ask(node_id, answer_s), range(1, 128)))
         if not bus.simulated:
@@ -147,7 +147,7 @@ def _each_asked(bus: CanopenBus, answer_s: float, ask: Callable[[int, float | No
 
 
 def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
-    """*row* with what the node's own state object says, where nothing was heard and its family is known to have one."""
+    """Add the NMT state of the node's own state object, if not heard and its family has the object."""
     node = session.network.nodes.get(row.node)
     if row.state not in _UNHEARD or node is None or node.profile.state_object is None:
         return row
@@ -159,9 +159,9 @@ def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
 
 
 def _with_file(session: Session, row: NodeRow) -> NodeRow:
-    """*row* with the file that will describe the node, by what it said, and what is wrong with it.
+    """Add the node's file by its identity, and problems of the file.
 
-    Of the library only a file is opened that was changed since it was added.
+    Reads only library files changed since they were added.
     """
     from dvtcli.operations.eds_library.list_files import problem_of
 
@@ -178,7 +178,7 @@ def _with_file(session: Session, row: NodeRow) -> NodeRow:
 
 @contextmanager
 def _answers(bus: CanopenBus) -> Iterator[set[int]]:
-    """The node-IDs that answered an SDO request of anybody meanwhile, in time or late."""
+    """Collect node-IDs that answer any SDO request meanwhile, even late."""
     answered: set[int] = set()
 
     def note(frame: Frame, sent: bool) -> None:
@@ -193,9 +193,9 @@ def _answers(bus: CanopenBus) -> Iterator[set[int]]:
 
 
 def _ask(bus: CanopenBus, node_id: int, limit_s: float | None) -> NodeRow | None:
-    """The row for *node_id*, or None where nobody is there; what goes wrong with one node is its row's note.
+    """Read the row of *node_id*, None if nobody is there; an error is a note in the row.
 
-    It has *limit_s* seconds to answer, the bus's time-out where that is None.
+    *limit_s* is the time-out in seconds, None: the bus's.
     """
     from dvtcli.files.profile.library import profile_for_identity
 
@@ -220,7 +220,7 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float | None) -> NodeRow | None
 
 
 def _device_type(sdo: SdoTransport, limit_s: float | None, *, heard: bool) -> int | None:
-    """What 0x1000 says, None where the node refuses that; NoAnswer, SdoProtocolError where it cannot be read."""
+    """Read 0x1000, None if refused; raises NoAnswer, SdoProtocolError if unreadable."""
     try:
         try:
             data = sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)
@@ -234,7 +234,7 @@ def _device_type(sdo: SdoTransport, limit_s: float | None, *, heard: bool) -> in
 
 
 def _unheard(sdo: SdoTransport) -> str:
-    """What is to be said of the state of a node that answers, and of which nothing was heard."""
+    """Describe the state of a node that answers but was not heard."""
     try:
         return _UNKNOWN if read_optional(sdo, HEARTBEAT_TIME, 0, 2) else _NO_HEARTBEAT
     except (NoAnswer, SdoAborted, SdoProtocolError):

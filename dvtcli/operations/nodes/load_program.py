@@ -1,7 +1,4 @@
-"""`download`: a program file into a device, under consent, seen to run; what was not completed is noted for later.
-
-Does not know how a program is loaded, nor what the file's formats are.
-"""
+"""`download`: update a device's program, with consent; unfinished downloads are noted for later."""
 
 from __future__ import annotations
 
@@ -33,12 +30,12 @@ if TYPE_CHECKING:
 def load_program(
     session: Session, file: str, *, number: int = 1, expect: int | str | None = None, node_id: int | None = None
 ) -> ProgramLoaded:
-    """Load *file* (.bin, .hex) as program *number* (1..254) of node *node_id*, None: the selected one, and start it.
+    """Load *file* (.bin, .hex) as program *number* (1..254) of node *node_id*, and start it.
 
-    *expect* is what its software identification (0x1F56) has to be then: a number of 32 bits, "crc32" for that of what
-    is sent, None for what the node's profile says of it, if anything. Asks first. UsageError, InputFileError,
-    SafetyRefusal before anything is sent; the device's failure with state `rolled_back` where the old program runs
-    again; LeftChanged otherwise, which says what the device holds.
+    None is the selected node. *expect* is the required software identification (0x1F56): a 32-bit number, "crc32" for
+    that of the data, None for the profile's, if any. Asks first. Raises UsageError, InputFileError, SafetyRefusal
+    before anything is sent; the device's error with state `rolled_back` if the old program runs again; else LeftChanged
+    with the device's state.
     """
     program = read_program(file)
     if isinstance(expect, str) and expect != CRC32:
@@ -73,7 +70,7 @@ def load_program(
 
 
 def _expected(node: Node, number: int, program: bytes, expect: int | str | None) -> tuple[int | None, str]:
-    """What 0x1F56 has to be, None for whatever it is, and the name of the profile that says so, if one does."""
+    """Return the required 0x1F56, None for any, and the profile that requires it."""
     by_profile = node.profile.software_identification.get(number) if expect is None else None
     wanted = by_profile if expect is None else expect
     number_wanted = crc32(program) if isinstance(wanted, str) else wanted
@@ -81,7 +78,7 @@ def _expected(node: Node, number: int, program: bytes, expect: int | str | None)
 
 
 def forget_download(session: Session) -> Facts:
-    """Forget that a download into the selected node was not completed: it is all right."""
+    """Forget an unfinished download to the selected node, as it is in order."""
     wanted = session.node_id()
     session.open_network()
     was_there = not session.dry_run and _notes(session).forget(wanted)
@@ -99,7 +96,7 @@ def _identity(node: Node) -> tuple[int | None, ...]:
 
 
 def _consent(session: Session, node: Node, number: int, file: str, size: int) -> None:
-    """Refuse what is no device for that, and ask."""
+    """Refuse unsuitable devices, and ask."""
     refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
     try:
         node.sdo.upload(PROGRAM_CONTROL, number)
@@ -120,7 +117,7 @@ def _consent(session: Session, node: Node, number: int, file: str, size: int) ->
 
 @dataclass(frozen=True, slots=True)
 class _ProgramNote:
-    """The note of *file* on its way into program *number* of *node_id*, from the first stage until the end is known."""
+    """The note of a download of *file* to program *number* of *node_id*, kept until its end is known."""
 
     session: Session
     node_id: int
@@ -128,7 +125,7 @@ class _ProgramNote:
     file: str
 
     def begins(self, stage: Stage) -> None:
-        """A stage begins: on a bus whose nodes outlive this process that is noted first."""
+        """Note the start of a stage, on a bus whose nodes outlive this process."""
         notes = _notes(self.session)
         try:
             if not self.session.bus.simulated:
@@ -140,12 +137,12 @@ class _ProgramNote:
         self.session.tell.progress(f"node {self.node_id}: {stage.name.lower()}", 0, 0)
 
     def forget(self) -> None:
-        """The node runs a program, the new one or the old one again."""
+        """Remove the note: the node runs the new or the old program."""
         _notes(self.session).forget(self.node_id)
 
 
 def _name_profile(failed: DvtcliError, profile: str, number: int) -> None:
-    """Say that *profile*, where there is one, is who says what 0x1F56 has to be, where that is what *failed*."""
+    """Name *profile* as the source of the required 0x1F56 if this check *failed*."""
     if profile and failed.place == f"{SOFTWARE_IDENTIFICATION:04X}:{number:02X}":
         failed.hint = Hint(
             Action.GIVE,
@@ -155,7 +152,7 @@ def _name_profile(failed: DvtcliError, profile: str, number: int) -> None:
 
 
 def _require_same(node: Node, before: tuple[int | None, ...]) -> None:
-    """LeftChanged where another device than *before*, by vendor and product, answers now."""
+    """Raises LeftChanged if another device than *before* (vendor, product) answers now."""
     now = _identity(node)
     if now[:2] != before[:2]:
         raise LeftChanged(
@@ -170,7 +167,7 @@ def _shown(identity: tuple[int | None, ...]) -> str:
 
 
 def _forget(session: Session, node: Node) -> None:
-    """Whatever was read of the node was another program's; and it stays in the state that it came up in."""
+    """Drop what was read of the old program; the node keeps its boot-up state."""
     left_behind = node.gate.abandon()
     network = session.open_network()
     network.nodes.pop(node.node_id, None)

@@ -1,4 +1,4 @@
-"""Logging in to a device that asks for an access level. Does not know where a passcode comes from, and keeps none."""
+"""Log in to a device with access levels. Stores no passcode."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def log_in(
     user: int | None = None,
     node_id: int | None = None,
 ) -> LoggedIn:
-    """Log in to a node (None: the selected one) at *level* (0 logs out), None for the one that PDO work needs.
+    """Log in to a node (None: the selected node) at *level* (0 logs out), None: the level for PDO work.
 
-    *user* is the user ID, None for the family's. *passcode* is asked with node-ID and level when the device wants one.
-    DvtcliError where the device knows no login, DeviceRefused where it does not take the passcode.
+    *user* is the user ID, None for the family's. *passcode* is called with node-ID and level if the device needs a
+    passcode. Raises DvtcliError if the device has no login, DeviceRefused if it rejects the passcode.
     """
     node = session.node(node_id)
     policy = access_level.policy_of(node.access)

@@ -1,4 +1,4 @@
-"""A line that says which device is meant, or how: what comes after it is done to no other."""
+"""Require a device's identity or state; later lines are not run on another device."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _SUB_INDICES = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 def require_identity(
     session: Session, wanted: Sequence[tuple[str, int]], node_id: int | None = None, who: str = "the script"
 ) -> Facts:
-    """Read the identity (0x1018) of a node (None: of the selected one) and compare it with *wanted*.
+    """Compare the identity (0x1018) of a node (None: the selected node) with *wanted*.
 
-    That is pairs of `vendor`, `product`, `revision` or `serial` with a number. SafetyRefusal, which names *who* wants
-    another device, where one differs.
+    *wanted* has pairs of `vendor`, `product`, `revision` or `serial` and a number. Raises SafetyRefusal, naming *who*
+    wants another device, if a number differs.
     """
     node = session.node(node_id)
     held = {name: read_identity(node.sdo, sub_index) for name, sub_index in _SUB_INDICES.items()}
@@ -41,7 +41,7 @@ def require_identity(
 
 
 def require_power_off(session: Session, node_id: int | None = None) -> Facts:
-    """SafetyRefusal where a statusword of a node (None: the selected one) says that its power stage is on."""
+    """Raises SafetyRefusal if a statusword of a node (None: the selected node) shows an enabled power stage."""
     from dvtcli.operations.consent.power_stage import refuse_powered
 
     node = session.node(node_id)

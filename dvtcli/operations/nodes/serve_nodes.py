@@ -19,10 +19,10 @@ _NAMED = 8
 
 
 def serve(session: Session, wanted: ServeRequest, begun: Callable[[Facts], None], ready: Path | None = None) -> None:
-    """Serve the nodes of *wanted* until Ctrl-C; *begun* is told where, once clients can come.
+    """Serve the nodes of *wanted* until Ctrl-C; calls *begun* with the address once ready.
 
-    *ready* is a file that has `HOST:PORT`, or the joined bus, from then until the end. BusUnavailable where an address
-    or a bus is not to be had, UsageError and InputFileError for wrong words and files.
+    *ready* is a file with `HOST:PORT`, or the joined bus, until the end. Raises BusUnavailable if an address or a bus
+    cannot be opened, UsageError and InputFileError for wrong words and files.
     """
     try:
         with session.serving(wanted) as served:
@@ -68,7 +68,7 @@ def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:
 
 
 def _names(served: Serving) -> tuple[str, ...]:
-    """What gives the objects of the served families their names; nothing where none is of a family."""
+    """Say where object names of served families come from; empty without a family."""
     family = next((node.family for node in served.nodes if node.family), None)
     if family is None:
         return ()

@@ -1,4 +1,4 @@
-"""The errors of a node in words: what it holds, and what was heard of it; emptying its history."""
+"""Show a node's errors in words, read and received; clear its error history."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _DEVICE_TYPE = 0x1000
 
 
 def show_faults(session: Session, node_id: int | None = None) -> Faults:
-    """What node *node_id*, or the selected one, says of its errors, and the EMCY messages that were heard of it.
+    """Read the errors of node *node_id*, or the selected node, and add its received EMCY messages.
 
-    Only reads, but for a family's own list, of which each position is chosen by a write (not under --dry-run).
+    Only reads, except for a family's own list, whose positions are selected by a write (not under --dry-run).
     """
     node = session.node(node_id)
     words = ErrorWords(node)
@@ -44,9 +44,9 @@ def show_faults(session: Session, node_id: int | None = None) -> Faults:
 
 
 def clear_faults(session: Session, node_id: int | None = None) -> Faults:
-    """Empty the error history of node *node_id*, or of the selected one, and read back that it is empty.
+    """Clear the error history of node *node_id*, or the selected node, and verify.
 
-    What is wrong stays wrong: 0x6040 and all else that could move something is left alone. Raises as `clear_history`.
+    Errors themselves stay: 0x6040 and all else that could move something is left alone. Raises as `clear_history`.
     """
     node = session.node(node_id)
     words = ErrorWords(node)
@@ -59,14 +59,14 @@ def clear_faults(session: Session, node_id: int | None = None) -> Faults:
 
 
 class ErrorWords:
-    """Error codes of one node in words: as its family says, else as the standard does; *node* None: nobody is known."""
+    """Error codes in words, by the family of *node* or the standard; None: unknown node."""
 
     def __init__(self, node: Node | None = None) -> None:
         self._known = {} if node is None else node.profile.faults
         self._device_type = None if node is None else read_optional(node.sdo, _DEVICE_TYPE, 0, 4)
 
     def row(self, source: str, code: int) -> FaultRow:
-        """*code* as *source* has it."""
+        """Describe *code* of *source*."""
         known = self._known.get(code)
         if known is not None:
             return FaultRow(source, code, known.text, known.remedy)
@@ -75,11 +75,11 @@ class ErrorWords:
         return FaultRow(source, code, emergency_text(code, self._device_type), emergency_remedy(code))
 
     def of_history(self, history: Iterable[HistoryEntry]) -> list[FaultRow]:
-        """The entries of an error history."""
+        """Describe an error history."""
         return [replace(self.row("history", entry.code), information=entry.information) for entry in history]
 
     def heard(self, one: HeardEmergency) -> FaultRow:
-        """Messages that were heard."""
+        """Describe a received message."""
         last = one.last
         return replace(
             self.row("heard", last.code), count=one.count, first_s=one.first_s, last_s=last.timestamp_s,
