@@ -1,1 +1,1 @@
-"""Objects of a node: searched, read, watched, written, and as files."""
+"""Objects of a node: search, read, watch, write, transfer to and from files."""

@@ -1,4 +1,4 @@
-"""Objects as files: what one holds into a file, and what a file holds into an object. Does not know what is in them."""
+"""Transfer objects to and from files."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def transfer_progress(session: Session, node_id: int, text: str, size: int | Non
 
 
 class _FrameCount:
-    """The frames of one node's SDO channel, counted."""
+    """Counts the frames of a node's SDO channel."""
 
     def __init__(self, session: Session, node_id: int, text: str, size: int | None) -> None:
         self._tell, self._text, self._size = session.tell, text, size or 0
@@ -52,7 +52,7 @@ class _FrameCount:
         self._count = 0
 
     def take(self, frame: Frame, _sent: bool) -> None:
-        """Count a frame as it passes (Tap); some more for a transfer's beginning and end, and what is sent again."""
+        """Count a frame (Tap); slightly too many, by a transfer's begin, end and repetitions."""
         if frame.can_id != self._carrier or len(frame.data) != 8:
             return
         if self._learns_size and any(frame.data[0] & mask == bits for mask, bits in _SIZE_TOLD) and self._count < 2:
@@ -65,9 +65,9 @@ class _FrameCount:
 
 
 def read_to_file(session: Session, object_: str, file: str, node_id: int | None = None) -> Facts:
-    """Read *object_* of node *node_id* or the selected one, and write its bytes into *file*, all of them or none.
+    """Read *object_* of node *node_id* or the selected node, and write its bytes to *file*, all or none.
 
-    Asks before it overwrites. UsageError for an unknown name, or a file that cannot be written; SdoAborted, NoAnswer.
+    Asks before overwriting. Raises UsageError for an unknown name or an unwritable file; SdoAborted, NoAnswer.
     """
     path = place_of(file, "NAME.bin")
     node = session.node(node_id)
@@ -84,9 +84,9 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
 
 
 def write_from_file(session: Session, node: Node, index: int, sub_index: int, file: str) -> Changed:
-    """Write the bytes of *file* to an object as `write` does, read them back, and put the old ones back otherwise.
+    """Write the bytes of *file* to an object like `write`: verified, or rolled back.
 
-    UsageError where the file cannot be read, InputFileError where it is empty or larger than any object.
+    Raises UsageError if the file cannot be read, InputFileError if it is empty or larger than any object.
     """
     data = file_bytes(file)
     text = f"node {node.node_id}: writing 0x{index:04X}:{sub_index:02X}"
@@ -95,7 +95,7 @@ def write_from_file(session: Session, node: Node, index: int, sub_index: int, fi
 
 
 def file_bytes(file: str) -> bytes:
-    """What *file* holds; UsageError where it cannot be read, InputFileError where it is empty or too large."""
+    """Read *file*; raises UsageError if unreadable, InputFileError if empty or too large."""
     try:
         data = read_input(file, MOST_BYTES, "object")
     except OSError as failed:

@@ -1,4 +1,4 @@
-"""One object of a node, read by SDO upload and decoded; a record with all its sub-indices."""
+"""Read an object of a node by SDO upload and decode it; a record with all sub-indices."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 def read_object(
     session: Session, object_: str, data_type: DataType | None = None, node_id: int | None = None
 ) -> ValueRead | RecordRead:
-    """Read *object_* (`6C01:1`, `statusword`…) of node *node_id* or the selected one, as *data_type* or the file's own.
+    """Read *object_* (`6C01:1`, `statusword`…) of node *node_id* or the selected node.
 
-    `1018` is the whole record, `1018:0` its highest sub-index; *data_type* is then that of each entry.
-    UsageError for an unknown name, SdoAborted where the device refuses, NoAnswer where it is silent.
+    *data_type* replaces the file's type. `1018` is the whole record, with *data_type* for each entry, `1018:0` its
+    highest sub-index. Raises UsageError for an unknown name, SdoAborted if the device refuses, NoAnswer if silent.
     """
     node = session.node(node_id)
     if means_whole(node, object_):

@@ -30,16 +30,16 @@ _TOO_LONG = "a DOMAIN is read alone, into a file"
 
 
 def read_whole(node: Node, text: str, data_type: DataType | None = None) -> RecordRead | ValueRead:
-    """Read sub-index 0 of the record *text*, and each entry up to what it says, as *data_type* or the file's own.
+    """Read the record *text*: sub-index 0, and the entries up to it, as *data_type* or the file's type.
 
-    What is no count there, as in an object that is no record after all, is answered as it is. SdoAborted where
-    sub-index 0 is refused; an entry that is refused is one of the answer, one that is missing is left out.
+    If sub-index 0 is no count, as in an object that is no record, its value is returned. Raises SdoAborted if sub-index
+    0 is refused; a refused entry is part of the result, a missing entry is left out.
     """
     return _whole(node, object_at(node, text)[0], data_type)
 
 
 def record_at(node: Node, index: int, data_type: DataType | None = None) -> RecordRead:
-    """The same of the object at *index*; UsageError where it is no record."""
+    """Read the record at *index*; raises UsageError if it is no record."""
     found = _whole(node, index, data_type)
     if not isinstance(found, RecordRead):
         raise UsageError(f"0x{index:04X} is no record: sub-index 0 holds no count", node=node.node_id)
@@ -60,7 +60,7 @@ def _whole(node: Node, index: int, data_type: DataType | None) -> RecordRead | V
 def _as_type(
     node: Node, entries: tuple[ValueRead | EntryUnread, ...], data_type: DataType
 ) -> tuple[ValueRead | EntryUnread, ...]:
-    """*entries* decoded as *data_type*; SdoProtocolError names all that it does not fit."""
+    """Decode *entries* as *data_type*; SdoProtocolError names all that do not fit."""
     found, wrong = list(entries), []
     for number, entry in enumerate(entries):
         if isinstance(entry, EntryUnread):

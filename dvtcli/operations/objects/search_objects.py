@@ -1,4 +1,4 @@
-"""Objects of a node's dictionary, searched by number, name and what a PDO can take. Asks no device."""
+"""Search a node's dictionary by number, name and mappability. Asks no device."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 def search_objects(
     session: Session, text: str | None = None, mappable: str | None = None, node_id: int | None = None
 ) -> ObjectListing:
-    """List the objects of a node (None: of the selected one) whose number or name contains *text*, None for all.
+    """List objects of a node (None: the selected node) with *text* in number or name, None for all.
 
-    *mappable* is `tpdo` or `rpdo`: only what such a PDO can take. UsageError where the node has no EDS here.
+    *mappable* is `tpdo` or `rpdo`: only objects for such a PDO. Raises UsageError if the node has no EDS.
     """
     node = session.node(node_id)
     dictionary = node.dictionary
@@ -51,13 +51,13 @@ def _matches(dictionary: ObjectDictionary, entry: OdEntry, text: str | None) -> 
 
 
 def directions(dictionary: ObjectDictionary, profile: DeviceProfile, entry: OdEntry) -> list[str]:
-    """The kinds of PDO, `tpdo` and `rpdo`, that `map` lets *entry* into."""
+    """Return the kinds of PDO (`tpdo`, `rpdo`) that may map *entry*."""
     ways = (("tpdo", True), ("rpdo", False))
     return [way for way, tpdo in ways if is_taken(profile, dictionary, entry, tpdo=tpdo)]
 
 
 def object_row(dictionary: ObjectDictionary, entry: OdEntry, node_id: int, ways: Sequence[str] = ()) -> ObjectRow:
-    """One object as a row, with the *ways* it can be mapped; its default value as on node *node_id*."""
+    """Make an object's row with the *ways* to map it; the default is for node *node_id*."""
     kind = entry.data_type
     initial = entry.initial(node_id)
     default = ""

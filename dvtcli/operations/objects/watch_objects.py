@@ -1,4 +1,4 @@
-"""Several objects, read once, or again and again: what they hold, and the course that it took. Only reads."""
+"""Read several objects, once or repeatedly, with trends. Only reads."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Show = Callable[[Iterable[ValuesRead]], None]
 
 
 def read_objects(session: Session, objects: Sequence[Asked], data_type: DataType | None = None) -> ValuesRead:
-    """Read each of *objects* in turn, as *data_type* or the file's own; errors as those of `read_object`."""
+    """Read *objects* in turn, as *data_type* or the file's type; raises as `read_object`."""
     places = _places(session, objects)
     return ValuesRead(
         tuple(
@@ -51,10 +51,10 @@ def watch_objects(
     data_type: DataType | None = None,
     file: str | None = None,
 ) -> ValuesWatched:
-    """Read *objects* every *every_s* seconds for *for_s* (None: until Ctrl-C), and *show* what they hold each time.
+    """Read *objects* every *every_s* seconds for *for_s* (None: until Ctrl-C), and *show* them each time.
 
-    Also as a row of the CSV *file*. What takes longer than *every_s* leaves moments out. Errors as those of
-    `read_object`: one that cannot be read ends it.
+    Also as rows of the CSV *file*. If reading takes longer than *every_s*, times are skipped. Raises as `read_object`:
+    an error ends it.
     """
     places, courses = _places(session, objects), [ObjectCourse() for _ in objects]
     with _rows(session, places, file, data_type) as write:
@@ -79,11 +79,11 @@ class ObjectRound:
 
     @property
     def objects(self) -> list[tuple[int, int, int]]:
-        """The node-ID, index and sub-index of each."""
+        """Return node-ID, index and sub-index of each object."""
         return [(node.node_id, index, sub_index) for node, index, sub_index in self._places]
 
     def read(self, number: int) -> ValueRead:
-        """What the object *number* of them holds; errors as those of `read_object`."""
+        """Read the object at position *number*; raises as `read_object`."""
         return _read(self._places[number], None)
 
 
@@ -107,14 +107,14 @@ def _is_object(node: Node, text: str) -> bool:
 
 
 def _cell(read: ValueRead) -> object:
-    """The number in its unit; bytes as hex."""
+    """Return the number in its unit; bytes as hex."""
     if read.physical is not None:
         return read.physical
     return csv_text(read.value)
 
 
 def _head(place: _Place, data_type: DataType | None) -> str:
-    """An object's column, with its unit: `3:5100:01 [V]`."""
+    """Name an object's column with its unit: `3:5100:01 [V]`."""
     node, index, sub_index = place
     name = f"{node.node_id}:{index:04X}:{sub_index:02X}"
     unit = "" if data_type else meanings_of(node.profile, node.dictionary).of(index, sub_index).unit
@@ -140,7 +140,7 @@ def _moments(session: Session, every_s: float, for_s: float | None) -> Iterator[
 def _rows(
     session: Session, places: Sequence[_Place], file: str | None, data_type: DataType | None
 ) -> Iterator[Callable[[list[object]], None]]:
-    """What writes a row of the CSV file, or nothing where none is wanted."""
+    """Open a writer of CSV rows, or a dummy without *file*."""
     if file is None:
         yield lambda _row: None
         return

@@ -1,4 +1,4 @@
-"""Writing one object under the rules of the command that is meant for it: `write`, and the words of a DVT script."""
+"""Write an object by the rules of the command for it: `write`, and the words of a DVT script."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ _GUESSED = Hint(
 def write_text(
     session: Session, node: Node, index: int, sub_index: int, value: str, asked: DataType | None = None
 ) -> Changed | Stored:
-    """Write *value* as a person types it, as type *asked* or the object's own; UsageError where it does not fit."""
+    """Write the typed *value* as type *asked* or the object's type; raises UsageError if it does not fit."""
     if index in SIGNATURES and (not session.options.force or _is_signature(index, value)):
         return signature(session, node, index, sub_index, value)
     return write_bytes(session, node, index, sub_index, _encoded(node, index, sub_index, value, asked))
 
 
 def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: bytes) -> Changed:
-    """Write *data* as it is, read it back, and put the old value back where that differs; asks first for 0x1F22."""
+    """Write and verify *data*; rolled back if the read-back differs. Asks first for 0x1F22."""
     if index == CONCISE_DCF and sub_index:
         from dvtcli.operations.consent.concise_consent import consent_to_concise
 
@@ -60,7 +60,7 @@ def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: 
 
 
 def _in_words(node: Node, index: int, sub_index: int, refused: DeviceRefused) -> None:
-    """Say in values what an object reads back, and what may have written it since."""
+    """Add to *refused* the values read back, and what may have written them."""
     if refused.read_back is None:
         return
     held, wanted = (value_words(node, index, sub_index, data) for data in refused.read_back)
@@ -88,24 +88,24 @@ def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType
 
 
 def _is_known(node: Node, index: int, sub_index: int) -> bool:
-    """Whether a file says what type the object has; else it is taken for a number of as many bytes as it holds."""
+    """Tell whether the object's type is in a file; else it is a number of its size."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     return entry is not None and entry.data_type is not None
 
 
 def object_type(node: Node, index: int, sub_index: int) -> DataType:
-    """The type that a value is written as; DvtcliError with a hint where it can be neither read nor looked up."""
+    """Return the type for writing; raises DvtcliError with a hint if unreadable and unknown."""
     return type_of(node, index, sub_index, _size(node, index, sub_index))
 
 
 def refuse_signature(node: Node, index: int) -> None:
-    """Raise UsageError for 0x1010 and 0x1011, which take nothing but a signature."""
+    """Raises UsageError for 0x1010 and 0x1011, which accept only a signature."""
     if index in SIGNATURES:
         raise UsageError(f"0x{index:04X} takes a signature: use store() or restore()", node=node.node_id)
 
 
 def _size(node: Node, index: int, sub_index: int) -> int:
-    """How long the object is; 0 where it cannot be read and no file tells."""
+    """Return the object's length in bytes, 0 for a type without fixed length; raises as reading it, with a hint."""
     if Pdo.at(index) is not None:
         return parameter_size(index, sub_index) or 4
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
@@ -121,7 +121,7 @@ def _size(node: Node, index: int, sub_index: int) -> int:
 
 
 def _is_signature(index: int, value: str) -> bool:
-    """Whether *value*, as a person types it, is what the object at *index* takes."""
+    """Tell whether *value*, as typed, is the signature for *index*."""
     word = SIGNATURES[index]
     number = int.from_bytes(word, "little")
     return value.lower() in {word.decode(), f"0x{number:x}", str(number)}
