@@ -1,1 +1,1 @@
-"""The PDOs of a node: listed, switched, written as text, seen as frames; and the virtual ones inside it."""
+"""The PDOs of a node: list, switch, edit as text, check frames; and virtual PDOs inside it."""

@@ -1,4 +1,4 @@
-"""The TPDO that an object goes into, or is in, where nobody says which: the first that fits."""
+"""Find the TPDO for an object if none is given: the first suitable."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _MOST_BITS = 64
 def map_in_tpdo(
     session: Session, node_id: int, index: int, sub_index: int, can_id: int | None = None
 ) -> tuple[Finding, ...]:
-    """Put an object behind what the first enabled TPDO with room maps, else into the first disabled TPDO.
+    """Map an object behind the entries of the first enabled TPDO with room, else in the first disabled TPDO.
 
-    Sets type 1 (every SYNC), inhibit time 0 and event timer 0, and stores nothing. Nothing is done where an enabled
-    TPDO maps the object. With *can_id*, a TPDO of that CAN-ID is taken, else a disabled one gets it.
+    Sets type 1 (every SYNC), inhibit time 0 and event timer 0, and stores nothing. Does nothing if an enabled TPDO maps
+    the object. *can_id* selects the TPDO with this CAN-ID, else sets it on a disabled TPDO.
     """
     node = session.node(node_id)
     node.begin_change()
@@ -51,7 +51,7 @@ def _tpdos(node: Node) -> dict[Pdo, PdoConfig]:
 def _with_room(
     node: Node, tpdos: Mapping[Pdo, PdoConfig], bits: int, can_id: int | None
 ) -> tuple[Pdo, tuple[PdoMappingEntry, ...]]:
-    """The TPDO that takes *bits* more, with the entries that stay in it; DeviceRefused where there is none."""
+    """Return a TPDO with room for *bits*, and its remaining entries; raises DeviceRefused if there is none."""
     usable = {pdo: config for pdo, config in tpdos.items() if node.is_dynamic(pdo) and not _is_odd(config)}
     for pdo, config in usable.items():
         right = can_id in (None, config.communication.cob_id.can_id)
@@ -79,7 +79,7 @@ def _takes_entry(node: Node, pdo: Pdo, config: PdoConfig) -> bool:
 
 
 def _position(config: PdoConfig, index: int, sub_index: int) -> int | None:
-    """The first bit of an object in a PDO's frame, None where the PDO does not map it."""
+    """Return the first bit of an object in a PDO's frame, None if not mapped."""
     start = 0
     for entry in config.mapping:
         if (entry.index, entry.sub_index) == (index, sub_index):
@@ -89,7 +89,7 @@ def _position(config: PdoConfig, index: int, sub_index: int) -> int | None:
 
 
 def locate_tpdo(session: Session, node_id: int, index: int, sub_index: int) -> str:
-    """`TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled ones first; else `not mapped`."""
+    """Return `TPDO1 0x181 bit 0` for the first TPDO with the object, enabled first; else `not mapped`."""
     tpdos = _tpdos(session.node(node_id))
     for pdo, config in sorted(tpdos.items(), key=lambda item: not item[1].enabled):
         start = _position(config, index, sub_index)

@@ -1,4 +1,4 @@
-"""PDOs as a node holds them now, with the names of what is mapped. Only reads."""
+"""List a node's PDOs with names of mapped objects. Only reads."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 
 def list_pdos(session: Session, node_id: int | None = None, *, show_all: bool = False) -> PdoListing:
-    """Read every PDO of *node_id*, None for the selected node; *show_all* shows those that are off and empty, too."""
+    """Read every PDO of *node_id*, None for the selected node; *show_all* includes disabled and empty PDOs."""
     node = session.node(node_id)
     rows = tuple(_row(node, pdo, config) for pdo, config in node.pdos().items())
     return PdoListing(node.node_id, node.title, rows, show_all)
 
 
 def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListing:
-    """Read one PDO of *node_id*, None for the selected node, with its last frame where one was heard."""
+    """Read a PDO of *node_id*, None for the selected node, with its last received frame."""
     node = session.node(node_id)
     row = _row(node, pdo, node.pdo(pdo))
     row = replace(row, last=_last_frame(session, node, pdo, row.config))
@@ -52,10 +52,10 @@ def _name(node: Node, meanings: Meanings, index: int, sub_index: int) -> MappedN
 
 
 def _last_frame(session: Session, node: Node, pdo: Pdo, config: PdoConfig) -> LastFrame | None:
-    """The last frame with the PDO's COB-ID, where the session listens and heard one since the PDO was set so.
+    """Return the last frame with the PDO's COB-ID received since the PDO was set, if any.
 
-    A TPDO's frame of another length is not of this mapping, and a node takes no frame shorter than its RPDO: without
-    values then. A twin sends nothing that is heard.
+    It has no values if a TPDO's frame has another length than the mapping, or an RPDO's frame is shorter. A twin's
+    frames are not received.
     """
     cob_id, frames = config.communication.cob_id, session.frames
     if frames is None or session.dry_run or not config.enabled or config.mpdo is not None:

@@ -1,4 +1,4 @@
-"""Looking at real frames of TPDOs: start the node, give SYNC where needed, restore its state."""
+"""Check real frames of TPDOs: start the node, send SYNC if needed, restore its NMT state."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Look = tuple[tuple[str, Frame | None, float], ...]
 
 
 def look(session: Session, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
-    """A frame of each enabled one of *pdos*, and what was done to the node's state for that.
+    """Return a frame of each enabled PDO of *pdos*, and how the node's state was changed for it.
 
-    Ctrl-C ends the looking, not the way back to the state that was found.
+    Ctrl-C ends the check, but not the return to the initial state.
     """
     found = node.access.state()
     found = node.access.state(HEARTBEAT_S) if found is None else found
@@ -46,7 +46,7 @@ def look(session: Session, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
 
 
 def _return(node: Node, found: NmtState | None) -> str:
-    """Bring the node back to the state that was found; says so, or that it was never known."""
+    """Return the node to its initial state; says so, or that the state was unknown."""
     if found is None:
         return (
             "the node was started for this and still runs: it told no state before (no heartbeat); nmt preop stops it"

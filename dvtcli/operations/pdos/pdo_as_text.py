@@ -1,4 +1,4 @@
-"""A PDO as text that people edit, and what they made of it carried out. Does not know the editor."""
+"""Edit a PDO as text, and apply the edited text."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def pdo_as_text(session: Session, pdo: Pdo, node_id: int | None = None) -> str:
-    """*pdo* as the node with *node_id* (None: the selected one) holds it now, as YAML; UsageError for an MPDO."""
+    """Return *pdo* of the node with *node_id* (None: the selected node) as YAML; raises UsageError for an MPDO."""
     node = session.node(node_id)
     config = node.pdo(pdo)
     if config.mpdo is not None:
@@ -37,9 +37,9 @@ def pdo_as_text(session: Session, pdo: Pdo, node_id: int | None = None) -> str:
 def configure_from_text(
     session: Session, pdo: Pdo, text: str, node_id: int | None = None, *, seen: str | None = None
 ) -> Changed:
-    """Make *pdo* what *text* says, as `map` does; UsageError or InputFileError with the line that is wrong.
+    """Configure *pdo* by *text*, like `map`; raises UsageError or InputFileError with the faulty line.
 
-    *seen* is the text that was edited: SafetyRefusal where the node holds something else by now.
+    *seen* is the text before editing: raises SafetyRefusal if the node differs from it by now.
     """
     node, asked = session.node(node_id), read_pdo_yaml(text, pdo)
     if seen is not None:
@@ -63,7 +63,7 @@ def configure_from_text(
 
 
 def keep_text(pdo: Pdo, text: str) -> str:
-    """Keep an edited *text* that was not carried out, which nobody wants to type twice; says where, or why not."""
+    """Save an edited *text* that was not applied; returns where, or why not."""
     path = state_folder(None) / "edited" / f"{pdo}-{datetime.now(UTC).strftime('%Y%m%dT%H%M%S.%fZ')}.yaml"
     try:
         write_private(path, text)

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 
 def switch(session: Session, node_id: int | None, pdos: Iterable[Pdo], want: PdoWant) -> Changed:
-    """Make every one of *pdos* of the node with *node_id* (None: the selected one) what *want* says, all or none."""
+    """Configure all *pdos* of the node with *node_id* (None: the selected node) by *want*, all or none."""
     return configure(session, session.node(node_id), dict.fromkeys(pdos, want))
 
 
 def clear_all(session: Session, node_id: int | None = None) -> Changed:
-    """Clear every PDO of a node whose mapping can be changed, all or none; DvtcliError where there is none.
+    """Clear every PDO of a node with a changeable mapping, all or none; raises DvtcliError if there are none.
 
-    One of which the rules say that it cannot be cleared stays as it is, and is named: it keeps no other from it.
+    PDOs that the rules do not let be cleared stay, and are reported.
     """
     node = session.node(node_id)
     found = node.begin_change()
@@ -46,7 +46,7 @@ def clear_all(session: Session, node_id: int | None = None) -> Changed:
 
 
 def _refused(node: Node, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, Finding]:
-    """The PDOs of *held* that the rules do not let be cleared, with what is to be said of each."""
+    """Return the PDOs of *held* that must not be cleared, with reasons."""
     found: dict[Pdo, Finding] = {}
     for pdo, config in held.items():
         errors = errors_in(check_pdo(proposal(node, pdo, config, cleared(config))))

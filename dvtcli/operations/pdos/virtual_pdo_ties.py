@@ -1,4 +1,4 @@
-"""The virtual PDOs inside a node: which pin is tied to which object, and tying one."""
+"""Virtual PDOs inside a node: list and set the objects tied to pins."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _NONE = "none"
 
 
 def list_ties(session: Session, group: str | None = None, node_id: int | None = None) -> VpdoListing:
-    """What each pin of *group* of *node_id*, else of the selected node, is tied to, None for all groups.
+    """List the objects tied to pins of *group* (None: all groups) of *node_id*, else the selected node.
 
-    UsageError where it has no such group, DvtcliError where it has none at all.
+    Raises UsageError for an unknown group, DvtcliError if the node has no virtual PDOs.
     """
     node = session.node(node_id)
     return _listing(node, [group] if group else group_names(node))
@@ -37,7 +37,7 @@ def tie_pin(
 ) -> Changed | VpdoListing:
     """Tie *pin* (1 and up) of *group* to *object_*, None to untie it; pin 0 unties all pins of the group.
 
-    What is as wanted is listed. UsageError for an unknown object or group, DvtcliError where it has no such pin.
+    Lists the group if nothing changes. Raises UsageError for an unknown object or group, DvtcliError for a missing pin.
     """
     node = session.node(node_id)
     node.begin_change()
@@ -54,7 +54,7 @@ def tie_pin(
 
 
 def _wanted(node: Node, pins: Pins, pin: int, value: int) -> tuple[list[ValueChange], list[Finding]]:
-    """The writes that tie *pin* to the object at index *value*, pin 0 to untie all; and what speaks against it."""
+    """Return the writes that tie *pin* to object *value* (pin 0: untie all), and findings."""
     if not pin:
         return list(pins.count(0)), []
     if pin > len(pins.values):
@@ -64,7 +64,7 @@ def _wanted(node: Node, pins: Pins, pin: int, value: int) -> tuple[list[ValueCha
 
 
 def object_index(node: Node, text: str) -> int:
-    """The index of the object *text* that a pin can be tied to; UsageError where it is none, or a part of one."""
+    """Return the index of the object *text* for a pin; raises UsageError if it is none, or a sub-index."""
     index, sub_index = object_at(node, text)
     if sub_index:
         raise UsageError(f"a pin is tied to a whole object: {index:04X}, without a sub-index", node=node.node_id)
@@ -72,7 +72,7 @@ def object_index(node: Node, text: str) -> int:
 
 
 def tied_name(node: Node, index: int) -> str:
-    """What the EDS calls an object, else a name that the profile has for it."""
+    """Name an object by the EDS, else by the profile."""
     if node.dictionary is not None and index in node.dictionary:
         return node.dictionary[index].name
     return next((alias for alias, place in node.profile.aliases.items() if place == f"{index:04X}:00"), "")
