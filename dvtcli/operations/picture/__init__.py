@@ -1,1 +1,1 @@
-"""A picture of a network: gathered as one plain value, and written as a page, a drawing or a graph."""
+"""A picture of a network: collected as a plain value, written as page, drawing or graph."""

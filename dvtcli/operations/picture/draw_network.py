@@ -20,9 +20,9 @@ SUFFIXES = (".html", ".htm", ".svg", ".dot", ".gv")
 
 
 def draw_network(session: Session, target: str, file: str | None = None, wishes: PictureOptions | None = None) -> Facts:
-    """Write the network of *file*, or of the bus, to *target*; asks before it overwrites. Raises as `network_picture`.
+    """Draw the network of *file*, or of the bus, to *target*; asks before overwriting. Raises as `network_picture`.
 
-    UsageError for another suffix, or where *target* cannot be written.
+    Raises UsageError for another suffix, or if *target* cannot be written.
     """
     path = place_of(target, "NAME.html")
     if path.suffix.lower() not in SUFFIXES:
@@ -35,7 +35,7 @@ def draw_network(session: Session, target: str, file: str | None = None, wishes:
 
 
 def drawn(picture: NetworkPicture, path: PurePath) -> bytes:
-    """*picture* in the format that the suffix of *path* names."""
+    """Format *picture* by the suffix of *path*."""
     suffix = path.suffix.lower()
     if suffix == ".svg":
         from dvtcli.files.picture.svg import alone

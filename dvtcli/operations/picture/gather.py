@@ -1,6 +1,6 @@
-"""A network gathered for a picture: from a network file without a bus, or from the nodes on one. Only reads.
+"""Collect a network's picture from a file without a bus, or from the nodes on the bus. Only reads.
 
-Judges nothing and computes nothing itself: rules, load and differences are those of `check`, `load` and `diff`.
+Findings, load and differences are those of `check`, `load` and `diff`.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 
 def drawn_links(state: NetworkState) -> Iterator[PictureLink]:
-    """Every enabled RPDO with each TPDO of another node that it hears."""
+    """Yield every enabled RPDO with each TPDO of another node that it receives."""
     for connection in CheckedNetwork(state, None).heard:
         producer, consumer = (
             Endpoint(connection.producer.node_id, connection.tpdo),
@@ -75,12 +75,12 @@ def drawn_links(state: NetworkState) -> Iterator[PictureLink]:
 
 
 def _is_known(*configs: PdoConfig) -> bool:
-    """Whether it is told what each of them maps."""
+    """Tell whether all mappings are known."""
     return all(config.has_mapping and config.mpdo is None for config in configs)
 
 
 def drawn_nodes(state: NetworkState, said: Mapping[int, Rules]) -> Iterator[PictureNode]:
-    """Every node with all of its PDOs, also those that are off; *said*, by node-ID, goes before profiles and files."""
+    """Yield every node with all PDOs, even disabled; *said* has rules by node-ID that override profiles and files."""
     partners: dict[Endpoint, list[Endpoint]] = {}
     for link in drawn_links(state):
         partners.setdefault(link.producer, []).append(link.consumer)
@@ -111,7 +111,7 @@ def _field(node: NodeState, one: Field, meanings: Meanings) -> PictureField:
 
 
 def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
-    """What else is to be told of a node: what it produces, and whom it watches."""
+    """Yield a node's services: producers, and heartbeats consumed."""
     if node.heartbeat_ms:
         yield "heartbeat", f"every {node.heartbeat_ms} ms"
     elif node.is_guarded:
@@ -130,7 +130,7 @@ def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
 
 
 def drawn_load(load: NetworkLoad) -> PictureLoad:
-    """What all frames need together, and what was measured."""
+    """Summarise the load of all frames, computed and measured."""
     need, measured = load.need, load.measured
     heard = measured.load(need.bit_rate) if measured is not None and measured.seconds else None
     return PictureLoad(
@@ -140,7 +140,7 @@ def drawn_load(load: NetworkLoad) -> PictureLoad:
 
 
 def drawn_frames(state: NetworkState, load: NetworkLoad) -> Iterator[PictureFrame]:
-    """Every CAN-ID that is used: what is sent with it as `load` computes it, and what RPDOs only wait for."""
+    """Yield every used CAN-ID with its frames by `load`, or RPDOs without a producer."""
     hearing = _hearing(state)
     found: dict[tuple[Identifier, int], PictureFrame] = {}
     for frame_load in load.frames:
@@ -164,13 +164,13 @@ def drawn_frames(state: NetworkState, load: NetworkLoad) -> Iterator[PictureFram
 
 
 def _order(key: tuple[Identifier, int]) -> tuple[int, bool, int, int]:
-    """The order of the wire: the lower CAN-ID goes first."""
+    """Sort by bus priority: lower CAN-ID first."""
     (can_id, extended), number = key
     return (can_id >> 18 if extended else can_id, extended, can_id, number)
 
 
 def _hearing(state: NetworkState) -> dict[Identifier, tuple[Endpoint, ...]]:
-    """The enabled RPDOs by what they hear."""
+    """Map CAN-IDs to the enabled RPDOs that receive them."""
     found: dict[Identifier, tuple[Endpoint, ...]] = {}
     for node, pdo, config in state.enabled(is_tpdo=False):
         identifier = identifier_of(config)
@@ -231,9 +231,9 @@ _Heard = tuple[Measured | None, HeardTraffic | None]
 
 @dataclass(frozen=True, slots=True)
 class PictureOptions:
-    """How a picture is taken: its *title* (None: the file's or the bus's name), and the *bit_rate* (bit/s) of the bus.
+    """Options of a picture: *title* (None: name of file or bus), *bit_rate* (bit/s).
 
-    A bus is listened to for *for_s* seconds (None: 2, and not at all where nobody else can be on it).
+    A bus is recorded for *for_s* seconds (None: 2, or not at all if nobody else can be on it).
     """
 
     title: str | None = None
@@ -242,9 +242,9 @@ class PictureOptions:
 
 
 def network_picture(session: Session, file: str | None = None, wishes: PictureOptions | None = None) -> NetworkPicture:
-    """The network of *file* where there is no bus; else that of the nodes on the bus, compared with *file* if given.
+    """Collect the network of *file* without a bus; else of the nodes on the bus, compared with *file* if given.
 
-    Raises as `described_network`; UsageError where there is neither, NoAnswer where no node tells what it holds.
+    Raises as `described_network`; UsageError without file and bus, NoAnswer if no node can be read.
     """
     wishes = wishes or PictureOptions()
     if file is not None and not has_bus(session):
@@ -270,7 +270,7 @@ def _of_bus(session: Session, file: str | None, wishes: PictureOptions) -> Netwo
 def _of_nodes(
     session: Session, file: str | None, wish: NetworkWish | None, wishes: PictureOptions, heard: _Heard
 ) -> NetworkPicture:
-    """The picture of the nodes on the bus, on which *heard* was received, compared with the *wish* of *file*."""
+    """Collect the nodes on the bus with received frames *heard*, compared with *wish* of *file*."""
     wished = () if wish is None else wish.nodes
     names = {node.node_id: node.name for node in wished}
     measured, traffic = heard
@@ -310,7 +310,7 @@ def _heard(session: Session, wishes: PictureOptions) -> _Heard:
 def _compared(
     session: Session, picture: NetworkPicture, live: NetworkState, file: str, wish: NetworkWish
 ) -> NetworkPicture:
-    """*picture*, of the nodes *live*, with what `diff` finds; where that is refused, with why and its exit code."""
+    """Add the differences by `diff`, or its error and exit code, to *picture* of the nodes *live*."""
     name = Path(file).name
     try:
         return replace(picture, compared=name, differences=tuple(differences(session, file)))
