@@ -1,1 +1,1 @@
-"""Interrupted changes and stores: which there are, gone on with, put back, or closed."""
+"""Interrupted changes and stores: list, complete, recover, close."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def nothing_to_recover(session: Session) -> Facts:
-    """The answer where no change was interrupted."""
+    """Report that no change was interrupted."""
     node_id = session.selected_id()
     where = "on this bus" if node_id is None else "of this node"
     said = f"nothing to recover: no change {where} was interrupted"
@@ -32,7 +32,7 @@ def nothing_to_recover(session: Session) -> Facts:
 
 
 def refuse_other_bus(session: Session, journal: Journal) -> None:
-    """SafetyRefusal where *journal* was made on another bus, unless forced."""
+    """Raises SafetyRefusal if *journal* is of another bus, unless forced."""
     if journal.bus != session.wire.name and not session.options.force:
         raise SafetyRefusal(
             f"the journal was made on another bus: {journal.bus}, not {session.wire.name}",
@@ -43,10 +43,10 @@ def refuse_other_bus(session: Session, journal: Journal) -> None:
 
 
 def accepted(session: Session, file: str | None) -> Facts:
-    """Close the journals with what the devices hold now, shown beside what they held; writes nothing to them.
+    """Close the journals with the devices' present values, shown beside the old ones; writes nothing.
 
-    Of several nodes that is asked first, and a journal that cannot be closed keeps no other from it: the first error
-    says what was done all the same.
+    Asks first for several nodes. A journal that cannot be closed does not prevent the others: the first error says what
+    was done.
     """
     refused: list[DvtcliError] = []
     paths = waiting_paths(session, file, refused)
@@ -92,7 +92,7 @@ def _question(paths: Sequence[Path]) -> str:
 
 
 def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliError:
-    """The first of what was *refused*, which names the others, and the nodes that are *done*."""
+    """Return the first *refused* error with the other errors and the nodes *done*."""
     refused[0].details += [("also", other.text) for other in refused[1:]]
     if done:
         refused[0].details.append(("done", f"node {', '.join(done)}: what it holds now is the new state"))
@@ -100,7 +100,7 @@ def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliErro
 
 
 def _accepted(session: Session, path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[Hint | str, ...]]:
-    """Close the journal at *path* with what its device holds now; the fields of the answer, and its lines."""
+    """Close the journal at *path* with its device's present values; returns fields and lines of the result."""
     from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
     from dvtcli.device.change.pending import CHANGE
 
@@ -137,11 +137,11 @@ def _accepted(session: Session, path: Path) -> tuple[tuple[tuple[str, Any], ...]
 
 
 def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -> None:
-    """Before *journal* is closed: those *together* with it say all that it says of stores, and `undo` of its change.
+    """Before *journal* is closed, copy its record of stores, and its change for `undo`, to those *together*.
 
-    They also say that its own store is over: nobody asks *node* for it any more.
+    They also record that its own store is over: *node* is not stored any more.
 
-    SafetyRefusal if a journal cannot be written.
+    Raises SafetyRefusal if a journal cannot be written.
     """
     part = furthest(together)
     if journal.part.whole is None or not part.stores:
@@ -160,7 +160,7 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
 
 
 def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hint]:
-    """What is to be done next, where the change was left half-way."""
+    """Suggest the next steps if the change was left half-way."""
     lines = [
         Hint(
             Action.STORE,
@@ -190,7 +190,7 @@ def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hi
 
 
 def discarded(session: Session, file: str | None) -> Facts:
-    """Set the journal aside unless it can be used; a usable one only with `--force`."""
+    """Set the journal aside if unusable; a usable journal only with `--force`."""
     paths = waiting_paths(session, file)
     if not paths:
         return nothing_to_recover(session)
@@ -214,7 +214,7 @@ def discarded(session: Session, file: str | None) -> Facts:
 
 
 def _one_at_a_time(paths: Sequence[Path]) -> UsageError:
-    """Why none of several journals is set aside; which of *paths* cannot be used, if any, is in the hint."""
+    """Make the error for several journals; its hint names those of *paths* that are unusable."""
     damaged = next((path for path in paths if not _is_readable(path)), None)
     if damaged is None:
         hint = Hint(Action.RECOVER_ALL, why="each of them can be used: {} puts all of them back")
@@ -237,7 +237,7 @@ def _is_readable(path: Path) -> bool:
 
 
 def _useless_for(session: Session, path: Path) -> int:
-    """The node whose writing the journal at *path* blocks; SafetyRefusal where the journal could be used."""
+    """Return the node blocked by an unusable journal; raises SafetyRefusal if it is usable."""
     try:
         journal = read_journal(path)
     except InputFileError:
@@ -258,12 +258,12 @@ def _useless_for(session: Session, path: Path) -> int:
 
 
 def _number_of(path: Path) -> str:
-    """The node-ID that the name of a journal at *path* ends with."""
+    """Return the node-ID in the name of a journal at *path*."""
     return path.stem.rpartition("-")[2]
 
 
 def _blocked_by(session: Session, path: Path) -> int:
-    """The node of a journal that cannot be read: the one that is selected, else what the file's name says."""
+    """Return the node of an unreadable journal: the selected node, else by the file's name."""
     number = _number_of(path)
     if not (path.suffix == ".json" and number.isdecimal()):
         raise UsageError(

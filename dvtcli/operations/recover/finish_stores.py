@@ -1,6 +1,6 @@
-"""Going on where a process ended in the middle of the stores of a network: what is verified is stored on the rest.
+"""Complete the interrupted stores of a network: verified nodes are stored.
 
-Puts nothing back (`recover_change`). Does not find journals.
+Rolls nothing back (`recover_change`).
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
 
 
 def may_finish(journals: Sequence[Journal]) -> bool:
-    """Whether *journals* are all of one whole, each of whose nodes had been verified before the stores began."""
+    """Tell whether *journals* are of the same change, with all nodes verified before the stores."""
     wholes = {journal.part.whole for journal in journals}
     return len(wholes) == 1 and bool(furthest(journals).stores)  # one that only tests a proof says of no stores
 
 
 def finish(session: Session, journals: Sequence[Journal]) -> Facts:
-    """Verify once more what *journals* say that every node holds, store on those that have not, forget the journals.
+    """Verify all nodes of *journals* again, store the missing nodes, remove the journals.
 
-    UsageError where not all nodes had been verified; SafetyRefusal, and nothing is stored, where one holds something
-    else by now; LeftChanged where a node did not store: the journals stay then.
+    Raises UsageError if not all nodes were verified before; SafetyRefusal, without a store, if a value differs by now;
+    LeftChanged if a node did not store: the journals stay.
     """
     one = next((begun_journal for begun_journal in journals if may_finish([begun_journal])), None)
     if one is not None and not may_finish(journals):
@@ -99,15 +99,12 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
 
 
 def _verified(part: GroupMember) -> tuple[Storing, ...]:
-    """The nodes that *part* names and that are still to hold what was verified: what was accepted is over."""
+    """Return the nodes of *part* that must still hold verified values, except accepted nodes."""
     return tuple(storing for storing in (*part.stores, *part.equal) if not storing.is_accepted)
 
 
 def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
-    """SafetyRefusal if nothing says what a node of the stores is to hold: neither a journal of its own nor the others.
-
-    Its journal was closed, or cannot be used.
-    """
+    """Raises SafetyRefusal if no journal has a node's wanted values: its own was closed, or is unusable."""
     own = {journal.plan.node_id for journal in journals}
     untold = [
         store.node_id for store in part.stores if store.node_id not in own and not (store.holds or store.is_accepted)
@@ -123,7 +120,7 @@ def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
 
 
 def _said(session: Session, part: GroupMember, who: str, ids: str) -> str:
-    """What was done, of *who* was looked at alone; node *ids* stored, none where that is empty."""
+    """Report: *who* was verified only; the nodes *ids* stored, if not empty."""
     if session.dry_run:
         said = f"node {ids} would store" if ids else f"{who} holds it{_had_stored(part)}; the journals stay"
         return f"dry run: {said}{_not_looked_at(part)}"
@@ -133,13 +130,13 @@ def _said(session: Session, part: GroupMember, who: str, ids: str) -> str:
 
 
 def _had_stored(part: GroupMember) -> str:
-    """Which nodes had stored before; empty where none of them is still part of it."""
+    """Name the nodes stored before; empty if none is still part of it."""
     ids = [store.node_id for store in part.stores if store.is_done and not store.is_accepted]
     return f", and node {join_some(map(str, ids))} had stored it" if ids else ""
 
 
 def _accepted_ids(part: GroupMember) -> list[int]:
-    """The nodes whose journals were closed with what they held: nobody looks at them any more."""
+    """List nodes whose journals were accepted: not verified any more."""
     return [store.node_id for store in part.stores if store.is_accepted]
 
 
@@ -151,9 +148,9 @@ def _not_looked_at(part: GroupMember) -> str:
 def _claims(
     session: Session, journals: Sequence[Journal], part: GroupMember, nodes: Mapping[int, Node]
 ) -> ClaimsAtStore:
-    """What every node was verified to hold, as the journals say.
+    """Collect the verified values of every node from the journals.
 
-    A node that only stores has none of its own, or one that only tests a proof.
+    A node that only stores, or only tests a proof, has no values of its own.
     """
     changes = {storing.node_id: storing.holds for storing in _verified(part)}
     changes |= {
@@ -167,7 +164,7 @@ def _claims(
 
 
 def _wanted(journal: Journal) -> tuple[Change, ...]:
-    """What *journal* says that its node is to hold, without what only tested a store."""
+    """Return the wanted values of *journal*'s node, without test values of a store."""
     tested = {test.label: test for test in journal.part.tests}
     return tuple(
         _without(change, tested[change.label]) if change.label in tested else change for change in journal.plan.changes
@@ -175,7 +172,7 @@ def _wanted(journal: Journal) -> tuple[Change, ...]:
 
 
 def _without(change: Change, test: Change) -> Change:
-    """*change*, which ends with *test*, as it was before that."""
+    """Remove *test* from the end of *change*."""
     if isinstance(change, PdoChange):
         return replace(change, after=test.before) if isinstance(test, PdoChange) else change
     before = change.step.before if isinstance(test, PdoChange) else test.step.before
@@ -183,7 +180,7 @@ def _without(change: Change, test: Change) -> Change:
 
 
 def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
-    """What a node *holds* while it still holds what *journal* says that tested a store."""
+    """Return the test values of a store that a node still *holds*."""
     tested = {test.label for test in journal.part.tests}
     others = (hold for hold in holds if hold.label not in tested)
     return (*others, *(change for change in journal.plan.changes if change.label in tested))
@@ -197,9 +194,9 @@ def _store(
     tests: Mapping[int, Sequence[Change]],
     stamps: Mapping[int, Sequence[Change]],
 ) -> None:
-    """Put *tests* back on the nodes that hold them, and *stamps* that ended, then store as *part* says.
+    """Roll back *tests* on nodes that hold them, write ended *stamps* again, and store as in *part*.
 
-    The journals go with that.
+    Removes the journals.
     """
     nodes, course = claims.nodes, Stores({store.node_id: store for store in part.stores}, part.equal)
     keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
@@ -228,7 +225,7 @@ def _store(
 
 
 def _ended_stamps(claims: ClaimsAtStore, part: GroupMember) -> dict[int, tuple[Change, ...]]:
-    """The stamps to be written anew on nodes that are to store: they ended with a store that was refused."""
+    """Map nodes to stamps to write again before their stores: a refused store ended them."""
     found: dict[int, tuple[Change, ...]] = {}
     for node_id in waiting(part):
         wanted = {change.step.sub_index: change.step.after for change in claims.changes[node_id] if is_stamp(change)}
@@ -258,6 +255,6 @@ def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:
 
 
 def _start(node: Node, journal: Journal) -> None:
-    """Start a node that was found OPERATIONAL before the change."""
+    """Start a node that was OPERATIONAL before the change."""
     if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
         node.access.insist(NmtState.OPERATIONAL)

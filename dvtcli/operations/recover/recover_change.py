@@ -39,13 +39,12 @@ def recover(
     discard: bool = False,
     finish: bool = False,
 ) -> Changed | ChangedNodes | Facts:
-    """Put back what interrupted changes replaced, of all nodes that belong to them, and forget their journals.
+    """Roll back interrupted changes on all their nodes, and remove the journals.
 
-    *file* is a journal; None stands for that of the selected node, or where none is selected for all of the bus.
-    *accept* takes what the device holds as the new state and writes nothing; *discard* sets a journal that cannot be
-    used aside; *finish* goes on with the stores of a network whose nodes had all been verified. SafetyRefusal for a
-    journal of another bus or device, LeftChanged where a device does not take it; an
-    error says what was put back before it.
+    *file* is a journal; None: that of the selected node, or all of the bus if none is selected. *accept* keeps the
+    devices' present values and writes nothing; *discard* sets an unusable journal aside; *finish* completes the stores
+    of a network whose nodes had all been verified. Raises SafetyRefusal for a journal of another bus or device,
+    LeftChanged if a device refuses; an error names what was rolled back before it.
     """
     ways = {"accept": accept, "discard": discard, "finish": finish}
     if sum(ways.values()) > 1:
@@ -95,9 +94,9 @@ def _usable(session: Session, file: str | None, refused: list[DvtcliError]) -> l
 
 
 def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
-    """Whether the stores are to be gone on with, where they had begun; SafetyRefusal where nobody can say so.
+    """Decide whether begun stores are to be completed; raises SafetyRefusal if nobody can answer.
 
-    Beside other interrupted changes nobody is asked: that each of them may be finished by itself is said.
+    Does not ask beside other interrupted changes, but reports that each may be completed alone.
     """
     from dvtcli.operations.recover.finish_stores import may_finish
 
@@ -137,13 +136,13 @@ def _asked_to_finish(session: Session, text: str, what: str) -> bool:
 
 
 def _only(journals: list[Journal]) -> int | None:
-    """The one node that *journals* are about; None where there are several."""
+    """Return the node of *journals*; None if there are several."""
     ids = {journal.plan.node_id for journal in journals}
     return ids.pop() if len(ids) == 1 else None
 
 
 def _question(session: Session, journals: Sequence[Journal]) -> str:
-    """What is asked before anything is put back: what is to be written, as the nodes hold it now, and what is not."""
+    """Ask before a recovery: writes with the nodes' present values, and what is not written."""
     from dvtcli.device.change.finish_interrupted import Recovery
 
     back, same, unread = list[str](), list[str](), list[str]()
@@ -175,7 +174,7 @@ def _whole_text(journal: Journal, journals: list[Journal]) -> str:
 
 
 def _first_of(failures: Sequence[DvtcliError]) -> DvtcliError:
-    """The first of *failures*, which names the others."""
+    """Return the first of *failures*, with the others."""
     failures[0].details += [("also", other.text) for other in failures[1:]]
     return failures[0]
 
@@ -218,7 +217,7 @@ def _put_back(
 
 
 def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
-    """The error where a node restarted after it was put back, while another one was."""
+    """Make the error if a node restarted after its recovery, while another was recovered."""
     nodes = [session.node(recovered.node) for recovered in done]
     again = [node.node_id for node in nodes if _restarted_since(node)]
     if not again:
@@ -232,12 +231,12 @@ def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
 
 
 def _restarted_since(node: Node) -> bool:
-    """Whether *node* sent a boot-up since it was put back."""
+    """Tell whether *node* sent a boot-up message since its recovery."""
     return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
 
 
 def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
-    """Forget the journal of what was put back, and answer what was done; *stored* as `stored_before` says it."""
+    """Remove the journal after a recovery, and return the result; *stored* as of `stored_before`."""
     from dvtcli.device.applied import Applied
     from dvtcli.device.change.way_back import unknown_before, unrestored_objects
 

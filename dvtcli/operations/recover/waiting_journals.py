@@ -1,6 +1,6 @@
-"""Which interrupted changes are meant: those of a file, of the selected node, or, where none is selected, of the bus.
+"""Find interrupted changes: of a file, of the selected node, or of the bus if none is selected.
 
-Takes the locks of their nodes, since a change that is under way is not an interrupted one. Puts nothing back.
+Takes the locks of their nodes: a change in progress is not interrupted.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 
 def furthest(journals: Sequence[Journal]) -> GroupMember:
-    """Of the journals that say how far the stores had come the one that says most: they are written one by one.
+    """Return the most advanced record of stores: journals are written one by one.
 
-    The store of a node whose own journal is among them was not accepted: who began to say so did not come to its end.
+    The store of a node with a journal among them is not accepted: an accept was not completed.
     """
     part = max((journal.part for journal in journals), key=lambda part: (len(part.stores), *_progress(part)))
     open_ids = {journal.plan.node_id for journal in journals}
@@ -52,12 +52,12 @@ def _progress(part: GroupMember) -> tuple[int, int, int]:
 
 
 def waiting(part: GroupMember) -> list[int]:
-    """Node-IDs of the stores of *part* that are not known to be done, and not over: what was accepted stays so."""
+    """Return node-IDs of *part* whose stores are neither known to be done nor accepted."""
     return [store.node_id for store in part.stores if store.waits]
 
 
 def stores_of(part: GroupMember) -> dict[str, list[int]]:
-    """The nodes of *part* that stored, those that may have, and those that refused or were not asked yet."""
+    """Group the nodes of *part*: stored, unknown, refused or not asked."""
     done = [store.node_id for store in part.stores if store.is_done]
     asked = [store.node_id for store in part.stores if store.is_begun and store.waits and not store.is_refused]
     if not any(
@@ -68,9 +68,9 @@ def stores_of(part: GroupMember) -> dict[str, list[int]]:
 
 
 def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
-    """Whether the node of *journal* stored before its process ended; None where nobody knows.
+    """Tell whether the node of *journal* stored before its process ended; None if unknown.
 
-    *journals* are all that wait, in which the others of its whole are.
+    *journals* are all waiting journals, including others of the same change.
     """
     ours = (
         [own_journal for own_journal in journals if own_journal.part.whole == journal.part.whole]
@@ -87,11 +87,11 @@ def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
 
 
 def waiting_paths(session: Session, file: str | None, refused: list[DvtcliError] | None = None) -> list[Path]:
-    """The journals that are meant, whether they can be read or not; empty where no change was interrupted.
+    """Return the chosen journals, readable or not; empty if no change was interrupted.
 
-    UsageError where *file* is none, SafetyRefusal where another dvtcli is at work on one of the nodes: *refused* has
-    that, where it is given, if several are meant. SafetyRefusal, too, where the folders of the journals or of the locks
-    cannot be read: nobody knows then whether a change was interrupted.
+    Raises UsageError if *file* is no journal, SafetyRefusal if another dvtcli is changing a node: if several are
+    chosen, *refused*, if given, gets the error. Also raises SafetyRefusal if the folders of journals or locks cannot be
+    read: interrupted changes are then unknown.
     """
     if file is not None:
         if not is_file(file):
@@ -130,7 +130,7 @@ def _of_node(session: Session, node_id: int) -> list[Path]:
 
 
 def _waiting_ids(session: Session) -> list[int]:
-    """Node-IDs of this bus with a journal: in our own folder, or where the node's lock notes one."""
+    """Return node-IDs of this bus with a journal: in our folder, or noted in the node's lock."""
     bus = session.open_network().bus.name
     journals, locks = Journals(session.state_folder / "journals", bus), state_folder(None) / "locks"
     names = [*journals.folder.glob(f"{file_name(bus)}-*.json"), *locks.glob(f"{file_name(bus)}-*.lock")]
@@ -145,7 +145,7 @@ def _waiting_ids(session: Session) -> list[int]:
 
 
 def _held_file(session: Session, path: Path) -> list[Path]:
-    """The journal at *path* once no other dvtcli is at work on its node; none where it is gone by then."""
+    """Return the journal at *path* with its node locked; empty if it is gone by then."""
     network = session.open_network()
     try:
         journal = read_journal(path)
@@ -160,7 +160,7 @@ def _held_file(session: Session, path: Path) -> list[Path]:
 
 
 def with_others(session: Session, path: Path) -> list[Journal]:
-    """The journal at *path*, and those beside it that belong to the same whole, each node's lock taken."""
+    """Return the journal at *path* and others of the same change, with their nodes locked."""
     journal = read_journal(path)
     if journal.part.whole is None:
         return [journal]
@@ -173,7 +173,7 @@ def with_others(session: Session, path: Path) -> list[Journal]:
 
 
 def _is_held(session: Session, journal: Journal) -> bool:
-    """Take the lock of its node; whether the journal is there by then."""
+    """Lock the node; returns whether the journal still exists."""
     if session.dry_run or journal.bus != session.open_network().bus.name:
         return True
     with suppress(NoAnswer):  # it is not there: who puts it back says so
