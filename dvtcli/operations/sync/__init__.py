@@ -1,1 +1,1 @@
-"""SYNC: who sends it, who listens for it, and sending it from here."""
+"""SYNC: producers, consumers, and sending."""

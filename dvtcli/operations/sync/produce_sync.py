@@ -1,4 +1,4 @@
-"""SYNC messages from here, and the frames that come in answer."""
+"""Send SYNC, and list the frames in response."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _LISTEN_S = 0.05
 
 
 def produce_sync(session: Session, count: int = 1, period_s: float = 0.02, node_id: int | None = None) -> Synced:
-    """Send *count* SYNC messages, one each *period_s* seconds, and list what synchronous PDOs send.
+    """Send *count* SYNC messages, *period_s* seconds apart, and list frames of synchronous PDOs.
 
-    The CAN-ID is what 0x1005 of the node *node_id* (None: the selected one) says, 0x080 where there is none.
+    The CAN-ID is by 0x1005 of the node *node_id* (None: the selected node), 0x080 if there is none.
     """
     seen: dict[int, tuple[Frame, int]] = {}
     bus = session.bus
@@ -41,7 +41,7 @@ def produce_sync(session: Session, count: int = 1, period_s: float = 0.02, node_
 
 
 def _held_back(session: Session) -> Hint | str:
-    """Says so where nodes send no PDOs because the script has them PRE-OPERATIONAL."""
+    """Report nodes that send no PDOs as the script keeps them PRE-OPERATIONAL."""
     held = [node.node_id for node in session.network.nodes.values() if node.gate.found is not None]
     if not held:
         return ""
@@ -54,7 +54,7 @@ def _held_back(session: Session) -> Hint | str:
 
 
 def _labels(session: Session) -> dict[int, str]:
-    """CAN-IDs of the TPDOs of nodes that were looked at."""
+    """Map CAN-IDs to the TPDOs of nodes read so far."""
     return {
         config.communication.cob_id.can_id: f"{pdo.label} node {node.node_id}"
         for node in session.network.nodes.values()

@@ -1,4 +1,4 @@
-"""The SYNC message that a node listens for."""
+"""The SYNC message of a node."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _EXTENDED = 1 << 29
 
 
 def sync_frame(sdo: SdoTransport) -> Frame:
-    """A SYNC with the CAN-ID that the node's 0x1005 says; the usual one where it has none or does not answer."""
+    """Return a SYNC with the CAN-ID of the node's 0x1005; 0x080 if absent or unanswered."""
     try:
         raw = int.from_bytes(sdo.upload(0x1005, 0, retries=0)[:4], "little")
     except (NoAnswer, SdoAborted):

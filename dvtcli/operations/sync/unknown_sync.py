@@ -1,7 +1,4 @@
-"""SYNC on a bus that nobody who is known sends: heard while nodes are read, or before they are written. Sends nothing.
-
-Does not know why the bus is listened to.
-"""
+"""Detect SYNC by unknown producers while nodes are read, or before writes. Sends nothing."""
 
 from __future__ import annotations
 
@@ -29,9 +26,9 @@ _SHORTEST_S, _LONGEST_S = 0.1, 2.5
 
 
 def check_sync(session: Session, node_ids: Iterable[int] = ()) -> SyncCheck:
-    """Ask the nodes, listen to the bus, and warn where nobody produces SYNC; sends no SYNC itself.
+    """Read nodes, record the bus, and warn if nobody produces SYNC; sends no SYNC.
 
-    The nodes are those that were looked at, the simulated ones, the selected one, and *node_ids*.
+    The nodes are those read so far, simulated, selected, and *node_ids*.
     """
     sources = tuple(_source(node) for node in _nodes(session, node_ids))
     periods = [source.period_us for source in sources if source.period_us]
@@ -66,20 +63,20 @@ _HEARTBEATS = range(0x701, 0x780)
 
 @dataclass(slots=True)
 class ShortFrames:
-    """CAN-IDs of frames that may be SYNC, by their length: *heard* from others, and *sent* from here."""
+    """CAN-IDs and lengths of frames that may be SYNC: *heard* from others, and *sent* by us."""
 
     heard: set[int] = field(default_factory=set)
     sent: set[int] = field(default_factory=set)
 
     def note(self, frame: Frame, sent: bool) -> None:
-        """*frame* passed; SYNC has no data, or a counter of one byte (CiA 301, 7.2.5)."""
+        """Note *frame*; SYNC has no data, or a counter of one byte (CiA 301, 7.2.5)."""
         if len(frame.data) <= 1 and not frame.extended and not frame.remote and frame.can_id not in _HEARTBEATS:
             (self.sent if sent else self.heard).add(frame.can_id)
 
 
 @contextmanager
 def short_frames(bus: CanopenBus) -> Iterator[ShortFrames]:
-    """Those that pass on *bus* while the block runs."""
+    """Collect short frames on *bus* during a block."""
     found = ShortFrames()
     end = bus.tap(found.note)
     try:
@@ -89,9 +86,9 @@ def short_frames(bus: CanopenBus) -> Iterator[ShortFrames]:
 
 
 def unknown_syncs(frames: ShortFrames, nodes: Iterable[Node]) -> tuple[int, ...]:
-    """CAN-IDs of SYNC that was heard, and that none of *nodes* sends by its 0x1005 (bit 30), nor anybody here.
+    """Return CAN-IDs of received SYNC that neither *nodes* (0x1005, bit 30) nor we produce.
 
-    0x080, and whatever one of them waits for. Nothing is read where none was heard.
+    Covers 0x080 and the CAN-IDs that *nodes* consume. Reads nothing without such frames.
     """
     strange = frames.heard - frames.sent
     if not strange:
@@ -106,5 +103,5 @@ def unknown_syncs(frames: ShortFrames, nodes: Iterable[Node]) -> tuple[int, ...]
 
 
 def sync_note(can_id: int) -> str:
-    """What to say of one."""
+    """Describe the SYNC of an unknown producer."""
     return f"SYNC 0x{can_id:03X} is heard, and no node here sends it (0x1005): somebody who is not known does"
