@@ -1,6 +1,6 @@
-"""What is kept of the nodes of a bus, and where: locks, backups, journals, the changes that `undo` remembers.
+"""The files about a bus's nodes: locks, backups, journals, history for `undo`.
 
-Of nodes that outlive this process only. Does not know when a node is changed.
+Only for nodes that outlive this process.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Keeping:
-    """The files about the nodes of *bus*, by its name; journals and backups below *folder*."""
+    """The files about the nodes of *bus*, by its name; journals and backups in *folder*."""
 
     bus: str
     folder: Path
@@ -47,7 +47,7 @@ class Keeping:
     _said: set[Hint | str] = field(default_factory=set)
 
     def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
-        """Lock, backup and journal of a node; says so if a change of it was interrupted, or if nothing can be kept."""
+        """Return lock, backup and journal of a node; reports an interrupted change, or missing files."""
         keeper = self._keeper(node_id, dictionary)
         needed = (keeper.lock.folder, keeper.journals.folder, self.folder / "backups")
         refused = next(filter(None, map(unusable, needed)), None)
@@ -64,23 +64,23 @@ class Keeping:
         return keeper
 
     def programs(self) -> ProgramNotes:
-        """What is noted of program downloads that are under way on this bus, or were not completed."""
+        """Return the notes of running and unfinished program downloads on this bus."""
         return ProgramNotes(self.folder / "programs", self.bus)
 
     def interrupted(self, node_id: int, keeper: ChangeGuard | None) -> Hint | str:
-        """What to say of a change of the node that was interrupted and not finished; empty where there is none.
+        """Report an interrupted change of the node; empty if none.
 
-        Of a node that was not met yet, and has no *keeper*, it is said to the user, too, as it is when it is met.
+        For a node without *keeper*, not met yet, the user is told, too.
         """
         return _interrupted(keeper or self.keeper(node_id, None))[0]
 
     def past(self) -> ChangeHistory:
-        """The changes on this bus that are remembered."""
+        """Return the remembered changes on this bus."""
         return ChangeHistory(state_folder(None) / "changes", self.bus, self.say)
 
     @staticmethod
     def is_fixed(dictionary: ObjectDictionary | None) -> Callable[[Pdo], bool]:
-        """What tells whether the COB-ID of a PDO is read-only, as far as *dictionary* says it."""
+        """Return a test for read-only COB-IDs by *dictionary*."""
 
         def told(pdo: Pdo) -> bool:
             entry = dictionary.entry(pdo.communication_index, 1) if dictionary else None
@@ -97,7 +97,7 @@ class Keeping:
 
 
 def _interrupted(keeper: ChangeGuard) -> tuple[Hint | str, bool]:
-    """What to say of a change that was interrupted, empty where there is none; and whether its journal is damaged."""
+    """Report an interrupted change, empty if none; and whether its journal is damaged."""
     try:
         journal = keeper.interrupted()
     except (InputFileError, SafetyRefusal) as damaged:
@@ -132,7 +132,7 @@ def _how_to_finish(journal: Journal) -> Hint:
 
 
 def _changed(journal: Journal) -> str:
-    """What the change that *journal* is of altered: on several nodes which ones, so that it is the same of each."""
+    """Describe the change of *journal*: if on several nodes, with all of them."""
     whole = journal.part.whole
     together = [] if whole is None else Journals(journal.path.parent, journal.bus).all_of(whole)
     ids = sorted({journal.plan.node_id, *(other_journal.plan.node_id for other_journal in together)})
@@ -142,7 +142,7 @@ def _changed(journal: Journal) -> str:
 
 
 def state_folder(options: Options | None) -> Path:
-    """Where journals and backups are kept: --journal, else the user's state folder (which None asks for)."""
+    """Return the folder of journals and backups: --journal, else the user's state folder (for None)."""
     if options is not None and options.journal:
         return Path(options.journal)
     return user_folder("state")

@@ -1,6 +1,6 @@
-"""The global options as values: their names, defaults, what each may be, and which of them a single line may change.
+"""The global options: names, defaults, ranges, and which a line may change.
 
-Does not know how they are typed (`cli.global_options`) nor settings files (`settings`), and acts on none.
+`cli.global_options` parses them, `settings` reads their files.
 """
 
 # No `from __future__ import annotations` here: `NamedTuple` would compile each annotation, at every start.
@@ -43,9 +43,9 @@ CHOICES = {"format": FORMATS + SPECIAL_FORMATS, "color": ("auto", "always", "nev
 
 
 class Options(NamedTuple):
-    """The global options with their defaults; *timeout* is the SDO time-out in seconds, *bus_share* is in %.
+    """The global options with defaults; *timeout* is the SDO time-out in seconds, *bus_share* is in %.
 
-    A named tuple, since `--help` needs none of what a dataclass costs to make.
+    A named tuple, as a dataclass would slow down `--help`.
     """
 
     interface: str | None = None
@@ -81,12 +81,12 @@ class Options(NamedTuple):
 
     @property
     def adapter_settings(self) -> dict[str, str]:
-        """What `--bus-kwargs` says of the interface, by name: the adapter's own settings."""
+        """Return the interface's own settings of `--bus-kwargs`."""
         return dict(pair.split("=", 1) for pair in self.bus_kwargs)
 
     @property
     def nodes(self) -> tuple[int, ...]:
-        """Every node-ID that `--node` names, in order; none where it is not given, or is `all`."""
+        """Return the node-IDs of `--node`, in order; empty if not given, or `all`."""
         if isinstance(self.node, tuple):
             return self.node
         return (self.node,) if isinstance(self.node, int) else ()
@@ -98,7 +98,7 @@ class Options(NamedTuple):
 
     @property
     def one_node(self) -> int | None:
-        """The node-ID of `--node` where it names one."""
+        """Return the node-ID of `--node` if it is a single node."""
         return self.nodes[0] if len(self.nodes) == 1 else None
 
 
@@ -116,7 +116,7 @@ def is_repeated(name: str) -> bool:
 
 
 def checked(name: str, value: Any) -> Any:
-    """*value* of the option *name*, which may still be text, as the option holds it; UsageError where it is wrong."""
+    """Convert and check *value*, perhaps text, of the option *name*; raises UsageError if invalid."""
     if name == "node":
         return _node_ids(value)
     if name == "timeout":
@@ -138,7 +138,7 @@ def checked(name: str, value: Any) -> Any:
 
 
 def _folder(text: str) -> str:
-    """The whole path of a folder, so that it stays the same one wherever the program goes; empty for none."""
+    """Return the absolute path of a folder; empty for none."""
     try:
         return text and os.path.abspath(text)  # noqa: PTH100 - pathlib costs 7 ms of a --help
     except FileNotFoundError:
@@ -148,7 +148,7 @@ def _folder(text: str) -> str:
 
 
 def _node_ids(value: Any) -> int | tuple[int, ...] | str:
-    """A node-ID, or several of them: `1,3,5`; or `all`."""
+    """Parse a node-ID, several node-IDs (`1,3,5`), or `all`."""
     if value == ALL_NODES:
         return ALL_NODES
     words = [str(item) for item in value] if isinstance(value, list | tuple) else str(value).split(",")
@@ -209,5 +209,5 @@ def _seconds(text: str) -> float:
 
 
 def is_file(text: str) -> bool:
-    """Whether *text* is the path of a file; what can be no path at all (too long, say) is none."""
+    """Tell whether *text* is an existing file's path; False for invalid paths."""
     return os.path.isfile(text)  # noqa: PTH113 - Path.is_file raises OSError for a name that is too long

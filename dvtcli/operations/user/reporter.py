@@ -1,6 +1,6 @@
-"""What an operation tells its user besides its answer, and asks: whoever runs operations brings somebody who listens.
+"""Messages and questions of an operation to its user, besides its result.
 
-Does not know terminals, colours or documents.
+Each program supplies its own reporter.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 class Reporter(Protocol):
-    """Whoever listens: the program on its screen, a test bench in its log, nobody."""
+    """A receiver of messages: a screen, a test bench's log, or nothing."""
 
     def note(self, text: Hint | str) -> None:
         """Something good to know."""
 
     def warning(self, text: Hint | str) -> None:
-        """Something that nobody may miss, also where only errors are wanted."""
+        """Report a warning, even if only errors are wanted."""
 
     def bus(self, event: BusEvent) -> None:
         """The bus is gone, or back."""
@@ -29,13 +29,13 @@ class Reporter(Protocol):
         """What the user must do now, by hand, for the operation to go on."""
 
     def ask(self, question: str) -> bool | None:
-        """Whether the answer is yes; None where nobody can answer. KeyboardInterrupt where it is broken off."""
+        """Ask; returns None if nobody can answer. Raises KeyboardInterrupt if cancelled."""
 
     def progress(self, text: str, done: int, total: int) -> None:
-        """How far work has come, in words, as parts *done* of *total* (0: nobody knows): it may take long, or not."""
+        """Report progress in words and as *done* of *total* (0: unknown), of work that may take long."""
 
     def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
-        """A frame that passed, where the options ask for traffic; its bytes *secret* are a passcode, or tell one."""
+        """Report a frame on the bus, if wanted; its bytes *secret* belong to a passcode."""
 
 
 class NullReporter:

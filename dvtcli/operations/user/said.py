@@ -1,7 +1,4 @@
-"""What the user has said and can be asked: the options that count, who listens, what may be shown to nobody.
-
-Does not know whether a bus is open.
-"""
+"""The user of a session: options, reporter, consent, secrets."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class SessionOptions:
-    """A session as far as its user goes: *options* count from the beginning, *tell* hears what the user should know."""
+    """The user's part of a session: initial *options*, and *tell* for messages."""
 
     def __init__(self, options: Options | None = None, tell: Reporter | None = None) -> None:
         self.tell = tell or _nobody()
@@ -41,7 +38,7 @@ class SessionOptions:
         return Settings()
 
     def require_settings(self) -> None:
-        """Raise what is wrong with the settings; what a project's file says in vain, or first, is said once."""
+        """Raise errors of the settings; reports a project file's ignored keys, or first use, once."""
         for said in self.settings.required():
             self.tell.warning(str(said))
 
@@ -51,7 +48,7 @@ class SessionOptions:
 
     @property
     def in_script(self) -> bool:
-        """Whether lines follow one another, with nobody to look at each answer."""
+        """Tell whether lines run one after another, unattended."""
         return False
 
     @property
@@ -60,19 +57,19 @@ class SessionOptions:
         return self.options.dry_run
 
     def doing(self) -> str:
-        """What is being done, for another dvtcli that waits for a node: nothing that has a name."""
+        """Describe the current work for another dvtcli that waits for a node; here without a name."""
         return ""
 
     def consent(self, question: str | Callable[[], str], node_id: int | None = None) -> None:
-        """Ask *question*, about one node if *node_id* is given, if somebody can answer; a callable makes it up then.
+        """Ask *question* (or its result if callable), about a node if given, if somebody can answer.
 
-        Returns on yes, raises SafetyRefusal otherwise.
+        Returns on yes, else raises SafetyRefusal.
         """
         if not self._agreed:
             self.consent_anew(question, node_id)
 
     def consent_anew(self, question: str | Callable[[], str], node_id: int | None = None) -> None:
-        """The same, of what no question before it named: it is asked also in the middle of what was agreed to."""
+        """Ask even inside `agreed`, for what no earlier question named."""
         if not (self.options.yes or self.dry_run):
             from dvtcli.domain.hint import Action, Hint
 
@@ -80,7 +77,7 @@ class SessionOptions:
             self.require_yes(text, node_id, Hint(Action.AGREE, why="give {} to answer yes"))
 
     def require_yes(self, question: str, node_id: int | None, hint: Hint, refused: str = "not done") -> None:
-        """Ask *question*, which no option answers; SafetyRefusal if the answer is no, or with *hint* if nobody answers.
+        """Ask *question*, ignoring --yes; raises SafetyRefusal on no, or with *hint* if nobody can answer.
 
         *refused* says what did not happen.
         """
@@ -93,7 +90,7 @@ class SessionOptions:
 
     @contextmanager
     def agreed(self) -> Iterator[None]:
-        """A block in which nothing is asked: all of it was consented to, or takes back what was."""
+        """Suppress questions in a block: it was consented to, or rolls back."""
         self._agreed = True
         try:
             yield
@@ -102,7 +99,7 @@ class SessionOptions:
 
     @property
     def state_folder(self) -> Path:
-        """Where journals, locks and backups are kept."""
+        """Return the folder of journals, locks and backups."""
         from dvtcli.operations.user.keeping import state_folder
 
         return state_folder(self.options)

@@ -1,4 +1,4 @@
-"""What no screen and no file may show: passcodes, on the wire and in typed lines. Does not know who shows anything."""
+"""Keep passcodes off screens and files: in frames and typed lines."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ _FRAME = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Secrets:
-    """The objects that take a passcode, of every profile: what is written there is shown and recorded nowhere."""
+    """The objects that take a passcode, by all profiles: values written there are never shown or recorded."""
 
     objects: frozenset[tuple[int, int]]
 
     @classmethod
     def known(cls) -> Secrets:
-        """Those of all profiles; InputFileError where one of the user's own is wrong."""
+        """Return those of all profiles; raises InputFileError for an invalid user profile."""
         return cls(passcode_objects())
 
     def in_frames(self, *, unknown: bool = False) -> SdoValues:
-        """What follows the frames of a bus and tells where a passcode is; *unknown* as there."""
+        """Return a follower of the bus that finds passcodes in frames; *unknown* as in `SdoValues`."""
         return SdoValues(self.objects, unknown=unknown)
 
     def in_line(self, line: str, dictionaries: Iterable[ObjectDictionary] = ()) -> bool:
-        """Whether a typed *line* names an object that takes a passcode, and so may hold one.
+        """Tell whether a typed *line* may hold a passcode: it names an object that takes one.
 
-        By number in any notation, by one of the names that *dictionaries* have for it, or as a frame that carries it,
-        or may: a part of a transfer whose object the line does not name.
+        By number in any notation, by a name in *dictionaries*, or as a frame that carries, or may carry, the object: a
+        part of a transfer that the line does not identify.
         """
         followed = self.in_frames(unknown=True)
         if any(followed.value_in(frame) is not None for frame in _frames(line)):
@@ -52,7 +52,7 @@ class Secrets:
 
 
 def _frames(line: str) -> Iterator[Frame]:
-    """What in *line* looks like an SDO's frame."""
+    """Yield SDO frames found in *line*."""
     for can_id, data in _FRAME.findall(line):
         digits = re.sub(r"0x|[\s._]", "", data, flags=re.IGNORECASE)
         yield Frame(int(can_id, 16), bytes.fromhex(digits + "0" * (len(digits) % 2))[:8])

@@ -1,7 +1,6 @@
-"""What options, variables and settings files say, laid over one another: the stronger one wins, a whole bus at a time.
+"""Merge options, variables and settings files by priority; a bus is replaced as a whole.
 
-The order: option, DVTCLI_…, the project's dvtcli.toml, the user's config.toml. What none of them says is left to
-python-can. Does not know how options are parsed, nor what they do.
+The order: option, DVTCLI_…, the project's dvtcli.toml, the user's config.toml. Everything else is left to python-can.
 """
 
 from __future__ import annotations
@@ -52,9 +51,9 @@ def _reaches_further(pair: str) -> bool:
 
 
 def laid_over(weaker: Layer, stronger: Layer) -> Layer:
-    """Both, *stronger* winning: where it chooses a bus, nothing of the bus that *weaker* chooses is left.
+    """Merge, *stronger* first: if it chooses a bus, the bus of *weaker* is dropped.
 
-    A stronger channel, bit rate or further key alone changes the weaker bus, but no simulated node has a channel.
+    A stronger channel, bit rate or further key alone changes the weaker bus, but a simulated node has no channel.
     """
     replaced: frozenset[str] = frozenset()
     if stronger.keys() & {"bus", "sim", "interface"}:
@@ -65,15 +64,15 @@ def laid_over(weaker: Layer, stronger: Layer) -> Layer:
 
 
 class File:
-    """What one settings file says; *ignored* names the keys that a project's file may not have.
+    """A settings file; *ignored* names keys that a project's file must not have.
 
-    *trusted*: it is the user's own, DVTCLI_CONFIG names it, or the user trusts it as it is now; else what it could do
-    beyond choosing plain options does not count, and *withheld* names such keys. *digest* is the hash that trust
-    belongs to, *keys* all that the file sets.
+    *trusted*: it is the user's own, DVTCLI_CONFIG names it, or the user trusts its present contents; otherwise only
+    plain options count, and *withheld* names all other keys. *digest* is the hash for the trust, *keys* all keys of the
+    file.
     """
 
     def __init__(self, found: SettingsFile, *, users_own: bool, believed: bool = False) -> None:
-        """Read it, as a trusted file if *believed*; SafetyRefusal if others can write it, InputFileError if wrong."""
+        """Read it, as trusted if *believed*; raises SafetyRefusal if others can write it, InputFileError if invalid."""
         from dvtcli.files.settings_file import MOST_BYTES, aliases, parsed, tables
         from dvtcli.operations.user.trusted_settings import digest, is_trusted
 
@@ -95,11 +94,11 @@ class File:
         self.withheld = () if self.trusted else tuple(self._withhold())
 
     def chose(self, where: str) -> bool:
-        """Whether *where*, as a layer says it, is this file or one of its tables."""
+        """Tell whether *where*, in a layer, is this file or a table of it."""
         return where == self.path or (where.startswith("[bus.") and where.endswith(f"] of {self.path}"))
 
     def _withhold(self) -> Iterator[str]:
-        """Take away folders of journals, URLs, and what chooses a library to load; the keys of what is gone."""
+        """Remove folders of journals, URLs, and choices of libraries; yields their keys."""
         tables = {"": self.layer} | {f"bus.{name}.": layer for name, layer in self.buses.items()}
         for table, layer in tables.items():
             if "journal" in layer:
@@ -150,9 +149,9 @@ class File:
 
 
 class Settings:
-    """Everything that was said at the start of a program.
+    """All settings at the start of a program.
 
-    *unusable* is the error that commands which need a bus end with: a file that is not trusted, or wrong.
+    *unusable* is the error for commands that need a bus: an untrusted or invalid file.
     """
 
     def __init__(self) -> None:
@@ -167,14 +166,14 @@ class Settings:
         self._warned = False
 
     def start(self, given: Layer) -> dict[str, Any]:
-        """Take the options of the program's start, each with where it was said; what counts now, by option."""
+        """Take the options at the start with their sources; returns the options in force."""
         self.typed |= given
         found, self._wrong = self.resolved()
         self.sources = {name: said for name, (_, said) in found.items()}
         return {name: value for name, (value, _) in found.items()}
 
     def required(self) -> list[Hint | str]:
-        """Raise what is wrong where something is; once, what to say of keys in vain, and of an untrusted file."""
+        """Raise the error of the settings; once, return messages about ignored keys and an untrusted file."""
         if self._wrong is not None:
             raise self._wrong
         if self._warned:
@@ -184,7 +183,7 @@ class Settings:
         return [line for line in said if line is not None]
 
     def withheld(self) -> Hint | None:
-        """What to say of keys that do not count until the project's file is trusted; None where it has none."""
+        """Report keys without effect until the project's file is trusted; None if there are none."""
         if self.project is None or not self.project.withheld:
             return None
         names = ", ".join(self.project.withheld)
@@ -193,7 +192,7 @@ class Settings:
         return self.untrusted(f"{names} {verb} not count: {why}")
 
     def untrusted(self, what: str) -> Hint:
-        """*what* is to be said of the project's file, and how it is trusted."""
+        """Add to *what*, about the project's file, how to trust it."""
         from dvtcli.domain.hint import Action, Hint, verbatim
 
         assert self.project is not None  # noqa: S101 - who asks has looked at it
@@ -202,7 +201,7 @@ class Settings:
         )
 
     def _first_use(self) -> Hint | None:
-        """What to say when an untrusted file of a project is used for the first time, with all that it sets."""
+        """Report the first use of an untrusted project file, with all its settings."""
         file = self.project
         if file is None or file.trusted or not file.keys:
             return None
@@ -214,22 +213,22 @@ class Settings:
         return self.untrusted(f"first used now, and not trusted; it sets {', '.join(file.keys)}")
 
     def project_bus(self) -> File | None:
-        """The project's file where it says where the frames of the bus go; None where the user's own words do."""
+        """Return the project's file if it chooses the bus; None if the user does."""
         if self.project is None or self.project.named or "sim" in self.sources:
             return None
         chosen = (self.sources.get(name, "") for name in _CHOOSES_BUS)
         return self.project if any(map(self.project.chose, chosen)) else None
 
     def is_typed(self, name: str) -> bool:
-        """Whether the option *name* counts as it was typed, and no variable or file says it."""
+        """Tell whether the option *name* was typed, not set by variable or file."""
         return name in self.typed and self.sources.get(name) == self.typed[name][1]
 
     def place_of(self, name: str) -> str:
-        """Where the option *name* that counts now was said, for people."""
+        """Describe the source of the option *name*."""
         return "option" if self.is_typed(name) else self.sources.get(name, "this line")
 
     def chosen_by(self) -> str:
-        """Who chose the bus: an option, a variable or a file, for people; `nobody` where none did."""
+        """Describe what chose the bus: option, variable or file; `nobody` if nothing did."""
         found = chooser(self.sources)
         if found is not None:
             return found
@@ -238,7 +237,7 @@ class Settings:
         return library_settings().get("interface", ("", NOBODY))[1]
 
     def read_files(self) -> None:
-        """Take the settings files that count here."""
+        """Read the settings files in force."""
         for take in (self._take_user, self._take_project):
             try:
                 take()
@@ -255,16 +254,16 @@ class Settings:
 
     @property
     def files(self) -> list[File]:
-        """The files that count, the weaker first."""
+        """Return the files in force, weaker first."""
         return [file for file in (self.user, self.project) if file is not None]
 
     @property
     def passcode(self) -> str | None:
-        """What the user's own file has for `login`; no project's file can."""
+        """Return the passcode for `login` in the user's own file; project files have none."""
         return None if self.user is None else self.user.passcode
 
     def never_taken(self) -> str | None:
-        """What to say of keys that a project's file has in vain; None where it has none."""
+        """Report ignored keys of a project's file; None if there are none."""
         if self.project is None or not self.project.ignored:
             return None
         names = ", ".join(name.replace("_", "-") for name in self.project.ignored)
@@ -272,7 +271,7 @@ class Settings:
         return f"{self.project.path}: {names}: never taken from a project's file; it may stand in {own}"
 
     def described_buses(self) -> Hint | None:
-        """How to choose one of the buses that the files describe, None if they describe none."""
+        """Explain how to choose a bus described in the files, None if there is none."""
         from dataclasses import replace
 
         from dvtcli.domain.hint import Action, Hint
@@ -286,9 +285,9 @@ class Settings:
         return first + " chooses what a settings file describes"
 
     def resolved(self) -> tuple[Layer, DvtcliError | None]:
-        """What counts in the end, and why it must not be used where it must not.
+        """Return the settings in force, and the error that forbids their use, if any.
 
-        UsageError, given back and not raised, where a bus is chosen that no file describes.
+        An unknown bus name is returned as UsageError, not raised.
         """
         files: Layer = {}
         for file in self.files:
@@ -307,7 +306,7 @@ class Settings:
         return found, self.unusable
 
     def _named_bus(self) -> Layer:
-        """What a file says of the bus that is chosen by its name, nothing where none is chosen in the end."""
+        """Return a file's settings of the bus chosen by name, empty if none is chosen."""
         for layer, weaker in ((self.typed, self.variables), (self.variables, {})):
             beside = sorted(layer.keys() & {"interface", "sim"})
             if "bus" in layer:
@@ -330,7 +329,7 @@ class Settings:
 
 
 def chooser(sources: Mapping[str, str]) -> str | None:
-    """Who chose the bus, for people, by where each option was said; None where python-can's own settings do."""
+    """Describe what chose the bus, by the sources of options; None for python-can's settings."""
     for name in ("sim", "interface", "channel"):
         if name in sources:
             by = sources.get("bus")

@@ -22,18 +22,17 @@ _ROOTS = (".git", ".hg")
 
 
 class SettingsFile(NamedTuple):
-    """A settings file at *path*; *named* in the environment, so that it is not asked whose it is."""
+    """A settings file at *path*; *named* by the environment: its owner is not checked."""
 
     path: str
     named: bool = False
 
 
 def project_file() -> SettingsFile | None:
-    """The file that DVTCLI_CONFIG names, else the nearest `dvtcli.toml` here or above.
+    """Find the file of DVTCLI_CONFIG, else the nearest `dvtcli.toml` here or above.
 
-    It is looked for as far as the root of the repository or the user's home, and never upward into what is above a
-    home. None where there is none. UsageError where DVTCLI_CONFIG names no file, SafetyRefusal where a folder cannot be
-    looked at.
+    Searches up to the root of the repository or the user's home, never above a home. Returns None if there is none.
+    Raises UsageError if DVTCLI_CONFIG names no file, SafetyRefusal if a folder cannot be read.
     """
     if named := os.environ.get(VARIABLE):
         if not os.path.exists(named):  # noqa: PTH110 - pathlib costs 7 ms of a --help
@@ -56,7 +55,7 @@ def project_file() -> SettingsFile | None:
 
 
 def _folders() -> list[str]:
-    """Where a project's file may be, the nearest first."""
+    """Return folders for a project's file, nearest first."""
     try:
         folder = os.path.realpath(os.getcwd())  # noqa: PTH109
     except FileNotFoundError:
@@ -82,7 +81,7 @@ def _parents(folder: str) -> list[str]:
 
 
 def _homes() -> set[str]:
-    """The user's home, and that of the one who called sudo."""
+    """Return the user's home, and that of sudo's caller."""
     homes = {os.path.realpath(os.path.expanduser("~"))}  # noqa: PTH111
     caller = sudo_user()
     if caller is not None and sys.platform != "win32":
@@ -96,15 +95,15 @@ def _homes() -> set[str]:
 
 
 def user_file() -> SettingsFile | None:
-    """The user's own `config.toml`, None where there is none."""
+    """Return the user's own `config.toml`, None if there is none."""
     path = str(user_folder("config") / "config.toml")
     return SettingsFile(path) if os.path.lexists(path) else None
 
 
 def content(found: SettingsFile, most_bytes: int) -> bytes:
-    """What is in the file, one byte more than *most_bytes* at most.
+    """Read the file, up to *most_bytes* plus a byte.
 
-    SafetyRefusal with the cure where somebody else may have put it there, InputFileError where it cannot be read.
+    Raises SafetyRefusal with a remedy if another user may have written it, InputFileError if it cannot be read.
     """
     path = found.path
     try:
@@ -124,7 +123,7 @@ def content(found: SettingsFile, most_bytes: int) -> bytes:
 
 
 def _refuse_strangers(path: str, status: os.stat_result, folder: str) -> None:
-    """SafetyRefusal where *status* or *folder* say that somebody else decides what is in *path*."""
+    """Raises SafetyRefusal if, by *status* or *folder*, another user controls *path*."""
     is_link = stat.S_ISLNK(status.st_mode)
     found = stranger(path, status) if not is_link else _link_of_stranger(path, status)
     found = found or replaceable(folder)
@@ -135,7 +134,7 @@ def _refuse_strangers(path: str, status: os.stat_result, folder: str) -> None:
 
 
 def _link_of_stranger(path: str, status: os.stat_result) -> tuple[str, str] | None:
-    """A link's mode says nothing (everybody can write it, they say); its owner does."""
+    """Report a link of another user: its owner decides, as a link's mode says nothing."""
     found = stranger(path, os.stat_result((status.st_mode & ~0o022, *status[1:])))
     return found and (found[0].replace("it belongs", "the link belongs"), f"rm {path}")
 
@@ -145,7 +144,7 @@ def _is_project(path: str) -> bool:
 
 
 def why_unusable(path: str) -> DvtcliError | None:
-    """Why the next start would not take the settings file *path*, None where it would."""
+    """Return the error of the settings file *path* at the next start, None if it is usable."""
     try:
         content(SettingsFile(os.path.abspath(path)), 0)  # noqa: PTH100
     except DvtcliError as refused:

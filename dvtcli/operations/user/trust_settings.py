@@ -1,4 +1,4 @@
-"""Trusting a project's settings file as it is now, and taking that back."""
+"""Trust the present contents of a project's settings file, or end the trust."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from dvtcli.operations.user.trusted_settings import forget, is_trusted, real_pat
 def trust_settings(
     path: str | None = None, *, remove: bool = False, dry_run: bool = False, commands: Collection[str] = ()
 ) -> Facts:
-    """Let all that the settings file *path* says count, as long as it stays as it is; with *remove* no longer.
+    """Trust the settings file *path* until it changes; *remove* ends the trust.
 
-    None takes the project's file that counts here. With *dry_run* nothing is kept or removed. InputFileError where it
-    is wrong or cannot be read, or an alias is one of *commands*, which it would hide; SafetyRefusal where somebody else
-    can write it, UsageError where there is none. What is removed may be gone or wrong.
+    None is the project's file in force. *dry_run* changes nothing. Raises InputFileError if it is invalid or
+    unreadable, or an alias would hide one of *commands*; SafetyRefusal if another user can write it, UsageError if
+    there is none. A file to remove may be missing or invalid.
     """
     where = _where(path)
     file = _read(where, remove=remove)
@@ -62,7 +62,7 @@ def _where(path: str | None) -> str:
 
 
 def _read(path: str, *, remove: bool) -> File | None:
-    """The file at *path*; None where what is to be removed cannot be read."""
+    """Read the file at *path*; None if it is to be removed and unreadable."""
     try:
         return File(SettingsFile(path), users_own=False, believed=True)
     except (InputFileError, SafetyRefusal):

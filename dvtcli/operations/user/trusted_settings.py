@@ -1,6 +1,6 @@
-"""Which settings files of projects the user trusts, by the hash of path and content; and which were used before.
+"""Remember trusted and used project settings files, by the hash of path and contents.
 
-Another content is another file, which nobody trusted yet. Does not know what settings mean.
+Changed contents need new trust.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ _MOST_BYTES = 20_000
 
 
 def real_path(path: str) -> str:
-    """The absolute *path* of a settings file: its folder by whichever link it is reached, the file's name as it is."""
+    """Return the absolute path of a settings file, with links of its folder resolved."""
     folder, name = os.path.split(path)
     return os.path.join(os.path.realpath(folder or os.curdir), name)  # noqa: PTH118
 
 
 def digest(path: str, data: bytes) -> str:
-    """The SHA-256 of a settings file, of its real *path* and of its content *data*, in hexadecimal."""
+    """Return the SHA-256 (hexadecimal) of a settings file's real *path* and contents *data*."""
     from hashlib import sha256
 
     return sha256(os.fsencode(real_path(path)) + b"\0" + data).hexdigest()
 
 
 def is_trusted(known: str) -> bool:
-    """Whether the user trusts the file of the digest *known*."""
+    """Tell whether the user trusts the file with digest *known*."""
     return _said(known) == _TRUSTED
 
 
 def is_used(known: str) -> bool:
-    """Whether the file of the digest *known* was used, or trusted, before."""
+    """Tell whether the file with digest *known* was used or trusted before."""
     return _said(known) != ""
 
 
 def trust(known: str, path: str) -> None:
-    """Keep that the user trusts the file *path* of the digest *known*; OSError or SafetyRefusal if nothing is kept."""
+    """Record trust in *path* with digest *known*; raises OSError or SafetyRefusal if impossible."""
     _keep(known, _TRUSTED, path)
 
 
 def note_use(known: str, path: str) -> None:
-    """Keep that the file *path* of the digest *known* was used; where nothing can be kept, each use is the first."""
+    """Record the use of *path* with digest *known*; if impossible, each use counts as the first."""
     try:
         _keep(known, _USED, path)
     except (OSError, SafetyRefusal):
@@ -54,9 +54,9 @@ def note_use(known: str, path: str) -> None:
 
 
 def forget(path: str, *, dry_run: bool = False) -> bool:
-    """Trust no content of the file *path* any longer, also if the file is gone; whether one was trusted.
+    """End the trust in *path*, even if the file is gone; returns whether it was trusted.
 
-    With *dry_run* nothing is removed. OSError where that cannot be kept.
+    *dry_run* changes nothing. Raises OSError if impossible.
     """
     was, folder = False, _folder()
     wanted = {repr(real_path(path)), repr(os.path.abspath(path))}  # noqa: PTH100
@@ -79,7 +79,7 @@ def _file(known: str) -> Path:
 
 
 def _said(known: str) -> str:
-    """What is kept of the file, empty where nothing is, or somebody else could have put it there."""
+    """Return the record of the file, empty if none, or if another user may have written it."""
     try:
         from dvtcli.device.trust import check_folder
 
@@ -90,7 +90,7 @@ def _said(known: str) -> str:
 
 
 def _entry(entry: Path) -> tuple[str, str]:
-    """What *entry* says, and of which file, as `repr` has it; empty texts where somebody else made it."""
+    """Return record and file name of *entry*; empty if another user made it."""
     try:
         with os.fdopen(open_private(entry, os.O_RDONLY), "rb") as file:
             word, _, of = file.read(_MOST_BYTES).decode("utf-8", "replace").partition("\n")
