@@ -60,9 +60,9 @@ def store(master: LssMaster, given: LssGiven) -> LssGiven:
 
 
 def prove_by_reset(session: Session, master: LssMaster, given: LssGiven) -> LssGiven:
-    """Reset a node that stored, and see that it comes back with the node-ID; LeftChanged where it does not.
+    """Reset a node after its store, and verify its node-ID; raises LeftChanged if it differs.
 
-    DeviceRefused where it was not heard to boot up: nothing is proved.
+    Raises DeviceRefused if no boot-up message was received: nothing is proved.
     """
     bus, node_id = session.open_network().bus, given.node_id
     master.let_wait()
@@ -86,7 +86,7 @@ def prove_by_reset(session: Session, master: LssMaster, given: LssGiven) -> LssG
 
 
 def _not_kept(master: LssMaster, given: LssGiven, failed: DvtcliError) -> LeftChanged:
-    """What is to be said of a node that said it stores, and did not come back; with its node-ID now, as LSS tells."""
+    """Make the error for a node that did not return after its store, with its node-ID by LSS."""
     try:
         now = f"by LSS its node-ID is {told_id(selected(master, given.address))} now"
     except DvtcliError as silent:
