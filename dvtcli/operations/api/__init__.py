@@ -1,1 +1,1 @@
-"""dvtcli for programs: `import dvtcli` hands on what is here. Prints nothing, and knows no words of a command line."""
+"""The Python API: `import dvtcli` exports these names. Prints nothing."""

@@ -1,4 +1,4 @@
-"""What a program hands over, as the operations want it: PDOs, objects, what a PDO is to be. Asks no device."""
+"""Convert arguments of a program for the operations: PDOs, objects, PDO options. Asks no device."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Entry = Object | tuple[int, int, int]
 
 
 class PdoOptions(TypedDict, total=False):
-    """What `Node.map` and `Node.set` may set besides the mapping; what is left out stays as it is."""
+    """Options of `Node.map` and `Node.set` besides the mapping; omitted options stay unchanged."""
 
     #: CAN-ID, `"auto"` or `"keep"`
     cob_id: int | Literal["auto", "keep"]
@@ -60,7 +60,7 @@ _AN_ENTRY = f"{_AN_OBJECT}, (0x6C01, 1, 16) or 'dummy/16'"
 
 
 def pdo_of(pdo: str | Pdo) -> Pdo:
-    """A PDO from `tpdo1`, `RPDO3`; UsageError where it is none."""
+    """Parse a PDO such as `tpdo1` or `RPDO3`; raises UsageError if invalid."""
     try:
         return pdo if isinstance(pdo, Pdo) else Pdo.parse(word("pdo", pdo, "a PDO is 'tpdo1', 'rpdo3', …"))
     except ValueError as failed:
@@ -68,7 +68,7 @@ def pdo_of(pdo: str | Pdo) -> Pdo:
 
 
 def object_of(node: Node, object_: Object) -> tuple[int, int]:
-    """Index and sub-index; UsageError where *node* has no object of that name, or it is none."""
+    """Return index and sub-index; raises UsageError if invalid, or unknown to *node*."""
     if isinstance(object_, str):
         return object_at(node, object_)
     if not _numbers(object_, 2):
@@ -86,7 +86,7 @@ def _numbers(object_: object, most: int) -> bool:
 
 
 def entry_of(node: Node, entry: Entry) -> MappedObject | Skipped:
-    """A mapping entry; UsageError as `object_of`."""
+    """Return a mapping entry; raises UsageError as `object_of`."""
     if isinstance(entry, str):
         return entry_at(node, entry)
     if not _numbers(entry, 3):
@@ -97,7 +97,7 @@ def entry_of(node: Node, entry: Entry) -> MappedObject | Skipped:
 
 
 def type_of(name: str | None) -> DataType | None:
-    """A data type by its short name (`u16`, `i32`, `r32`, `vs`, …); UsageError where there is none."""
+    """Return a data type by short name (`u16`, `i32`, `r32`, `vs`, …); raises UsageError if unknown."""
     if name is None:
         return None
     if word("as_type", name, f"types are {' '.join(BY_SHORT_NAME)}").lower() not in BY_SHORT_NAME:
@@ -106,7 +106,7 @@ def type_of(name: str | None) -> DataType | None:
 
 
 def bytes_of(kind: DataType, meaning: Scaling, value: Value, object_: str) -> bytes:
-    """*value* as *kind*, a text such as `48V` by its *meaning*; bytes as they are. UsageError where it does not fit."""
+    """Encode *value* as *kind*, a text such as `48V` by *meaning*; bytes stay. Raises UsageError if it does not fit."""
     from dvtcli.operations.meanings.physical_meanings import how_to_write, typed_bytes
 
     if isinstance(value, bytes):
@@ -121,7 +121,7 @@ def bytes_of(kind: DataType, meaning: Scaling, value: Value, object_: str) -> by
 
 
 def group_of(group: Group) -> int:
-    """The sub-index of 0x1010 or 0x1011 that *group* means; UsageError where it is none."""
+    """Return the sub-index of 0x1010 or 0x1011 for *group*; raises UsageError if unknown."""
     if isinstance(group, int):
         return whole("group", group, "a sub-index", 127, low=1)
     if not isinstance(group, str) or group not in _GROUPS:
@@ -130,7 +130,7 @@ def group_of(group: Group) -> int:
 
 
 def nmt_command_of(command: str) -> NmtCommand:
-    """An NMT command by its word; UsageError where there is none."""
+    """Return an NMT command by its word; raises UsageError if unknown."""
     found = next((nmt_command for nmt_command in NmtCommand if nmt_command.word == command), None)
     if found is None:
         raise wrong("command", command, ", ".join(repr(nmt_command.word) for nmt_command in NmtCommand))
@@ -145,7 +145,7 @@ def proof_of(prove: object) -> str | None:
 
 
 def request(options: PdoOptions, *, enabled: bool | None) -> PdoRequest:
-    """What *options* ask of a PDO; *enabled* is what it becomes where they do not say. UsageError for wrong ones."""
+    """Make the request of *options*; *enabled* is the default for enabling. Raises UsageError for invalid options."""
     unknown = options.keys() - PdoOptions.__annotations__.keys()
     if unknown:
         raise UsageError(

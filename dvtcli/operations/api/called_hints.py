@@ -1,4 +1,4 @@
-"""Hints as calls of this API: each action as the call that does it, or as an argument; errors and answers in them."""
+"""Write hints, in errors and results, as calls of this API."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ _FIELD = re.compile(r"\{(\w+)(?:(\?|=|\|)([^{}]*))?\}")
 
 
 def called(hint: Hint) -> str:
-    """*hint* in one line, its calls between marks."""
+    """Write *hint* in a line, its calls between marks."""
     return sentence(hint, _called)
 
 
@@ -147,7 +147,7 @@ def _called(step: Hint) -> str:
 
 
 def _argument(given: tuple[str, Any]) -> str:
-    """An argument as Python writes it: its name alone if nothing is *given* for it."""
+    """Write an argument in Python; only its name without a value."""
     name, value = given
     if name == "verbose":
         return "`dvtcli -v`"
@@ -159,7 +159,7 @@ def _value(given: Any) -> str:
 
 
 def _filled(template: str, arguments: Mapping[str, Any]) -> str:
-    """*template* with the *arguments* as Python writes them; what is not given is left out, with its comma."""
+    """Fill *template* with *arguments* in Python; missing arguments are dropped with their comma."""
     values: list[str] = []
 
     def place(found: re.Match[str]) -> str:
@@ -179,18 +179,18 @@ def _filled(template: str, arguments: Mapping[str, Any]) -> str:
 
 
 def in_calls(text: Hint | str) -> str:
-    """*text* as a program wants it: what is done next as calls."""
+    """Write *text* with its next steps as calls."""
     return called(text) if isinstance(text, Hint) else text
 
 
 def answer_in_calls(answer: T) -> T:
-    """An *answer* whose hints are calls; it is the same if it has none."""
+    """Return *answer* with hints as calls; the same object if it has no hints."""
     changed = _hints_in_calls(answer)
     return replace(answer, **changed) if changed else answer  # type: ignore[type-var]
 
 
 def _hints_in_calls(answer: Any) -> dict[str, Any]:
-    """The fields of *answer* that hold hints, with these as calls."""
+    """Return the fields of *answer* with hints, as calls."""
     if not is_dataclass(answer) or isinstance(answer, type):
         return {}
     said = {field.name: getattr(answer, field.name) for field in fields(answer) if field.init}
@@ -199,7 +199,7 @@ def _hints_in_calls(answer: Any) -> dict[str, Any]:
 
 
 def _part(value: Any) -> Any:
-    """A field's *value*: a hint, rows that have some, or findings; anything else as it is."""
+    """Convert a field's *value*: a hint, rows with hints, or findings; everything else stays."""
     if isinstance(value, Hint):
         return called(value)
     if type(value) is tuple and any(isinstance(row, Hint | Finding) or _hints_in_row(row) for row in value):
@@ -229,7 +229,7 @@ def _finding(finding: Finding) -> Finding:
 
 @contextmanager
 def errors_in_calls(*, others: bool = False) -> Iterator[None]:
-    """A block whose errors speak of arguments and calls, and say in a traceback all that a command would.
+    """Give errors of a block arguments and calls in their text, and a command's full report in tracebacks.
 
     *others*: this program has other buses open.
     """
@@ -261,7 +261,7 @@ def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
 
 
 def _of_this_program(text: str) -> str:
-    """*text* in which this process is not called another one: a Bus of it holds the node, and ends with its call."""
+    """Name this program in *text* instead of another process: one of its Buses has the node until its call ends."""
     text = re.sub(rf"another dvtcli \(process {os.getpid()}\b[^()]*\)", "another Bus of this program", text)
     return re.sub(
         rf"when it has finished; where it hangs, end process {os.getpid()},.*", "when its call has ended", text
@@ -269,7 +269,7 @@ def _of_this_program(text: str) -> str:
 
 
 def _further(raised: DvtcliError) -> Iterator[tuple[str, str]]:
-    """What an error says behind its first line, each with its label."""
+    """Yield the labelled details of an error."""
     yield from raised.details
     if isinstance(raised, RuleError):
         for finding in raised.findings:

@@ -1,6 +1,6 @@
-"""Every call of the Python API runs as a line of its own does: options in force, the NMT state put back at its end.
+"""Run each call of the Python API like a command line: own options, NMT states restored at its end.
 
-One call of a bus at a time, from any thread. Does not know what is called, nor who may be asked.
+A bus runs a single call at a time, from any thread.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 @contextmanager
 def ctrl_c_at_safe_points(cancellation: Cancellation) -> Iterator[None]:
-    """While the block runs a Ctrl-C waits for a safe point, a second one does not.
+    """Delay Ctrl-C in a block to the next safe point; a second Ctrl-C acts at once.
 
-    Only in the main thread, and only where Python's own handler is in force: a program's own handler stays.
+    Only in the main thread and with Python's own handler: a program's handler stays.
     """
     if threading.current_thread() is not threading.main_thread() or (
         signal.getsignal(signal.SIGINT) is not signal.default_int_handler
@@ -54,7 +54,7 @@ _OPEN_LOCK = threading.Lock()
 
 
 class Calls:
-    """The calls of one bus, whose *session* they share."""
+    """The calls of a bus with their common *session*."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -67,10 +67,10 @@ class Calls:
             _OPEN.add(self)
 
     def run(self, work: Callable[[], T], *, changes: bool = False, yes: bool = False, force: bool = False) -> T:
-        """What *work* answers, with *yes* and *force* as a line's own options.
+        """Run *work* with *yes* and *force* as options of a line; returns its result.
 
-        Where it *changes* something, Restarted is raised if by its end a node has lost what was set. KeyboardInterrupt
-        after a Ctrl-C, once the device is in a known state: its text says in which.
+        If it *changes* something, raises Restarted if a node has lost its changes by the end. Raises KeyboardInterrupt
+        after Ctrl-C, once the device's state is known: its text names the state.
         """
         flags(yes=yes, force=force)
         session = self.session
@@ -97,7 +97,7 @@ class Calls:
         return answer_in_calls(result)
 
     def _failed(self, raised: BaseException) -> None:
-        """Put NMT states back after *raised*, which is told what goes wrong with that."""
+        """Restore NMT states after *raised*; adds failures to it."""
         try:
             self.session.end_line(_code_of(raised))
             self._tell_what_was_noticed()
@@ -107,16 +107,16 @@ class Calls:
             raise KeyboardInterrupt(f"{raised.text}; the device: {raised.state}") from raised
 
     def _tell_what_was_noticed(self) -> None:
-        """Say what the bus showed meanwhile: other SDO clients, and nodes that restarted and lost what was set."""
+        """Report other SDO clients on the bus, and nodes that restarted and lost changes."""
         session = self.session
         for text in (*session.wire.disturbances(), *losses(list(session.met_nodes()))):
             session.tell.warning(text)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """A block in which no other thread uses the bus through this API.
+        """Keep other threads off the bus during a block.
 
-        UsageError where a call-back calls back into the bus, BusUnavailable once that is closed.
+        Raises UsageError if a call-back calls the bus, BusUnavailable after it is closed.
         """
         if self._owner == threading.get_ident():
             raise UsageError("a call-back must not call the bus that calls it: remember what it says, and call later")
@@ -149,7 +149,7 @@ class Calls:
 
 
 def _code_of(raised: BaseException) -> int:
-    """The exit code that a command would end with."""
+    """Return the exit code of a command with this error."""
     if isinstance(raised, DvtcliError):
         return raised.exit_code
     return (Interrupted if isinstance(raised, KeyboardInterrupt) else Bug).exit_code

@@ -1,4 +1,4 @@
-"""canopen's node beside ours: its SDO takes turns with our calls, and what it writes is no longer known to us."""
+"""Use canopen's node beside ours: SDO by turns; its writes invalidate our caches."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class TakingTurns:
-    """The SdoTransport of *node_id* for others: waits while one of our calls is at work on the bus."""
+    """An SdoTransport of *node_id* for others: waits for our calls on the bus."""
 
     def __init__(self, calls: Calls, node_id: int) -> None:
         self._calls, self._node_id = calls, node_id

@@ -1,4 +1,4 @@
-"""What a program asks of `check`, checked. Opens nothing."""
+"""Check the arguments of `check`. Opens nothing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dvtcli.operations.user.options import BIT_RATES
 def check_wishes(
     rules: Sequence[str], without: Sequence[str], bit_rate: int | None, for_s: float | None, *, strict: bool
 ) -> CheckOptions:
-    """The arguments of `Bus.check`, as the operation takes them; UsageError for a wrong one."""
+    """Convert the arguments of `Bus.check`; raises UsageError if invalid."""
     flags(strict=strict)
     if bit_rate is not None:
         whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])

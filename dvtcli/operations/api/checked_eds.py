@@ -21,12 +21,12 @@ def check_eds(
     strict: bool = False,
     profile: str | None = None,
 ) -> FileReports:
-    """What is odd in EDS, DCF, XDD and XDC *files*, each finding with its line; true where no file is wrong.
+    """Check EDS, DCF, XDD and XDC *files*; findings have lines. The result is true if no file is invalid.
 
-    A name with `*`, `?` or `[` stands for the files that it matches. Only *rules* are asked (none: all), and none of
-    *without*; with *strict* a warning is wrong, too. *profile* is the device family by which PDOs are judged.
-    UsageError for a rule or family that there is not, and where the one file that is given cannot be opened.
-    InputFileError where it cannot be read; of several that is a finding.
+    A name with `*`, `?` or `[` stands for matching files. Applies *rules* (empty: all) except *without*; *strict*
+    treats warnings as errors. *profile* is the device family for the rules on PDOs. Raises UsageError for an unknown
+    rule or family, or if a single file does not exist, InputFileError if a single file is unreadable; of several files
+    these are findings.
     """
     from dvtcli.operations.known_devices import eds_files
     from dvtcli.operations.results import FileReports

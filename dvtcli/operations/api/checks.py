@@ -1,7 +1,4 @@
-"""The kinds of what a program hands over: every wrong one is a UsageError that names its argument. Asks no device.
-
-Does not know what an argument is for.
-"""
+"""Check the types of a program's arguments: a UsageError names the argument. Asks no device."""
 
 from __future__ import annotations
 
@@ -18,19 +15,19 @@ LEAST_S, MOST_S = 0.001, 600.0
 
 
 def wrong(name: str, value: object, takes: str) -> UsageError:
-    """The error for *value* of the argument *name*, which *takes* something else."""
+    """Make the error for *value* of the argument *name*, which *takes* something else."""
     return UsageError(f"{name}={short(value)}: {takes}")
 
 
 def flag(name: str, value: object) -> bool:
-    """True or False, and nothing that merely counts as one: `"no"` would be true."""
+    """Require True or False, and no truthy value: `"no"` would be true."""
     if not isinstance(value, bool):
         raise wrong(name, value, "True or False")
     return value
 
 
 def flags(**given: object) -> None:
-    """Each of *given* is True or False."""
+    """Require True or False for each of *given*."""
     for name, value in given.items():
         flag(name, value)
 
@@ -68,21 +65,21 @@ def word(name: str, value: object, takes: str) -> str:
 
 
 def words(name: str, value: object) -> tuple[str, ...]:
-    """A list or tuple of words; one word alone would be taken for its letters."""
+    """Require a list or tuple of words; a single text would count as its letters."""
     if not isinstance(value, list | tuple) or not all(isinstance(item, str) for item in value):
         raise wrong(name, value, "a list or tuple of words")
     return tuple(value)
 
 
 def path(name: str, value: object) -> Path:
-    """The path of a file or folder, which need not be there."""
+    """Require the path of a file or folder, which need not exist."""
     if not isinstance(value, str | Path) or "\0" in str(value):
         raise wrong(name, value, "a path: text or pathlib.Path")
     return Path(value)
 
 
 def call_back(**given: Callable[..., Any] | None) -> None:
-    """Each of *given* can be called, or is None."""
+    """Require a callable or None for each of *given*."""
     for name, value in given.items():
         if value is not None and not callable(value):
             raise wrong(name, value, "a function, or None")

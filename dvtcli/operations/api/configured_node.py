@@ -1,4 +1,4 @@
-"""What a program can change of a node's PDOs and objects: as the commands, as methods. Prints and asks nothing."""
+"""Change a node's PDOs and objects by methods like the commands. Prints and asks nothing."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ T = TypeVar("T")
 
 
 class ConfiguredNode(ReadNode):
-    """A node whose PDOs and objects are changed; `Node` has what is done to it as a whole, too."""
+    """A node whose PDOs and objects can be changed; `Node` adds store, restore, NMT and more."""
 
     def write(
         self, object_: Object, value: Value, as_type: str | None = None, *, yes: bool = False, force: bool = False
     ) -> Changed:
-        """Write an object by SDO download, read it back, and put the old value back where that differs.
+        """Write an object by SDO download and verify it; if the read-back differs, the old value is restored.
 
-        Bytes go as they are, other values as *as_type* or as the EDS says, a text such as `48V` in its unit. UsageError
-        for 0x1010 and 0x1011: `store` and `restore` do that.
+        Bytes are written as they are, other values as *as_type* or the type in the EDS, a text such as `48V` in its
+        unit. Raises UsageError for 0x1010 and 0x1011: use `store` and `restore`.
         """
         from dvtcli.operations.meanings.physical_meanings import meaning_of
         from dvtcli.operations.objects.write_object import object_type, refuse_signature, write_bytes
@@ -84,7 +84,7 @@ class ConfiguredNode(ReadNode):
         return self._change(work, yes=yes, force=force)
 
     def set(self, pdo: str | Pdo, *, yes: bool = False, force: bool = False, **options: Unpack[PdoOptions]) -> Changed:
-        """Set communication parameters of a PDO and leave its mapping alone: as the command `set`."""
+        """Set communication parameters of a PDO without its mapping, like the command `set`."""
         from dvtcli.operations.changes.change import configure
 
         if not options:
@@ -101,7 +101,7 @@ class ConfiguredNode(ReadNode):
         return self._switch(pdos, Switched(enabled=False), yes=yes, force=force)
 
     def clear(self, *pdos: str | Pdo | Literal["all"], yes: bool = False, force: bool = False) -> Changed:
-        """Disable PDOs and empty their mapping, all or none; `"all"` are those whose mapping can be changed."""
+        """Disable PDOs and clear their mappings, all or none; `"all"` are PDOs with a changeable mapping."""
         from dvtcli.operations.pdos.switch import clear_all
 
         if pdos == ("all",):
@@ -117,11 +117,11 @@ class ConfiguredNode(ReadNode):
         return self._change(lambda node: switch(self._calls.session, node.node_id, wanted, want), yes=yes, force=force)
 
     def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
-        """Put back what the last change of the node replaced, or with *everything* all of them.
+        """Undo the last change of the node, or with *everything* all of them.
 
-        They are this program's; where it made none, or has undone them, those that earlier programs and commands made
-        on a real bus. False, with `not_put_back`, where the node does not take back what it held. SafetyRefusal where
-        it holds something else by now, UsageError where nothing was changed.
+        Changes are this program's; if there are none, or all are undone, those of earlier programs and commands on a
+        real bus. False, with `not_put_back`, if the node does not take its old values. Raises SafetyRefusal if the node
+        holds another value than the change left, UsageError if there is no change.
         """
         from dvtcli.operations.changes.undo_changes import undo_on
 
@@ -133,10 +133,10 @@ class ConfiguredNode(ReadNode):
     def tie(
         self, group: str, pin: int | None, object_: str | int | None, *, yes: bool = False, force: bool = False
     ) -> Changed | VpdoListing:
-        """Tie *pin* (1 and up) of a group of virtual PDOs to an object, by its name or index; None unties it.
+        """Tie *pin* (1 and up) of a group of virtual PDOs to an object, by name or index; None unties it.
 
-        *pin* None, without an object, unties every pin of the group. Where all is so already nothing is written, and
-        the answer is what `vpdo` lists. UsageError for an unknown object or group, DvtcliError without such a pin.
+        *pin* None, without an object, unties every pin of the group. If nothing changes, nothing is written, and the
+        result is that of `vpdo`. Raises UsageError for an unknown object or group, DvtcliError for an unknown pin.
         """
         from dvtcli.operations.pdos.virtual_pdo_ties import tie_pin
 
@@ -153,20 +153,20 @@ class ConfiguredNode(ReadNode):
     def apply(
         self, file: str | Path, *, include: Sequence[str] = (), yes: bool = False, force: bool = False
     ) -> NetworkApplied:
-        """Write what differs of the configuration that *file* says, a DCF, an XDC or a backup (.jsonl): all or nothing.
+        """Write the differing configuration of *file*, a DCF, an XDC or a backup (.jsonl): all or nothing.
 
-        *include* are objects of the maker, `2001`, `2001:1` or `2000-2FFF`, that are written, too. Asks, unless *yes*.
-        SafetyRefusal where the node is another product, or its power stage is on.
+        *include* are manufacturer-specific objects to write as well: `2001`, `2001:1` or `2000-2FFF`. Asks, unless
+        *yes*. Raises SafetyRefusal if the node is another product, or its power stage is enabled.
         """
         return self._apply_file(file, include, is_clone=False, yes=yes, force=force)
 
     def clone(
         self, file: str | Path, *, include: Sequence[str] = (), yes: bool = False, force: bool = False
     ) -> NetworkApplied:
-        """The same of a *file* about another device of the same product, with what it has of the maker's own objects.
+        """Copy the configuration of another device of the same product from *file*, with the maker's objects.
 
-        Not of those that a PDO can map; never a node-ID, a command, an output or a passcode. What comes back is
-        false where a setting differs that was not written: the node is no clone then.
+        Leaves out objects that a PDO can map, node-IDs, commands, outputs and passcodes. The result is false if a
+        differing setting was not written: the clone is incomplete.
         """
         return self._apply_file(file, include, is_clone=True, yes=yes, force=force)
 

@@ -1,4 +1,4 @@
-"""Files of one format as files of another, for a program. Opens no bus and prints nothing."""
+"""Convert files for a program. Opens no bus and prints nothing."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def convert(
     eds: str | Path | None = None,
     yes: bool = False,
 ) -> tuple[str, ...]:
-    """Write what *file* says to *target*, in the format that its name ends in: EDS to XDD, DCF to XDC, and back.
+    """Convert *file* to *target*, in the format of its suffix: EDS to XDD, DCF to XDC, and back.
 
-    Of a network file a concise DCF (.cdcf) is made for *node*, its name or node-ID (None: the only one), and a DBC file
-    (.dbc) for all nodes: with the frames of *services* (`nmt`, `sync`, `emcy`, `heartbeat`, `sdo`), with *split_bits*
-    as one signal for each bit that may have a name, with *everything* also of PDOs that are off. Of a recording a DBC
-    file has what its SDO transfers say, with the names of *eds* (None: of the file that the identity in it is of). The
-    answer is what *target* does not say. Writing over a file needs *yes*. UsageError for another suffix, where a file
-    cannot be read or written, or where a recording says no mapping; InputFileError where *file* is none.
+    A network file becomes the concise DCF (.cdcf) of *node*, by name or node-ID (None: its only node), or a DBC file
+    (.dbc) of all nodes: *services* (`nmt`, `sync`, `emcy`, `heartbeat`, `sdo`) adds their frames, *split_bits* makes a
+    signal of each named bit, *everything* adds disabled PDOs. A recording becomes a DBC file of the PDOs in its SDO
+    transfers, with names of *eds* (None: by the recorded identity). Returns what *target* lacks. Overwriting needs
+    *yes*. Raises UsageError for another suffix, if a file cannot be read or written, or if a recording has no mapping;
+    InputFileError if *file* is invalid.
     """
     from dvtcli.operations.conversions.convert_file import convert_file
     from dvtcli.operations.session.session import Session

@@ -17,7 +17,7 @@ _U32 = 0xFFFF_FFFF
 
 
 def eds_library() -> LibraryListing:
-    """The device files by which nodes are recognised, as `dvtcli eds add` keeps them; a list of rows."""
+    """List the library of device files, as kept by `dvtcli eds add`; a list of rows."""
     from dvtcli.operations.eds_library.list_files import list_files
     from dvtcli.operations.session.session import Session
 
@@ -32,12 +32,11 @@ def add_eds(
     revision: int | None = None,
     dry_run: bool = False,
 ) -> LibraryAdded:
-    """Keep EDS, DCF, XDD and XDC *files*, those of folders, or a family's, for nodes of their identity (0x1018).
+    """Add EDS, DCF, XDD and XDC *files*, folders or a family to the library, by their identity (0x1018).
 
-    True where none was refused; each row says what became of its file. With *vendor* and *product* (and *revision*,
-    None: any) one file is kept for that identity, whatever it says itself. With *dry_run* nothing is written. Where one
-    file is given and cannot be kept, InputFileError; UsageError for a name that is nothing's, and where the library
-    cannot be written.
+    True if none was refused; each row has a file's outcome. *vendor* and *product* (and *revision*, None: any) replace
+    the identity of a single file. *dry_run* writes nothing. Raises InputFileError if a single file cannot be added;
+    UsageError for an unknown name, or if the library cannot be written.
     """
     from dvtcli.operations.eds_library.add_files import add_files
     from dvtcli.operations.session.session import Session

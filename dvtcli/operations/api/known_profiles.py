@@ -1,4 +1,4 @@
-"""The device profiles for a program: which there are, and why each says what it says. Opens no bus."""
+"""List and show device profiles for a program. Opens no bus."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 
 def profiles() -> ProfileListing:
-    """The device families that dvtcli knows, the user's own ones too; a list of rows.
+    """List the known device families, including the user's; a list of rows.
 
-    InputFileError for one of the user's own that cannot be read.
+    Raises InputFileError for an unreadable profile of the user.
     """
     from dvtcli.operations.known_devices.show_profiles import list_profiles
 
@@ -22,9 +22,9 @@ def profiles() -> ProfileListing:
 
 
 def profile(name: str) -> ProfileShown:
-    """The profile *name*, with the reason for each of its values.
+    """Return the profile *name* with the reason for each value.
 
-    UsageError where there is none of that name, InputFileError where its file is wrong.
+    Raises UsageError if unknown, InputFileError if its file is invalid.
     """
     from dvtcli.operations.known_devices.show_profiles import show_profile
 

@@ -1,4 +1,4 @@
-"""What a program can ask of all nodes of a bus together: network files and links, as methods. Prints nothing."""
+"""Use all nodes of a bus together: network files and links, as methods. Prints nothing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit ti
 def load_wishes(
     for_s: float, bit_rate: int | None, sync_ms: float | None, inhibit_ms: Mapping[str, float] | None
 ) -> LoadOptions:
-    """The arguments of `Bus.load`, as the operation takes them; UsageError for a wrong one."""
+    """Convert the arguments of `Bus.load`; raises UsageError if invalid."""
     number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
     if bit_rate is not None:
         whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
@@ -55,7 +55,7 @@ _AN_END = "a PDO with its node: '1:tpdo1'"
 
 
 def endpoints(*words: str) -> list[Endpoint]:
-    """The PDOs with their nodes; UsageError where a word is none."""
+    """Parse PDOs with nodes; raises UsageError if invalid."""
     return [_endpoint(end_word) for end_word in words]
 
 
@@ -70,7 +70,7 @@ def _endpoint(text: str) -> Endpoint:
 
 
 def heartbeat_of(heartbeat_ms: int | None, *, watched: bool) -> int | Literal[False] | None:
-    """What a link does about heartbeats; UsageError where one is set that nobody is to watch."""
+    """Return a link's heartbeat option; raises UsageError for a time without a consumer."""
     if heartbeat_ms is None:
         return None if watched else False
     if not watched:
@@ -79,7 +79,7 @@ def heartbeat_of(heartbeat_ms: int | None, *, watched: bool) -> int | Literal[Fa
 
 
 class NetworkCalls:
-    """A bus whose nodes are taken as one; `Bus` has what opens it, and its single nodes, too."""
+    """A bus with its nodes as a network; `Bus` adds its opening and single nodes."""
 
     def __init__(self, session: Session, calls: Calls) -> None:
         self._session = session
@@ -93,15 +93,15 @@ class NetworkCalls:
         include: Sequence[str] = (),
         to_manager: int | None = None,
     ) -> NetworkPlanned:
-        """What has to be written for *file* to be so: a network file (YAML), or a DCF, an XDC or a backup (.jsonl).
+        """Plan the writes for *file*: a network file (YAML), a DCF, an XDC or a backup (.jsonl).
 
-        Reads its nodes, and writes nothing. *include* are objects of the maker, `2001`, `2001:1` or `2000-2FFF`, that a
-        DCF, an XDC or a backup may write, too. With *trust_stamp* not those whose 0x1020 has the stamp of what the file
-        says; the answer names them. With *to_manager* the plan is for that node (1…127) alone: a CANopen manager, which
-        is to download to each other node that boots what *file* says of it (0x1F22).
-        InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
-        all nodes, but that devices lack PDOs or objects of the file: that is `plan.lacking` of the answer, which has
-        what else differs, and which `apply` refuses; SafetyRefusal where a node is another device than the file says.
+        Reads the nodes and writes nothing. *include* are manufacturer-specific objects that a DCF, an XDC or a backup
+        may write as well: `2001`, `2001:1` or `2000-2FFF`. *trust_stamp* skips nodes whose 0x1020 has the file's stamp;
+        the result names them. *to_manager* (1…127) plans for this CANopen manager alone, which downloads the file's
+        values to each other node at its boot-up (0x1F22). Raises InputFileError with all errors of the file; RuleError
+        with all refusals of the rules, on all nodes, except PDOs or objects that devices lack: these are `plan.lacking`
+        of the result, which has all other differences, and which `apply` refuses; SafetyRefusal if a node is another
+        device than in the file.
         """
         from dvtcli.operations.network.network_files import planned
 
@@ -120,12 +120,12 @@ class NetworkCalls:
         from_manager: int | None = None,
         yes: bool = False,
     ) -> tuple[str, ...]:
-        """Write every node that answers, as it is now, and the links between them to the network *file* (.yaml).
+        """Import every answering node and the links between them to the network *file* (.yaml).
 
-        With *folder* what its EDS, DCF, XDD and XDC files say instead of the bus; with *from_manager* what that node
-        (1…127), a CANopen manager, downloads to the nodes that it boots (0x1F22, CiA 302-3). The answer is what there
-        is to say of it: what was left out, which layouts differ. Writing over a file needs *yes*. NoAnswer where no
-        node answers, UsageError for another suffix, where the file cannot be written, or that node is no manager.
+        *folder*: its EDS, DCF, XDD and XDC files instead of the bus; *from_manager* (1…127): what this CANopen manager
+        downloads to its nodes (0x1F22, CiA 302-3). Returns remarks: omissions, differing layouts. Overwriting needs
+        *yes*. Raises NoAnswer if no node answers, UsageError for another suffix, if the file cannot be written, or if
+        the node is no manager.
         """
         from dvtcli.operations.exchange.import_network import import_network
 
@@ -145,11 +145,11 @@ class NetworkCalls:
         twice: bool = False,
         yes: bool = False,
     ) -> tuple[str, ...]:
-        """Write all nodes that answer, as they are now: a DBC file (.dbc), or a nodelist (.cpj) with a DCF of each.
+        """Export all answering nodes: to a DBC file (.dbc), or a nodelist (.cpj) with a DCF each.
 
-        *services*, *split_bits* and *everything* are for a DBC file, as of `dvtcli.convert`; *twice* for a nodelist,
-        as of a node's `export`. The answer is what the files do not say. Writing over a file needs *yes*. NoAnswer
-        where no node answers; UsageError for another suffix, or where a file cannot be written.
+        *services*, *split_bits* and *everything* are for a DBC file, as in `dvtcli.convert`; *twice* for a nodelist, as
+        in a node's `export`. Returns omissions. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError
+        for another suffix, or if a file cannot be written.
         """
         from dvtcli.operations.api.converted import dbc_wishes
         from dvtcli.operations.exports.export_file import export_all
@@ -170,11 +170,11 @@ class NetworkCalls:
         sync_ms: float | None = None,
         inhibit_ms: Mapping[str, float] | None = None,
     ) -> NetworkLoad:
-        """What the nodes of the network *file* (None: those on the bus) need of it at worst; true where all of it fits.
+        """Compute the worst-case bus load by the network *file* (None: nodes on the bus); true if all of it fits.
 
-        The bus is listened to for *for_s* seconds (0…3600). *bit_rate* (bit/s) counts instead of the bus's own,
-        *sync_ms* as the period of SYNC, *inhibit_ms* as inhibit times: `{"5:tpdo3": 40}`. Writes nothing. Raises as
-        `plan`; UsageError where a PDO is none.
+        The bus is measured for *for_s* seconds (0…3600). *bit_rate* (bit/s) replaces the bus's own, *sync_ms* is the
+        period of SYNC in ms, *inhibit_ms* has inhibit times in ms: `{"5:tpdo3": 40}`. Writes nothing. Raises as `plan`;
+        UsageError for an invalid PDO.
         """
         from dvtcli.operations.network.network_load import network_load
 
@@ -194,10 +194,10 @@ class NetworkCalls:
     ) -> tuple[str, ...]:
         """Draw the nodes on the bus to *target*: a page (.html), or their wiring alone (.svg, .dot).
 
-        The page also says what they hold otherwise than the network *file* says. *title* stands at its top; *bit_rate*
-        (bit/s) counts instead of the bus's own. The bus is listened to for *for_s* seconds (0…3600; None: 2, and not at
-        all where nobody else can be on it). The answer is what there is to say of it. Writing over a file needs *yes*.
-        NoAnswer where no node answers; UsageError for another suffix, or where *target* cannot be written.
+        The page also has differences from the network *file*. *title* is its heading; *bit_rate* (bit/s) replaces the
+        bus's own. The bus is recorded for *for_s* seconds (0…3600; None: 2, or not at all if nobody else can be on it).
+        Returns remarks. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError for another suffix, or
+        if *target* cannot be written.
         """
         from dvtcli.operations.api.reported import picture_wishes
         from dvtcli.operations.picture.draw_network import draw_network
@@ -216,12 +216,11 @@ class NetworkCalls:
         bit_rate: int | None = None,
         for_s: float | None = None,
     ) -> NetworksChecked:
-        """What is wrong with the network *files*, with the nodes on the bus, and between them; true where nothing is.
+        """Check network *files*, the nodes on the bus, and both against each other; true if nothing is wrong.
 
-        Only *rules* are asked (none: all), and none of *without*; with *strict* a warning is wrong, too. *bit_rate*
-        (bit/s) counts instead of the bus's own. The bus is listened to for *for_s* seconds (0…3600; None: 2, and not at
-        all where nobody else can be on it). What cannot be read of a file is a finding. Writes nothing. UsageError for
-        a rule that there is not.
+        Applies *rules* (empty: all) except *without*; *strict* treats warnings as errors. *bit_rate* (bit/s) replaces
+        the bus's own. The bus is recorded for *for_s* seconds (0…3600; None: 2, or not at all if nobody else can be on
+        it). Read errors of a file are findings. Writes nothing. Raises UsageError for an unknown rule.
         """
         from dvtcli.operations.api.check_arguments import check_wishes
         from dvtcli.operations.network.check_live import check_all
@@ -241,12 +240,12 @@ class NetworkCalls:
         yes: bool = False,
         force: bool = False,
     ) -> NetworkApplied:
-        """Make the nodes what *file* says, as of `plan`, or a plan that `dvtcli plan -o` saved: all of them, or none.
+        """Bring the nodes to the state of *file*, as in `plan`, or of a plan saved by `dvtcli plan -o`: all or none.
 
-        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp*, *include* and *to_manager* as of
-        `plan`. Nodes store where the file says so, once all of them were read back; with *prove* each is restarted
-        then, and compared. A fault on one node brings every node back; LeftChanged where one could not be, or where not
-        all have stored. SafetyRefusal where a node has changed since the plan was saved.
+        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp*, *include* and *to_manager* as in
+        `plan`. After all nodes were verified, those with `store` in the file store; *prove* then restarts and compares
+        each. A fault on a node rolls back every node; raises LeftChanged if a roll-back or a store failed,
+        SafetyRefusal if a node has changed since the plan was saved.
         """
         from dvtcli.operations.network.network_files import applied
 
@@ -272,11 +271,11 @@ class NetworkCalls:
         yes: bool = False,
         force: bool = False,
     ) -> NetworkApplied:
-        """Let the RPDOs *consumers* hear the TPDO *producer* (`1:tpdo1`, `5:rpdo2`): on all nodes, or on none.
+        """Link the RPDOs *consumers* to the TPDO *producer* (`1:tpdo1`, `5:rpdo2`): on all nodes, or on none.
 
-        What an RPDO maps is what it is to hear, at the places where the TPDO sends it; dummies skip the rest. The TPDO
-        keeps its CAN-ID where it may. The consumers watch the producer's heartbeat, which *heartbeat_ms* (1…65535)
-        sets, unless *heartbeat* is False. RuleError where the layouts do not fit, else as `apply`.
+        An RPDO's entries are placed where the TPDO transmits them; dummies skip the rest. The TPDO keeps its CAN-ID if
+        allowed. The consumers consume the producer's heartbeat, set by *heartbeat_ms* (1…65535), unless *heartbeat* is
+        False. Raises RuleError if the layouts do not fit, else as `apply`.
         """
         from dvtcli.operations.plans.link_pdos import link_pdos
 
@@ -288,10 +287,10 @@ class NetworkCalls:
     def unlink(
         self, producer: str, *consumers: str, heartbeat: bool = True, yes: bool = False, force: bool = False
     ) -> NetworkApplied:
-        """Disable the RPDOs *consumers* that hear the TPDO *producer*, which goes on: others may hear it.
+        """Disconnect the RPDOs *consumers* from the TPDO *producer*, which stays enabled for other consumers.
 
-        A node that hears nothing of the producer's node any more stops watching its heartbeat, unless *heartbeat* is
-        False. UsageError where an RPDO does not hear the TPDO.
+        A node with no other link to the producer's node stops consuming its heartbeat, unless *heartbeat* is False.
+        Raises UsageError if an RPDO does not receive the TPDO.
         """
         from dvtcli.operations.plans.link_pdos import unlink_pdos
 

@@ -31,13 +31,13 @@ def connect(
     on_progress: Callable[[Progress], None] | None = None,
     **more: object,
 ) -> Bus:
-    """Open a CAN interface by python-can's names; what is None comes from python-can's own configuration.
+    """Open a CAN interface by python-can's names; None takes python-can's own configuration.
 
     *bitrate* is in bit/s, *timeout_s* the SDO time-out in seconds, *journal* the folder of journals and backups (the
-    user's state folder), *more* further keys of python-can. *ask* is asked where a command would ask its user, and
-    answers whether to go on; without it, and without `yes=True`, such a call raises SafetyRefusal. *on_message* is told
-    what a command would say beside its result, *on_progress* each step of a change that a node took. BusUnavailable
-    where the bus cannot be opened.
+    user's state folder), *more* further keys of python-can. *ask* gets questions that a command would ask its user, and
+    returns whether to go on; without it, and without `yes=True`, such a call raises SafetyRefusal. *on_message* gets
+    the messages of a command beside its result, *on_progress* each step of a change on a node. Raises BusUnavailable if
+    the bus cannot be opened.
     """
     if interface is not None:
         word("interface", interface, "a name of python-can, such as 'socketcan'")
@@ -66,9 +66,9 @@ def simulate(
     on_message: Callable[[Message], None] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Bus:
-    """Open a bus on which only simulated *nodes* live, in this process: `gen4`, `tmcm@5`, `my.eds@9`.
+    """Open a bus of simulated *nodes* in this process: `gen4`, `tmcm@5`, `my.eds@9`.
 
-    *faults* and *signals* are words as `--fault` and `--signal` take them. UsageError for a wrong word.
+    *faults* and *signals* are words as of `--fault` and `--signal`. Raises UsageError for an invalid word.
     """
     given: dict[str, Any] = {
         "sim": simulated_words(nodes),
@@ -81,7 +81,7 @@ def simulate(
 
 
 def simulated_words(nodes: tuple[object, ...]) -> tuple[str, ...]:
-    """The words for simulated *nodes*; UsageError where there are none, or one is no text."""
+    """Return the words for simulated *nodes*; raises UsageError if empty, or for a non-text."""
     if not nodes:
         raise UsageError("which node? a family, such as 'generic', or the path of an EDS")
     for node in nodes:

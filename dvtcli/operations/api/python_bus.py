@@ -42,10 +42,10 @@ class FrameCalls(NetworkCalls):
     ) -> FramesSent:
         """Send *frames* (`"185#1027"`, `"185#R"`) once, or each *every_s* seconds: *count* times, or for *for_s* s.
 
-        Needs *yes*, or asks, where nodes act on one: NMT, SYNC, TIME, SDO, LSS, EMCY and heartbeats, and what a PDO
-        carries of *nodes*, of those that are known or heard, or of the network *file*. False where not every frame is
-        known to be sent: `outcome` says how many, and why. UsageError where one is no frame; SafetyRefusal without
-        consent. A dry run sends none.
+        Needs *yes*, or asks, if nodes act on a frame: NMT, SYNC, TIME, SDO, LSS, EMCY and heartbeats, and PDOs of
+        *nodes*, of known nodes, or of the network *file*. False unless every frame is known to be sent: `outcome` has
+        number and reason. Raises UsageError for an invalid frame; SafetyRefusal without consent. A dry run sends
+        nothing.
         """
         from dvtcli.operations.frames.send_frames import send_frames
 
@@ -78,12 +78,12 @@ class FrameCalls(NetworkCalls):
         loops: int = 1,
         yes: bool = False,
     ) -> Replayed:
-        """Send the frames of *recording* again, *rate* times as fast (0: as the load limit lets), *loops* times.
+        """Replay the frames of *recording*, *rate* times as fast (0: by the load limit), *loops* times.
 
-        Only those *within_s* (from and to, seconds behind its first frame), of *channel*, that one of *only* means and
-        none of *without*: `"281"`, `"180-1FF"`, `"node=5"`, `"5:tpdo1"`, `"sdo"`. Consent is as of `send`. False where
-        not every frame is known to be sent: `outcome` says how many, how late, and why. UsageError where nothing of it
-        is meant; InputFileError where it is damaged; SafetyRefusal without consent.
+        Only frames *within_s* (from and to, seconds after the first frame), of *channel*, matching any of *only* and
+        none of *without*: `"281"`, `"180-1FF"`, `"node=5"`, `"5:tpdo1"`, `"sdo"`. Consent is as for `send`. False
+        unless every frame is known to be sent: `outcome` has number, delay and reason. Raises UsageError if no frame is
+        chosen; InputFileError if the file is damaged; SafetyRefusal without consent.
         """
         from dvtcli.operations.frames.replay_recording import Choice, replay_recording
 
@@ -101,10 +101,10 @@ class FrameCalls(NetworkCalls):
 
 
 class Bus(FrameCalls):
-    """An open CAN bus; a context manager that leaves it.
+    """An open CAN bus; a context manager that closes it.
 
-    Made by `connect` and `simulate`. One call at a time is at work on a bus: calls of several threads wait for their
-    turn. Call-backs come in the thread that called, and must not call the bus.
+    Made by `connect` and `simulate`. A bus runs a single call at a time: calls of several threads wait for their turn.
+    Call-backs run in the calling thread, and must not call the bus.
     """
 
     def __init__(self, session: Session) -> None:
@@ -138,15 +138,15 @@ class Bus(FrameCalls):
 
     @property
     def is_dry_run(self) -> bool:
-        """Whether calls work on twins of the nodes at the moment."""
+        """Tell whether calls now work on twins of the nodes."""
         return self._session.dry_run
 
     def node(self, node_id: int | None = None, *, eds: str | Path | None = None, profile: str | None = None) -> Node:
-        """The node with *node_id* (1…127; None: the first simulated one), with its device's file and its device family.
+        """Return the node with *node_id* (1…127; None: the first simulated node), with its EDS and device family.
 
-        Nothing is sent yet. Without *eds* the file that `dvtcli eds add` keeps for the device's identity is taken, or
-        none; without *profile* the family is found from the identity. UsageError where the file cannot be read, or the
-        node has another one already; InputFileError where the file is wrong.
+        Sends nothing yet. Without *eds* the file of `dvtcli eds add` for the device's identity is taken, or none;
+        without *profile* the family is found by the identity. Raises UsageError if the file cannot be read, or the node
+        has another already; InputFileError if the file is invalid.
         """
         eds = None if eds is None else path("eds", eds)
         if profile is not None:
@@ -197,11 +197,11 @@ class Bus(FrameCalls):
         return self._calls.run(lambda: find_nodes(self._session, answer_s))
 
     def sync(self, count: int = 1, *, period_ms: float = 20.0, node_id: int | None = None) -> Synced:
-        """Send *count* SYNC messages (1…100000), one each *period_ms* (0.1…1000), and list what synchronous PDOs send.
+        """Send *count* SYNC messages (1…100000), *period_ms* (0.1…1000) apart, and list synchronous PDOs received.
 
-        The CAN-ID is what 0x1005 of the node *node_id* says (None: of the first simulated node); 0x080 where there is
-        none, or no answer. Frames are listed by CAN-ID: the last one of each, how many came, and whose TPDO it is where
-        its node was read. BusUnavailable where the bus fails.
+        The CAN-ID is by 0x1005 of the node *node_id* (None: of the first simulated node); 0x080 if absent or without an
+        answer. Frames are listed by CAN-ID: the last frame, their number, and the TPDO if its node was read. Raises
+        BusUnavailable if the bus fails.
         """
         from dvtcli.operations.sync.produce_sync import produce_sync
 
@@ -212,10 +212,10 @@ class Bus(FrameCalls):
         return self._calls.run(lambda: produce_sync(self._session, count, period_ms / 1000, node_id))
 
     def check_sync(self, *node_ids: int) -> SyncCheck:
-        """Whether anybody produces SYNC, as `sync --check`: true where a SYNC is heard, or a node says it sends them.
+        """Tell whether anybody produces SYNC, as `sync --check`: true if received, or if a node is a producer.
 
-        Asked are the nodes *node_ids*, those that were used so far, and the simulated ones: 0x1005 and 0x1006. The bus
-        is listened to for two periods, at least 0.1 s; none is sent.
+        Reads 0x1005 and 0x1006 of *node_ids*, nodes used so far, and simulated nodes. Records the bus for two periods,
+        at least 0.1 s; sends none.
         """
         from dvtcli.operations.sync.unknown_sync import check_sync
 
@@ -224,10 +224,10 @@ class Bus(FrameCalls):
         return self._calls.run(lambda: check_sync(self._session, node_ids))
 
     def recover(self, *, yes: bool = False, force: bool = False) -> tuple[Changed, ...]:
-        """Put back what every interrupted change of the bus replaced, on all nodes, as `recover` without `-n`.
+        """Roll back every interrupted change of the bus, on all nodes, as `recover` without `-n`.
 
-        Needs *yes*, or asks. None of it where no change was interrupted; each is false where its node does not take
-        back what it held. LeftChanged where a node could not be put back.
+        Needs *yes*, or asks. Empty if no change was interrupted; a result is false if its node does not take its old
+        values. Raises LeftChanged if a roll-back failed.
         """
         from dvtcli.operations.recover.recover_change import recover
         from dvtcli.operations.results import Changed, ChangedNodes
@@ -240,11 +240,11 @@ class Bus(FrameCalls):
         return self._calls.run(work, changes=True, yes=yes, force=force)
 
     def finish_stores(self, *, yes: bool = False) -> tuple[int, ...]:
-        """Go on with an `apply` that ended while its nodes stored, as `recover --finish`; who stored, by node-ID.
+        """Complete an `apply` interrupted during stores, as `recover --finish`; returns the stored node-IDs.
 
-        Needs *yes*, or asks. Every node is verified once more before that; SafetyRefusal, and nothing is stored, where
-        one holds something else by now. None where no change was interrupted; UsageError where not all nodes had been
-        verified. LeftChanged where a node did not store.
+        Needs *yes*, or asks. Every node is verified again before; raises SafetyRefusal, without a store, if a value
+        differs. Empty if no change was interrupted; raises UsageError if not all nodes had been verified, LeftChanged
+        if a node did not store.
         """
         from dvtcli.operations.recover.recover_change import recover
         from dvtcli.operations.results import Facts
@@ -257,10 +257,10 @@ class Bus(FrameCalls):
         return self._calls.run(work, changes=True, yes=yes)
 
     def script(self, *, history: bool = False) -> str:
-        """What this program's changes come to, as the text of a script that `dvtcli run` takes.
+        """Return this program's net changes as a script for `dvtcli run`.
 
-        With *history* it is every step as it was taken, stores and NMT commands included. Lines that require a node's
-        identity stand before those about it. UsageError where nothing was changed.
+        *history*: every step, including stores and NMT commands. Lines that require a node's identity come before those
+        about the node. Raises UsageError if there are no changes.
         """
         from dvtcli.operations.session.save_script import ENDS, STEPS, script_text
 
@@ -269,10 +269,10 @@ class Bus(FrameCalls):
 
     @contextmanager
     def dry_run(self) -> Iterator[Bus]:
-        """A block in which everything is done to exact twins of the nodes: nothing is written to the bus.
+        """Run a block on exact twins of the nodes: nothing is written to the bus.
 
-        The twins answer as the devices would, and forget everything at the block's end. Calls of other threads raise
-        UsageError meanwhile: what they ask for may be meant for the devices.
+        The twins answer like the devices and are dropped at the block's end. Calls of other threads raise UsageError
+        meanwhile: they may be meant for the devices.
         """
         calls, twins = self._calls, self._session.under(dry_run=True)
         begun = False
@@ -291,7 +291,7 @@ class Bus(FrameCalls):
                     calls.rehearsing = None
 
     def close(self) -> None:
-        """Leave the bus, and let others write to its nodes; waits for a call that is at work. May be called twice."""
+        """Close the bus and release its nodes for other writers; waits for a running call. May be called twice."""
         network, self._canopen = self._canopen, None
         try:
             if network is not None:
@@ -301,7 +301,7 @@ class Bus(FrameCalls):
 
 
 def _choose(chosen: dict[int, Any], node_id: int, what: Any, *, met: bool) -> None:
-    """Let *what* be that of *node_id*; UsageError where that is another one already, chosen or *met*."""
+    """Choose *what* for *node_id*; raises UsageError if another was chosen, or the node was *met* with another."""
     before = chosen.get(node_id)
     if met and before != what:
         raise UsageError(f"node {node_id} was used already: give eds and profile where it is first asked for")

@@ -23,9 +23,9 @@ class Lss:
         self._calls = calls
 
     def scan(self, wait_s: float = 0.05) -> LssFound:
-        """Find every node without a node-ID by fast scan; each question waits *wait_s* seconds (0.005…2).
+        """Find every node without node-ID by fast scan; *wait_s* (0.005…2) is the time-out of a request in s.
 
-        True where there are some; `nodes` are those. NoAnswer where the answers do not fit together.
+        True if there are any, in `nodes`. Raises NoAnswer for contradicting answers.
         """
         from dvtcli.operations.lss.lss_find import lss_scan
 
@@ -33,9 +33,9 @@ class Lss:
         return self._calls.run(lambda: lss_scan(self._calls.session, wait_s))
 
     def identify(self, address: LssAddress | tuple[Any, Any, Any, Any] | None = None) -> LssFound:
-        """Whether a node with *address* is there; None: how many without a node-ID say so (`answered`).
+        """Ask for a node with *address*; None: count nodes without node-ID that answer (`answered`).
 
-        Its revision and serial number may be pairs, lowest and highest: then `within` says whether one such is there.
+        Revision and serial number may be pairs, lowest and highest: `within` then says whether such a node exists.
         """
         from dvtcli.operations.lss.lss_find import lss_identify
 
@@ -43,9 +43,9 @@ class Lss:
         return self._calls.run(lambda: lss_identify(self._calls.session, wanted))
 
     def select(self, who: LssAddress | tuple[int, int, int, int] | int) -> LssFound:
-        """Let the node with that address, or with that node-ID (1…127), be configured alone: `node_id` is about it.
+        """Select the single node with this address or node-ID (1…127) for configuration: `node_id` uses it.
 
-        NoAnswer where nobody has it, DeviceRefused where several have.
+        Raises NoAnswer if no node has it, DeviceRefused if several have.
         """
         from dvtcli.operations.lss.lss_find import lss_select
 
@@ -55,10 +55,10 @@ class Lss:
     def node_id(
         self, node_id: int, address: LssAddress | tuple[int, int, int, int] | None = None, *, yes: bool = False
     ) -> LssChanged:
-        """Give *node_id* (1…127) to the node with *address*, None: to the one that was selected.
+        """Set *node_id* (1…127) on the node with *address*, None: on the selected node.
 
-        Asks first, unless *yes*. Done once the node says by SDO, on its new node-ID, that it is the one. SafetyRefusal
-        where the node-ID is in use; LeftChanged where it did not come up and could not get the old one back.
+        Asks first, unless *yes*. Succeeds once the node is identified by SDO at its new node-ID. Raises SafetyRefusal
+        if the node-ID is in use; LeftChanged if the node did not come up and its old node-ID could not be restored.
         """
         from dvtcli.operations.lss.lss_node_id import lss_node_id
 
@@ -67,9 +67,9 @@ class Lss:
         return self._calls.run(lambda: lss_node_id(self._calls.session, node_id, wanted), yes=yes)
 
     def store(self, node_id: int, *, prove: bool = False, yes: bool = False) -> LssChanged:
-        """Let the node with *node_id* keep that without power; with *prove* reset it then, and look again.
+        """Store the node-ID of the node *node_id*; *prove* then resets and checks it.
 
-        Asks first, unless *yes*. DeviceRefused with its reason, LeftChanged where it comes back without its node-ID.
+        Asks first, unless *yes*. Raises DeviceRefused with its reason, LeftChanged if it returns without its node-ID.
         """
         from dvtcli.operations.lss.lss_store import lss_store
 
@@ -78,10 +78,10 @@ class Lss:
         return self._calls.run(lambda: lss_store(self._calls.session, node_id, prove=prove), yes=yes)
 
     def assign(self, file: str | Path, *, store: bool = False, prove: bool = False, yes: bool = False) -> LssChanged:
-        """Give the nodes of the network *file* the node-IDs that it says, each found by its identity there.
+        """Set the node-IDs of the network *file* on its nodes, found by their identity.
 
-        Asks first, unless *yes*; with *store* they store them, once all came up, and with *prove* each is reset then.
-        `missing` are those that were not found. Where one does not come up all get back what they had.
+        Asks first, unless *yes*; *store* stores them, once all came up, and *prove* then resets each. `missing` are
+        nodes not found. If a node does not come up, all are rolled back.
         """
         from dvtcli.operations.lss.lss_assign import lss_assign
 
@@ -93,12 +93,12 @@ class Lss:
         self, bit_rate: int, file: str | Path | None = None, *, store: bool = False, prove: bool = False,
         yes: bool = False,
     ) -> LssBitRate:  # fmt: skip
-        """Let the bus and every node on it run at *bit_rate* (bit/s, one of the standard's).
+        """Change the bus and all its nodes to *bit_rate* (bit/s, a standard value).
 
-        With *file* just the nodes of that network may be there. Asks first, unless *yes*; with *store* each stores it,
-        once all are back, and with *prove* all are reset then, and seen at it. SafetyRefusal where anybody else is
-        heard, there is no way back, or a drive that may move would be reset; where one does not come back all go back;
-        LeftChanged where that fails, too.
+        *file*: only the nodes of this network may be present. Asks first, unless *yes*; *store* stores it on each node,
+        once all are back, and *prove* then resets all and checks them. Raises SafetyRefusal if another node is heard,
+        if the bus could not return to its bit rate, or if a drive that may move would be reset. If a node does not come
+        back, all are rolled back; raises LeftChanged if this fails.
         """
         from dvtcli.operations.lss.lss_bit_rate import lss_bit_rate
 
@@ -121,7 +121,7 @@ def _address_or_ranges(told: Any) -> LssAddress | LssRanges:
 
 
 def _range(told: Any) -> tuple[int, int]:
-    """The lowest and the highest number, both the same where one is told."""
+    """Return the lowest and the highest number, equal for a single number."""
     ends = told if isinstance(told, tuple) else (told, told)
     if len(ends) != 2:
         raise wrong("address", told, "a number, or the lowest and the highest")

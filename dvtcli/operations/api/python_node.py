@@ -1,4 +1,4 @@
-"""One node for a program: what its commands do, as methods. Knows no words of a command line and prints nothing."""
+"""A node for a program: its commands as methods. Prints nothing."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 
 class Node(ConfiguredNode):
-    """A node on a `Bus`, as `Bus.node` hands it out; it is asked who it is when it is first used.
+    """A node on a `Bus`, as returned by `Bus.node`; identified at first use.
 
-    Every method raises the errors of `dvtcli.errors`: NoAnswer where the node is silent, SdoAborted where it refuses,
-    BusUnavailable where the bus fails. Those that write check first (RuleError), put back what cannot be finished
-    (DeviceRefused, LeftChanged) and take *yes* and *force*: *yes* answers the questions that a command would ask, such
-    as whether a node may leave OPERATIONAL; without it a question is SafetyRefusal. *force* sends what dvtcli's own
-    rules refuse.
+    Every method raises the errors of `dvtcli.errors`: NoAnswer if the node is silent, SdoAborted if it refuses,
+    BusUnavailable if the bus fails. Writing methods check first (RuleError), roll back if they cannot complete
+    (DeviceRefused, LeftChanged) and take *yes* and *force*: *yes* answers the questions of a command, such as whether a
+    node may leave OPERATIONAL; without it a question raises SafetyRefusal. *force* sends what dvtcli's own rules
+    refuse.
     """
 
     def store(
@@ -50,13 +50,13 @@ class Node(ConfiguredNode):
         yes: bool = False,
         force: bool = False,
     ) -> Stored:
-        """Store what the node holds (0x1010); true where it took that, and where *prove* shows what it should.
+        """Store the node's parameters (0x1010); true if acknowledged, and proved if *prove* was asked for.
 
-        A dry run proves nothing: with *prove* its answer is not true, and its `proof` None.
+        A dry run proves nothing: with *prove* its result is not true, and its `proof` None.
 
-        *prove* resets the node and compares what it comes up with (consent where a drive says operation enabled);
-        `"power"` waits up to *within_s* seconds until it was switched off and on. *if_changed* spares the EEPROM:
-        nothing is sent where the node holds what it came up with.
+        *prove* resets the node and compares its values (consent if a drive is operation enabled); `"power"` waits up to
+        *within_s* seconds until it was switched off and on. *if_changed* spares the EEPROM: sends nothing if the node
+        still holds what it booted with.
         """
         from dvtcli.operations.stores.store_restore import store_settings
 
@@ -75,7 +75,7 @@ class Node(ConfiguredNode):
         )
 
     def restore(self, group: Group = "all", *, prove: bool = False, yes: bool = False, force: bool = False) -> Stored:
-        """Bring the node's defaults back with its next reset (0x1011), which *prove* does at once; needs *yes*."""
+        """Restore the node's defaults (0x1011) with its next reset, which *prove* does at once; needs *yes*."""
         from dvtcli.operations.stores.store_restore import restore_defaults
 
         flags(prove=prove)
@@ -93,11 +93,11 @@ class Node(ConfiguredNode):
         yes: bool = False,
         force: bool = False,
     ) -> ProgramLoaded:
-        """Load a program file (.bin, .hex) as *program* (1..254), start it and see it run: as the command `download`.
+        """Load a program file (.bin, .hex) as *program* (1..254), start it and verify it, like `download`.
 
-        *expect* is what its software identification (0x1F56) has to be, "crc32" for the CRC-32 of what is sent, None
-        for what the node's profile says, if anything; needs *yes*. LeftChanged says what the device holds where it
-        failed once the old program was cleared.
+        *expect* is the required software identification (0x1F56), "crc32" for the CRC-32 of the data, None for the
+        profile's, if any; needs *yes*. LeftChanged has the device's state if it failed after the old program was
+        cleared.
         """
         from dvtcli.operations.nodes.load_program import load_program
 
@@ -111,9 +111,9 @@ class Node(ConfiguredNode):
     def nmt(
         self, command: Literal["start", "stop", "preop", "reset-node", "reset-comm"], *, yes: bool = False
     ) -> Commanded:
-        """Send an NMT command and see that it worked; true where the node is seen in the state it was told to take.
+        """Send an NMT command and verify it; true if the node is in the commanded state.
 
-        The reset of a drive that says operation enabled needs *yes*.
+        The reset of a drive in operation enabled needs *yes*.
         """
         from dvtcli.operations.nodes.command_nmt import command_nmt
 
@@ -122,10 +122,10 @@ class Node(ConfiguredNode):
         return self._calls.run(lambda: command_nmt(session, specifier, self._node_id), yes=yes)
 
     def login(self, passcode: int = 0, level: int | None = None, *, user: int | None = None) -> LoggedIn:
-        """Log in at *level* (0…255; None: the one that PDO work needs; 0 logs out) with *passcode* (0…0xFFFF).
+        """Log in at *level* (0…255; None: the level for PDO work; 0 logs out) with *passcode* (0…0xFFFF).
 
-        *user* is the user ID (1…65535), None for the family's. The passcode is kept nowhere, nor repeated in an error.
-        DvtcliError where the device knows no login, DeviceRefused where it does not take the passcode.
+        *user* is the user ID (1…65535), None for the family's. The passcode is not stored, nor repeated in an error.
+        Raises DvtcliError if the device has no login, DeviceRefused if it rejects the passcode.
         """
         from dvtcli.operations.nodes.log_in import log_in
 
@@ -139,19 +139,20 @@ class Node(ConfiguredNode):
         return self._calls.run(lambda: log_in(session, lambda *_: passcode, level, user, self._node_id))
 
     def clear_faults(self) -> Faults:
-        """Empty the node's error history (0x1003) and read back that it is empty; the rows are what it held.
+        """Clear the node's error history (0x1003) and verify; the rows are its old entries.
 
-        What is wrong stays wrong. DeviceRefused where the node has no history, DvtcliError where it is not empty then.
+        Errors themselves stay. Raises DeviceRefused if the node has no history, DvtcliError if it is not empty
+        afterwards.
         """
         from dvtcli.operations.nodes.show_faults import clear_faults
 
         return self._change(lambda node: clear_faults(self._calls.session, node.node_id), yes=False, force=False)
 
     def recover(self, *, yes: bool = False, force: bool = False) -> Changed | None:
-        """Finish a change of the node that was interrupted, by putting the old configuration back; needs *yes*.
+        """Roll back an interrupted change of the node; needs *yes*.
 
-        Other nodes that an atomic script changed with it are put back, too. None where no change was interrupted;
-        false, with `not_put_back`, where the node does not take back what it held.
+        Other nodes of the same atomic script are rolled back, too. None if no change was interrupted; false, with
+        `not_put_back`, if the node does not take its old values.
         """
         from dvtcli.operations.recover.recover_change import recover
         from dvtcli.operations.results import Changed, ChangedNodes
@@ -175,12 +176,12 @@ class Node(ConfiguredNode):
         yes: bool = False,
         force: bool = False,
     ) -> LearntDevice | LearnForecast:
-        """Find out what the node's PDOs take, and put everything back; needs *yes*, and starts no node.
+        """Learn what the node's PDOs accept, and roll back; needs *yes*, and starts no node.
 
-        *save* writes a profile and a simulated family into the folder of that name. *compare* is a profile's name, or
-        such a folder: the answer is false where the device differs from it. *isolated* says that nothing else is on the
-        bus, so that restricted CAN-IDs are asked for, too; *with_store* lets the node save, with two writes to 0x1010
-        at most. In a dry run the answer is what would be asked. UsageError for a name or a profile that cannot be.
+        *save* writes a profile and a simulated family to the folder of this name. *compare* is a profile's name or such
+        a folder: the result is false if the device differs. *isolated* asserts that nothing else is on the bus, so that
+        restricted CAN-IDs are tested, too; *with_store* allows the node to store, with at most two writes to 0x1010. A
+        dry run returns what would be tested. Raises UsageError for an invalid name or profile.
         """
         from dvtcli.operations.known_devices.learn_device import learn
 

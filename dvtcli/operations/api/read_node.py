@@ -1,4 +1,4 @@
-"""What a program can ask of one node: as its commands, as methods. Changes nothing on it, and prints nothing."""
+"""Read a node by methods like the commands. Changes nothing on it, and prints nothing."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 
 class ReadNode:
-    """A node that is asked; `Node` has what changes it, too."""
+    """A node to read; `Node` adds changes."""
 
     def __init__(self, calls: Calls, node_id: int, canopen: Callable[[int], RemoteNode]) -> None:
         self._calls = calls
@@ -51,19 +51,19 @@ class ReadNode:
         return f"<dvtcli node {self._node_id}>"
 
     def identity(self) -> NodeRow:
-        """What the node says of itself: device type, identity (0x1018), name, NMT state."""
+        """Identify the node: device type, identity (0x1018), name, NMT state."""
         from dvtcli.operations.nodes.find_nodes import identify
 
         return self._read(lambda node: identify(self._calls.session, node.node_id)).rows[0]
 
     def pdos(self) -> PdoListing:
-        """Every PDO as the node holds it now: a list of rows, of which `["tpdo1"]` is one, too."""
+        """Read every PDO: a list of rows, also by name as in `["tpdo1"]`."""
         from dvtcli.operations.pdos.list_pdos import list_pdos
 
         return self._read(lambda node: list_pdos(self._calls.session, node.node_id, show_all=True))
 
     def pdo(self, pdo: str | Pdo) -> PdoRow:
-        """One PDO as the node holds it now; UsageError where it has none of that name (`tpdo1`)."""
+        """Read a PDO; raises UsageError if the node has none of this name (`tpdo1`)."""
         from dvtcli.operations.pdos.list_pdos import show_pdo
 
         wanted = pdo_of(pdo)
@@ -80,27 +80,27 @@ class ReadNode:
         return self._read(read)
 
     def record(self, object_: Object, as_type: str | None = None) -> RecordRead:
-        """Read a record or an array (`1018`) with all its sub-indices, each as *as_type* or as the EDS says.
+        """Read a record or an array (`1018`) with all sub-indices, as *as_type* or the types in the EDS.
 
-        An entry that the node refuses is among them, with its abort code. UsageError where it is a single value.
+        A refused entry is included, with its abort code. Raises UsageError for a single value.
         """
         from dvtcli.operations.objects.read_record import record_at
 
         return self._read(lambda node: record_at(node, object_of(node, object_)[0], type_named(as_type)))
 
     def faults(self) -> Faults:
-        """The node's errors in words: its error register, its history, the EMCY messages heard so far; a list of rows.
+        """Read the node's errors in words: error register, history, received EMCY messages; a list of rows.
 
-        Of a family's own list each position is chosen by a write, and what was chosen before is put back.
+        The positions of a family's own list are selected by writes, and the old selection is restored.
         """
         from dvtcli.operations.nodes.show_faults import show_faults
 
         return self._read(lambda node: show_faults(self._calls.session, node.node_id))
 
     def objects(self, text: str | None = None, *, mappable: Literal["tpdo", "rpdo"] | None = None) -> ObjectListing:
-        """The objects of the node's EDS whose number or name contains *text*, None for all; a list of rows.
+        """List objects of the node's EDS with *text* in number or name, None for all; a list of rows.
 
-        *mappable* leaves those that such a PDO can take. UsageError where the node has no EDS here.
+        *mappable* keeps objects for such a PDO. Raises UsageError if the node has no EDS.
         """
         from dvtcli.operations.objects.search_objects import search_objects
 
@@ -111,9 +111,9 @@ class ReadNode:
         return self._read(lambda node: search_objects(self._calls.session, text, mappable, node.node_id))
 
     def vpdo(self, group: str | None = None) -> VpdoListing:
-        """What each pin of *group* is tied to inside the node (`digital-in`, `motor`, …), None for all groups.
+        """List the objects tied to pins of *group* inside the node (`digital-in`, `motor`, …), None for all groups.
 
-        UsageError where the node has no such group, DvtcliError where it has no virtual PDOs.
+        Raises UsageError for an unknown group, DvtcliError if the node has no virtual PDOs.
         """
         from dvtcli.operations.pdos.virtual_pdo_ties import list_ties
 
@@ -129,7 +129,7 @@ class ReadNode:
         revision: int | None = None,
         serial: int | None = None,
     ) -> None:
-        """Raise SafetyRefusal unless the identity (0x1018) that is read of the node is the one given; each 32 bits."""
+        """Raises SafetyRefusal unless the node's identity (0x1018) equals the given numbers; each 32 bits."""
         from dvtcli.operations.nodes.required_identity import require_identity
 
         given = {"vendor": vendor_id, "product": product_code, "revision": revision, "serial": serial}
@@ -145,9 +145,9 @@ class ReadNode:
         self._read(lambda node: require_identity(session, wanted, node.node_id, "this program"))
 
     def script(self) -> str:
-        """Everything that the node's PDOs hold, as the text of a script that `dvtcli run` takes: a backup.
+        """Return all PDOs of the node as a script for `dvtcli run`: a backup.
 
-        `Bus.script` has what this program changed.
+        `Bus.script` has this program's changes.
         """
         from dvtcli.operations.session.save_script import script_of
 
@@ -156,10 +156,10 @@ class ReadNode:
     def verify(
         self, *pdos: str | Pdo, file: str | Path | None = None, frame: bool = False, yes: bool = False
     ) -> Compared:
-        """Read PDOs back and compare with what this program set, or with *file* (DCF or EDS); true where all is equal.
+        """Read PDOs and compare them with this program's changes, or with *file* (DCF or EDS); true if equal.
 
-        With *frame* the node is started for a moment (which needs *yes*) and a frame of each enabled TPDO looked at.
-        UsageError where there is nothing to compare.
+        *frame* starts the node for a moment (needs *yes*) and checks a frame of each enabled TPDO. Raises UsageError if
+        there is nothing to compare.
         """
         from dvtcli.operations.whole_device.compare_pdos import compare_node
 
@@ -168,10 +168,10 @@ class ReadNode:
         return self._read(lambda node: compare_node(self._calls.session, node, wanted, against, frame=frame), yes=yes)
 
     def backup(self, file: str | Path, *, twice: bool = False, yes: bool = False) -> tuple[str, ...]:
-        """Read every object of the node and keep what it holds in *file*, a `.dcf` or, also without an EDS, a `.jsonl`.
+        """Save every object of the node to *file*, a `.dcf` or, even without an EDS, a `.jsonl`.
 
-        The answer names what could not be read. *twice* as for `export`. Writing over a file needs *yes*. UsageError
-        for another suffix.
+        Returns unreadable objects. *twice* as for `export`. Overwriting needs *yes*. Raises UsageError for another
+        suffix.
         """
         from dvtcli.operations.whole_device.backup_device import backup_device
 
@@ -188,19 +188,19 @@ class ReadNode:
         return self._read(lambda node: compare_device(self._calls.session, name, node_id=node.node_id))
 
     def canopen(self) -> RemoteNode:
-        """canopen's RemoteNode of this node, on the same bus and with the same EDS; the same one every time.
+        """Return canopen's RemoteNode of this node, on the same bus and with the same EDS; always the same object.
 
-        Its SDO waits for calls of this API, and they for it. What it writes is neither checked nor put back, so look at
-        it with `pdos` or `verify`. It hears frames until the bus is closed.
+        Its SDO and calls of this API wait for each other. Its writes are neither checked nor rolled back, so check them
+        with `pdos` or `verify`. It receives frames until the bus is closed.
         """
         return self._canopen(self._node_id)
 
     def export(self, file: str | Path, *, twice: bool = False, yes: bool = False) -> tuple[str, ...]:
-        """Write the node, as it is now, to *file*: its PDOs (.yaml), or its EDS with all configuration (.dcf).
+        """Export the node to *file*: its PDOs (.yaml), or its EDS with all configuration (.dcf).
 
-        The answer names what is not in the file, since it could not be read or is no whole PDO. *twice* reads each
-        object of a DCF two times, and leaves out what changed meanwhile. Writing over a file needs *yes*. UsageError
-        for another suffix, or where the file cannot be written.
+        Returns what the file lacks, unreadable or an incomplete PDO. *twice* reads each object of a DCF twice and
+        leaves out changed values. Overwriting needs *yes*. Raises UsageError for another suffix, or if the file cannot
+        be written.
         """
         from dvtcli.operations.exports.export_file import export_file, is_of_all_nodes
 

@@ -18,9 +18,9 @@ def report(
 ) -> tuple[str, ...]:
     """Draw the network *file* to *target*: a page (.html), or its wiring alone (.svg, .dot); needs no bus.
 
-    *title* stands at its top (None: the file's name); *bit_rate* (bit/s) is the bus's. The answer is what there is to
-    say of it. Writing over a file needs *yes*. InputFileError with all that is wrong in *file*; UsageError for another
-    suffix, or where *target* cannot be written.
+    *title* is its heading (None: the file's name); *bit_rate* (bit/s) is the bus's. Returns remarks. Overwriting needs
+    *yes*. Raises InputFileError with all errors of *file*; UsageError for another suffix, or if *target* cannot be
+    written.
     """
     from dvtcli.operations.picture.draw_network import draw_network
     from dvtcli.operations.session.session import Session

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class JoinOptions(TypedDict, total=False):
-    """What `ServedBus.connect` hands on to `dvtcli.connect`."""
+    """Options of `ServedBus.connect` for `dvtcli.connect`."""
 
     timeout_s: float
     journal: str | Path | None
@@ -40,7 +40,7 @@ class ServedBus:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What python-can takes to join: `can.Bus(**bus.settings)`."""
+        """Return python-can's arguments to join: `can.Bus(**bus.settings)`."""
         return {"interface": "socketcand", "channel": "can0", "host": self.host, "port": self.port}
 
     @property
@@ -51,7 +51,7 @@ class ServedBus:
         )  # fmt: skip
 
     def connect(self, **options: Unpack[JoinOptions]) -> Bus:
-        """Join it, as `dvtcli.connect` does, with *options* of that."""
+        """Join it by `dvtcli.connect` with *options*."""
         return connect(**self.settings, **options)
 
 
@@ -59,10 +59,10 @@ class ServedBus:
 def serve(
     *nodes: str, faults: Sequence[str] = (), signals: Sequence[str] = (), state: str | Path | None = None
 ) -> Iterator[ServedBus]:
-    """While the block runs simulated *nodes* (`gen4`, `tmcm@5`, `my.eds@9`) are served on a free port of loopback.
+    """Serve simulated *nodes* (`gen4`, `tmcm@5`, `my.eds@9`) on a free loopback port during a block.
 
-    *faults* and *signals* are words as `--fault` and `--signal` take them; *state* is the folder that keeps what nodes
-    store. UsageError for wrong words, BusUnavailable where no port is to be had.
+    *faults* and *signals* are words as of `--fault` and `--signal`; *state* is the folder of stored values. Raises
+    UsageError for invalid words, BusUnavailable if no port is free.
     """
     options = Options(fault=words("faults", faults), signal=words("signals", signals))
     wanted = ServeRequest(simulated_words(nodes), (LOOPBACK, 0), state=None if state is None else path("state", state))

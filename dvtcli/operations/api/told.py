@@ -1,4 +1,4 @@
-"""What the Python API tells while it works, and whom it asks: call-backs and the log `dvtcli`; nothing is printed."""
+"""The messages and questions of the Python API: call-backs and the log `dvtcli`; nothing is printed."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ LOG.addHandler(logging.NullHandler())
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What a command would have said beside its result: a `note`, or a `warning` that nobody should miss."""
+    """A message of a command beside its result: a `note`, or a `warning`."""
 
     kind: Literal["note", "warning"]
     text: str
 
 
 class Told:
-    """The Teller of a program: *on_message* and the log hear what a command would say; *ask_user* answers questions."""
+    """The reporter of a program: *on_message* and the log get messages; *ask_user* gets questions."""
 
     def __init__(
         self, on_message: Callable[[Message], None] | None = None, ask_user: Callable[[str], bool] | None = None
@@ -41,15 +41,15 @@ class Told:
         self._say("note", text, logging.INFO)
 
     def warning(self, text: Hint | str) -> None:
-        """Something that nobody should miss."""
+        """Report a warning."""
         self._say("warning", text, logging.WARNING)
 
     def bus(self, event: BusEvent) -> None:
-        """A bus that is gone, or back."""
+        """Report a lost or returned bus."""
         self.warning(event.text)
 
     def instruct(self, text: str) -> None:
-        """What has to be done by hand now, such as switching a node off and on."""
+        """Report what to do by hand now, such as switching a node off and on."""
         self._say("warning", text, logging.WARNING)
 
     def _say(self, kind: Literal["note", "warning"], text: Hint | str, level: int) -> None:
@@ -62,12 +62,12 @@ class Told:
             self._on_message(message)
 
     def ask(self, question: str) -> bool | None:
-        """Whether the answer is yes; None where nobody is there to ask."""
+        """Ask; None if nobody can answer."""
         ask = self._ask_user
         return None if ask is None else in_callers_thread(lambda: bool(ask(question)))
 
     def progress(self, text: str, done: int, total: int) -> None:
-        """Nothing: a program that wants it has *on_progress*."""
+        """Ignore it: a program has *on_progress*."""
 
     def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
         """Nothing: no call asks for traffic."""
