@@ -1,7 +1,7 @@
-"""What commands answer: values that `view` turns into text, and that say their own JSON document.
+"""The results of commands, which have their own JSON documents; `view` turns them into text.
 
-Field names of documents are stable (docs/reference/json.md). A name's module is imported when the name is
-first used: a command needs two or three of them.
+Field names of documents are stable (docs/reference/json.md). Modules are imported at first use of a name: a command
+needs two or three.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A bus that went or came back, as an answer of whoever listens to it. Knows no terminal and no session."""
+"""A lost or returned bus as a result."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ GatewayHappening = Literal["connected", "left", "written", "nmt", "note", "warni
 
 @dataclass(frozen=True, slots=True)
 class GatewayEvent(Short):
-    """What happened at *time_s* (s since 1970), in words as *text*; *client* is whose doing it was, None for nobody's.
+    """An event at *time_s* (s since 1970), in words as *text*; *client* caused it, None for nobody.
 
-    Of a write *node*, *object* and *data* (hexadecimal) say what; *data* is None where it is a passcode.
+    A write has *node*, *object* and *data* (hexadecimal); *data* is None for a passcode.
     """
 
     event: GatewayHappening
@@ -55,7 +55,7 @@ class BusEvent(Answer):
 
     @property
     def text(self) -> str:
-        """The event on one line, with the time of day."""
+        """The event in a line, with the time of day."""
         if self.after_s is None:
             said = f"is gone ({self.why}): waiting for it"
         else:

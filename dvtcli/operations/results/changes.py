@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Changed(Answer):
-    """A plan that was carried out and read back."""
+    """A plan that was carried out and verified."""
 
     renderer: ClassVar = "change_lines:change_lines"
     remarked: ClassVar = True
@@ -52,29 +52,29 @@ class Changed(Answer):
     remembered: bool = True
 
     def __bool__(self) -> bool:
-        """Whether everything is as it was asked for: false where something was not put back as it was."""
+        """Tell whether all is as requested: false if an old value was not restored."""
         return self.exit_code == 0
 
     @property
     def exit_code(self) -> int:
-        """1 where something was not put back as it was."""
+        """1 if an old value was not restored."""
         return 1 if self.not_put_back else 0
 
     @property
     def failure(self) -> DvtcliError | None:
-        """What is to be said where the exit code is 1."""
+        """The error for exit code 1."""
         from dvtcli.operations.results.failures import not_as_before
 
         return not_as_before(self.node, self.not_put_back, dry_run=self.dry_run) if self.not_put_back else None
 
     @property
     def altered(self) -> bool:
-        """Whether anything is other than it was."""
+        """Tell whether any value changed."""
         return any(map(alters, self.plan.changes))
 
     @property
     def unknown_before(self) -> bool:
-        """Whether nobody knows what was there: write-only objects alone were written."""
+        """Tell whether all old values are unknown: only write-only objects were written."""
         return all(isinstance(change, ValueChange) and change.step.before is None for change in self.plan.changes)
 
     def _shown(self) -> Iterable[object]:
@@ -114,7 +114,7 @@ class Changed(Answer):
 
 
 def _left(not_put_back: tuple[Finding, ...], *, dry_run: bool) -> Document:
-    """What a document says besides where something is not as it was, with the state as an error has it."""
+    """Return the additional fields if an old value was not restored, with the state as in an error."""
     if not not_put_back:
         return {}
     state = "unchanged" if dry_run else "left_changed"
@@ -123,7 +123,7 @@ def _left(not_put_back: tuple[Finding, ...], *, dry_run: bool) -> Document:
 
 @dataclass(frozen=True, slots=True)
 class ChangedNodes(Answer):
-    """The same on several nodes; its document has the fields of one node's, with what all of them have in common."""
+    """A change of several nodes; its document has common fields, and each node's."""
 
     renderer: ClassVar = "change_lines:changed_nodes_lines"
     remarked: ClassVar = True
@@ -131,17 +131,17 @@ class ChangedNodes(Answer):
     nodes: tuple[Changed, ...]
 
     def __bool__(self) -> bool:
-        """Whether everything is as it was asked for, on every node."""
+        """Tell whether all is as requested on every node."""
         return self.exit_code == 0
 
     @property
     def exit_code(self) -> int:
-        """1 where something of a node was not put back as it was."""
+        """1 if an old value of a node was not restored."""
         return max(node.exit_code for node in self.nodes)
 
     @property
     def not_put_back(self) -> tuple[Finding, ...]:
-        """What was not put back as it was, of every node."""
+        """The old values not restored, of every node."""
         return tuple(
             replace(finding, text=f"node {node.node}: {finding.text}")
             for node in self.nodes
@@ -150,7 +150,7 @@ class ChangedNodes(Answer):
 
     @property
     def failure(self) -> DvtcliError | None:
-        """What is to be said where the exit code is 1."""
+        """The error for exit code 1."""
         from dvtcli.operations.results.failures import not_as_before
 
         left = self.not_put_back
@@ -158,11 +158,11 @@ class ChangedNodes(Answer):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What the rules said, of every node."""
+        """The findings of the rules, of every node."""
         return tuple(finding for node in self.nodes for finding in node.findings)
 
     def document(self) -> Document:
-        """`dvtcli.change/1` without a node of its own, and with each node's document in `nodes`."""
+        """`dvtcli.change/1` without a node, and with each node's document in `nodes`."""
         documents = [node.document() for node in self.nodes]
         return {
             "schema": "dvtcli.change/1",

@@ -1,4 +1,4 @@
-"""What `eds check` answers. Knows no terminal and no file format."""
+"""The result of `eds check`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SEVERITIES = ("error", "warning", "note")
 
 @dataclass(frozen=True, slots=True)
 class FileRule(Short):
-    """A rule that was asked: its *name* and *severity*, what it says (*sense*), and who says so (*source*)."""
+    """An applied rule: *name*, *severity*, meaning (*sense*), *source*."""
 
     name: str
     severity: str
@@ -27,9 +27,9 @@ class FileRule(Short):
 
 @dataclass(frozen=True, slots=True)
 class FileFinding(Short):
-    """Something that *rule* found in a file, with its line (1 and up) and its first and last *column*, 0 for none.
+    """A finding of *rule*: its line (1 and up), first and last *column*, 0 for none.
 
-    *object* as it is printed (`6C01:01`), empty for the file as a whole.
+    *object* is printed as `6C01:01`, empty for the file as a whole.
     """
 
     line: int
@@ -41,7 +41,7 @@ class FileFinding(Short):
     end_column: int = 0
 
     def document(self) -> Document:
-        """One of `findings` in `dvtcli.eds/1`."""
+        """An element of `findings` in `dvtcli.eds/1`."""
         return {
             "line": self.line,
             "column": self.column or None,
@@ -54,18 +54,18 @@ class FileFinding(Short):
 
 
 class Judged:
-    """A report whose *findings* make what it is about wrong, or not; with *strict* a warning is as bad as an error."""
+    """A report with *findings*; *strict* treats warnings as errors."""
 
     __slots__ = ()
     findings: Sequence[FileFinding]
     strict: bool
 
     def is_bad(self, finding: FileFinding) -> bool:
-        """Whether *finding* makes it wrong."""
+        """Tell whether *finding* makes it invalid."""
         return finding.severity == "error" or (self.strict and finding.severity == "warning")
 
     def count(self) -> dict[str, int]:
-        """How many findings of each severity."""
+        """Count findings by severity."""
         counted = Counter(finding.severity for finding in self.findings)
         return {severity: counted[severity] for severity in SEVERITIES}
 
@@ -105,12 +105,12 @@ class FileReport(Judged, Answer):
 
     @property
     def exit_code(self) -> int:
-        """4 where a finding is bad enough."""
+        """4 for an error among the findings."""
         return 4 if any(self.is_bad(finding) for finding in self.findings) else 0
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         return ended_with(4, wrong_reports(self.reports)) if self.exit_code else None
 
     def document(self) -> Document:
@@ -118,7 +118,7 @@ class FileReport(Judged, Answer):
         return {"schema": "dvtcli.eds/1", **self.fields()}
 
     def fields(self) -> Document:
-        """What the document says of the file."""
+        """The document's fields about the file."""
         return {
             "file": self.path,
             "sections": self.sections,
@@ -133,7 +133,7 @@ class FileReport(Judged, Answer):
 
 @dataclass(frozen=True, slots=True)
 class FileReports(Answer):
-    """The same of several *files*, each checked by the same rules."""
+    """Reports of several *files*, checked by the same rules."""
 
     renderer: ClassVar = "check_lines:checks_lines"
     formats: ClassVar = FileReport.formats
@@ -143,7 +143,7 @@ class FileReports(Answer):
 
     @property
     def reports(self) -> tuple[FileReport, ...]:
-        """One a file."""
+        """A report per file."""
         return self.files
 
     def __bool__(self) -> bool:
@@ -152,17 +152,17 @@ class FileReports(Answer):
 
     @property
     def exit_code(self) -> int:
-        """4 where a finding in any of them is bad enough."""
+        """4 for an error in any file."""
         return max(file.exit_code for file in self.files)
 
     def count(self) -> dict[str, int]:
-        """How many findings of each severity, in all of them."""
+        """Count findings of all files by severity."""
         counted = [file.count() for file in self.files]
         return {severity: sum(file_counts[severity] for file_counts in counted) for severity in SEVERITIES}
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         return ended_with(4, wrong_reports(self.reports)) if self.exit_code else None
 
     def document(self) -> Document:
@@ -177,44 +177,44 @@ class FileReports(Answer):
 
 
 def wrong_reports(reports: Sequence[Report]) -> str:
-    """Which of *reports* are of something wrong, and by how many findings."""
+    """Name the invalid *reports* and their number of findings."""
     counted = ((report.path, sum(map(report.is_bad, report.findings))) for report in reports)
     return join_some([f"{path} has {plural(count, 'finding')}" for path, count in counted if count])
 
 
 class Report(Protocol):
-    """What rules said of one file or bus, *path*; *made_by* is the command."""
+    """The findings of rules for a file or bus, *path*; *made_by* is the command."""
 
     made_by: ClassVar[str]
 
     @property
     def path(self) -> str:
-        """What was looked at."""
+        """The file or bus."""
         ...
 
     @property
     def rules(self) -> tuple[FileRule, ...]:
-        """The rules that were asked."""
+        """The applied rules."""
         ...
 
     @property
     def findings(self) -> tuple[FileFinding, ...]:
-        """What they found."""
+        """Their findings."""
         ...
 
     def is_bad(self, finding: FileFinding) -> bool:
-        """Whether *finding* makes it invalid."""
+        """Tell whether *finding* makes it invalid."""
         ...
 
     def count(self) -> dict[str, int]:
-        """How many findings of each severity."""
+        """Count findings by severity."""
         ...
 
 
 class Reported(Protocol):
-    """A result that has reports."""
+    """A result with reports."""
 
     @property
     def reports(self) -> Sequence[Report]:
-        """One a file or bus."""
+        """A report per file or bus."""
         ...

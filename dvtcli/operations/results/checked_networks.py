@@ -1,4 +1,4 @@
-"""What `check` answers. Knows no terminal and no file format."""
+"""The result of `check`."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class NetworkFinding(FileFinding):
-    """Something that a rule found in a network, with the *node* and the *pdo* that it is about.
+    """A finding in a network, about *node* and *pdo*.
 
-    *complaint* is its line of the file, None if it has none. *is_aside*: it is no error, and about a PDO that the file
-    does not name.
+    *complaint* is its line of the file, None if it has none. *is_aside*: no error, and about a PDO that the file does
+    not name.
     """
 
     node: int | None = None
@@ -27,7 +27,7 @@ class NetworkFinding(FileFinding):
     is_aside: bool = False
 
     def document(self) -> Document:
-        """One of `findings` in `dvtcli.network-check/1`."""
+        """An element of `findings` in `dvtcli.network-check/1`."""
         return {
             "line": self.line or None,
             "column": self.column or None,
@@ -42,13 +42,12 @@ class NetworkFinding(FileFinding):
 
 @dataclass(frozen=True, slots=True)
 class NetworkReport(Short, Judged):
-    """What the *rules* found in the network of a file, or on a bus where *is_live*; with *bus*, of a file on a bus.
+    """The findings of *rules* for a file, or for a bus if *is_live*; *bus* is the bus that a file was compared with.
 
-    *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,
-    column, times, text. With *strict* a warning is as bad as an error. *unread* is the exit code of a
-    file that could not be read, 0 of one that was. *heard* is how long (s) a bus was listened to, and how many frames
-    others sent meanwhile. *said* findings of a bus are those of a file before it, and stand there. *folded* findings,
-    which are no errors, are about PDOs that the file does not name: they are only counted.
+    *nodes* have name, node-ID and number of PDOs; *notes* are parts of the file without meaning here: line, column,
+    count, text. *strict* treats warnings as errors. *unread* is the exit code of an unreadable file, else 0. *heard* is
+    the time of recording (s) and the number of others' frames. *said* counts findings of a bus that an earlier file
+    has. *folded* counts findings, no errors, about PDOs that the file does not name.
     """
 
     made_by: ClassVar = "check"
@@ -68,17 +67,17 @@ class NetworkReport(Short, Judged):
     folded: int = 0
 
     def is_bad(self, finding: FileFinding) -> bool:
-        """Whether *finding* makes it wrong, which nothing about a PDO does that the file does not name."""
+        """Tell whether *finding* makes it invalid; findings about PDOs outside the file never do."""
         aside = isinstance(finding, NetworkFinding) and finding.is_aside
         return finding.severity == "error" or (self.strict and finding.severity == "warning" and not aside)
 
     @property
     def exit_code(self) -> int:
-        """2 where there is no such file, 4 where a file is wrong, 3 where nodes are."""
+        """2 for a missing file, 4 for an invalid file, 3 for faulty nodes."""
         return self.unread or ((3 if self.is_live else 4) if any(map(self.is_bad, self.findings)) else 0)
 
     def fields(self) -> Document:
-        """One of `files` in `dvtcli.network-check/1`."""
+        """An element of `files` in `dvtcli.network-check/1`."""
         return {
             "file": self.path if self.bus or not self.is_live else None,
             "bus": self.bus or (self.path if self.is_live else None),
@@ -96,7 +95,7 @@ class NetworkReport(Short, Judged):
 
 @dataclass(frozen=True, slots=True)
 class NetworksChecked(Answer):
-    """What `check` found, a report for each file, and for the bus."""
+    """The result of `check`: a report for each file, and for the bus."""
 
     renderer: ClassVar = "network_check_lines:check_lines"
     formats: ClassVar = FileReport.formats
@@ -110,12 +109,12 @@ class NetworksChecked(Answer):
 
     @property
     def exit_code(self) -> int:
-        """4 where a file is wrong, else 3 where nodes on a bus are, else 2 where a file is not there."""
+        """4 for an invalid file, else 3 for faulty nodes on a bus, else 2 for a missing file."""
         return max((report.exit_code for report in self.reports), default=0)
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         code = self.exit_code
         unread = [report.path for report in self.reports if report.unread]
         wrong = wrong_reports(self.reports) or f"{', '.join(unread)} cannot be read"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Compared(Answer):
-    """A read-back against what was wanted: one row a PDO that differs."""
+    """A read-back compared with wanted values: a row per PDO that differs."""
 
     renderer: ClassVar = "comparison_lines:compared_lines"
     formats: ClassVar = CASES
@@ -44,7 +44,7 @@ class Compared(Answer):
     lines: Mapping[str, int] = field(default_factory=dict)
 
     def line_of(self, label: str) -> int:
-        """Where the file says what *label*, a PDO or an object, should be; else where it says the node."""
+        """Return the file's line for *label*, a PDO or an object; else for the node."""
         return self.lines.get(label, 0) or self.lines.get("", 0)
 
     @property
@@ -53,17 +53,17 @@ class Compared(Answer):
         return self.frame_asked and (not self.frames or any(frame is None for _, frame, _ in self.frames))
 
     def __bool__(self) -> bool:
-        """Whether it is as it should be: `assert` in a test says the rest."""
+        """Tell whether all is as wanted; `assert` in a test shows the differences."""
         return self.exit_code == 0
 
     @property
     def exit_code(self) -> int:
-        """3 where something differs, 1 where a frame was asked for and none came."""
+        """3 for a difference, 1 for a missing frame."""
         return 3 if self.differences else 1 if self.frame_missing else 0
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
-        """What a script says where it ends here: the screen above shows what differs, not in which line."""
+        """The error of a script line: the screen has the differences, but not the line."""
         from dvtcli.operations.results.failures import not_as_wanted
 
         differing = list(dict.fromkeys(label for label, _ in self.differences))
@@ -95,13 +95,13 @@ class Compared(Answer):
 
 
 def _what(label: str) -> Document:
-    """What differs: a PDO by its label, or an object."""
+    """Describe a difference: a PDO by its label, or an object."""
     return {"pdo": None, "object": label} if ":" in label else {"pdo": label.lower(), "object": None}
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedNodes(Answer):
-    """The same of several nodes; its document has the fields of one node's, with what all of them have in common."""
+    """Comparisons of several nodes; its document has common fields, and each node's."""
 
     renderer: ClassVar = "comparison_lines:compared_nodes_lines"
     formats: ClassVar = CASES
@@ -112,19 +112,19 @@ class ComparedNodes(Answer):
 
     @property
     def exit_code(self) -> int:
-        """1 where devices lack what the file sets, 3 where a node differs, else 1 where a frame is missing."""
+        """1 if devices lack objects of the file, 3 if a node differs, else 1 for a missing frame."""
         return 1 if self.lacking else max(node.exit_code for node in self.nodes)
 
     @property
     def failure(self) -> RuleError | None:
-        """What is to be said of what devices lack."""
+        """The error for what devices lack."""
         from dvtcli.operations.results.failures import lacking_error
 
         return lacking_error(self.lacking) if self.lacking else None
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
-        """As of one node, with the node-ID before each PDO."""
+        """The error of a script line, with the node-ID before each PDO."""
         from dvtcli.operations.results.failures import not_as_wanted
 
         differing = list(
@@ -133,7 +133,7 @@ class ComparedNodes(Answer):
         return not_as_wanted(None, self.exit_code, differing, self.nodes[0].against) if self.exit_code else None
 
     def document(self) -> Document:
-        """`dvtcli.verify/1` without a node of its own, and with each node's document in `nodes`."""
+        """`dvtcli.verify/1` without a node, and with each node's document in `nodes`."""
         documents = [node.document() for node in self.nodes]
         return {
             "schema": "dvtcli.verify/1",

@@ -1,4 +1,4 @@
-"""What `doctor` found, check by check. Knows no terminal and no session."""
+"""The result of `doctor`, check by check."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Verdict = Literal["ok", "warn", "FAIL"]
 
 @dataclass(frozen=True, slots=True)
 class Check(Short):
-    """One look at the set-up; *hint* is the next step where *verdict* is not ok, *code* a failure's exit code."""
+    """A check of the set-up; *hint* is the next step unless *verdict* is ok, *code* a failure's exit code."""
 
     name: str
     verdict: Verdict
@@ -23,7 +23,7 @@ class Check(Short):
     code: int = 1
 
     def document(self) -> Document:
-        """One check of `dvtcli.doctor/1`."""
+        """A check in `dvtcli.doctor/1`."""
         return {
             "check": self.name,
             "verdict": self.verdict.lower(),
@@ -35,7 +35,7 @@ class Check(Short):
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis(Answer):
-    """Every check, in the order in which one needs the other."""
+    """Every check, prerequisites first."""
 
     renderer: ClassVar = "diagnosis_lines:diagnosis_lines"
 
@@ -43,12 +43,12 @@ class Diagnosis(Answer):
 
     @property
     def exit_code(self) -> int:
-        """0, or that of the first check that failed."""
+        """0, or the exit code of the first failed check."""
         return next((check.code for check in self.checks if check.verdict == "FAIL"), 0)
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         failed = next((check for check in self.checks if check.verdict == "FAIL"), None)
         return None if failed is None else ended_with(failed.code, f"{failed.name}: {failed.text}", hint=failed.hint)
 

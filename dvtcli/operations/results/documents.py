@@ -21,7 +21,7 @@ CASES = {"github": "github_case_lines:github_case_lines", "junit": "junit_case_l
 
 
 class Short:
-    """An answer, or a part of one: short where it is printed or shown by itself, with every field in its `repr`."""
+    """A result, or a part: short if printed, with every field in its `repr`."""
 
     __slots__ = ()
 
@@ -31,7 +31,7 @@ class Short:
             cls._repr_pretty_ = Short._repr_pretty_  # type: ignore[method-assign]
 
     def __str__(self) -> str:
-        """In one line: what is not as it always is."""
+        """Print it in a line, without default values."""
         return brief(self)
 
     def _repr_pretty_(self, page: Any, _cycle: bool) -> None:
@@ -40,7 +40,7 @@ class Short:
 
 
 class Answer(Short):
-    """What an answer says of how it is shown, said in its own class: a `text` of its lines, or a `renderer`."""
+    """A result with its presentation, given by its class: a `text` of lines, or a `renderer`."""
 
     __slots__ = ()
     #: a module of `cli.view` and its function of (answer, width in columns): `pdo_lines:listing_lines`
@@ -54,20 +54,20 @@ class Answer(Short):
 
     @property
     def remark(self) -> str:
-        """What is said beside it besides its findings; empty for nothing."""
+        """The remark besides findings; empty for none."""
         return ""
 
     def __str__(self) -> str:
-        """In short: what is said of it, and its rows a line each; `repr` has every field."""
+        """Print it in short: summary, and a line per row; `repr` has every field."""
         return "\n  ".join([brief(self), *(str(brief(row)) for row in self._shown())])
 
     def _shown(self) -> Iterable[object]:
-        """What stands below the first line of its short text."""
+        """The lines below the first in the short text."""
         return getattr(self, "rows", ())
 
 
 def brief(value: object) -> str:
-    """A dataclass in one line: what is not as it always is, of collections how many; its own text where it has one."""
+    """Print a dataclass in a line: no default values, collections by their length, or its own text."""
     is_short = type(value).__str__ not in (object.__str__, Short.__str__, Answer.__str__)
     if is_short or not is_dataclass(value):
         return str(value)
@@ -91,7 +91,7 @@ R = TypeVar("R")
 
 
 class Rows(Generic[R]):
-    """An answer that is a list of *rows*, which a program goes through, counts, and takes by their place."""
+    """A result that is a list of *rows*: iterable, with length and index."""
 
     __slots__ = ()
     rows: tuple[R, ...]
@@ -120,21 +120,21 @@ class Result(Protocol):
 
     @property
     def remark(self) -> str:
-        """What is said beside it."""
+        """The remark."""
         ...
 
     @property
     def exit_code(self) -> int:
-        """0, or 3 where differences exist."""
+        """0, or 3 for differences."""
         ...
 
     def document(self) -> Document:
-        """The answer as one JSON document."""
+        """The result as a JSON document."""
         ...
 
 
 def hex_bytes(data: bytes | None) -> str | None:
-    """Bytes as documents carry them: `01 02 00 00`, in the order of the wire."""
+    """Print bytes as in documents: `01 02 00 00`, in bus order."""
     return None if data is None else data.hex(" ").upper()
 
 
@@ -166,7 +166,7 @@ def finding_document(finding: Finding) -> Document:
 
 
 def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
-    """Which PDOs and objects devices have not, and why."""
+    """List PDOs and objects that devices lack, with reasons."""
     return [
         {
             "node": lacked.node_id,
@@ -181,7 +181,7 @@ def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
 
 
 def physical_document(value: Value | None, meaning: Scaling) -> Document | None:
-    """What *value* means, beside raw: number and unit, words, names of bits that are set; None where nobody says."""
+    """The scaled *value*, beside raw: number and unit, words, names of set bits; None if unknown."""
     if value is None or isinstance(value, str | bytes | CanopenTime):
         return None
     text = meaning.words(value)

@@ -1,6 +1,6 @@
-"""What answers that end with 1 say beside themselves: the reason, the state of the device, and the next step.
+"""Make errors for results with exit code 1: reason, state of the device, next step.
 
-Knows no screen; whoever shows an answer raises its failure where it was not shown as a document.
+The caller raises a result's failure unless it was shown as a document.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
-    """A store or restore that was acknowledged, and is not so, or may not be."""
+    """Make the error for an acknowledged store or restore that was not proved."""
     said = f"node {node} acknowledged the {word}{_verdict(word, proof)}"
     failed = DvtcliError(said, node=node)
     failed.why, failed.hint, failed.state = proof.unproved, proof.hint, "unknown"
@@ -46,7 +46,7 @@ def _verdict(word: str, proof: Proof) -> str:
 
 
 def _state(word: str, proof: Proof) -> str:
-    """What the node holds, as it was read after the restart."""
+    """Describe the node's values read after the restart."""
     restart = RESTART_NAMES[proof.by]
     put_back = f"; {proof.put_back}" if proof.put_back else ""
     if proof.differences:
@@ -59,7 +59,7 @@ def _state(word: str, proof: Proof) -> str:
 
 
 def lacking_error(lacking: Sequence[Lacked]) -> RuleError:
-    """The error for all of *lacking*, of which there is at least one: what devices have not and a file sets."""
+    """Make the error for *lacking*, at least one: what devices lack of a file."""
     complaints = tuple(lacked.complaint for lacked in lacking if lacked.complaint is not None)
     place = f"{complaints[0].place}: " if complaints else ""
     ids = {lacked.node_id for lacked in lacking}
@@ -72,9 +72,9 @@ def lacking_error(lacking: Sequence[Lacked]) -> RuleError:
 
 
 def not_as_before(node: int | None, not_put_back: Sequence[Finding], *, dry_run: bool) -> DvtcliError:
-    """What was to be put back, and is something else since the device does not take what it was.
+    """Make the error for old values that the device does not take back.
 
-    *node* is None where there are several.
+    *node* is None for several nodes.
     """
     failed = DvtcliError("; ".join(finding.text for finding in not_put_back), node=node)
     failed.hint = Hint(Action.SHOW_PDOS, why="shows what it holds") + Hint(
@@ -87,9 +87,9 @@ def not_as_before(node: int | None, not_put_back: Sequence[Finding], *, dry_run:
 
 
 def not_as_wanted(node: int | None, exit_code: int, differing: Sequence[str], against: str) -> DvtcliError:
-    """What a line of a script says whose comparison ended with *exit_code*: *differing* PDOs and objects, or no frame.
+    """Make the error of a script line whose comparison ended with *exit_code*: *differing*, or no frame.
 
-    *node* is None where there are several.
+    *node* is None for several nodes.
     """
     text = f"{join_some(differing)} {'differs' if len(differing) == 1 else 'differ'} from {against}"
     failed = DvtcliError(text if differing else "no frame was seen of what should have sent one", node=node)
@@ -108,7 +108,7 @@ def compared_text(proof: Proof) -> str:
 
 
 def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str]]) -> DvtcliError:
-    """Nodes that are seen *elsewhere*, with their NMT states, than *wanted* of node *node* (0: all)."""
+    """Make the error for nodes in other NMT states (*elsewhere*) than *wanted* of node *node* (0: all)."""
     by_state: dict[str, list[str]] = {}
     for node_id, state in elsewhere:
         by_state.setdefault(state, []).append(str(node_id))
@@ -128,7 +128,7 @@ def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str
 
 
 def together(refused: Sequence[RuleError]) -> RuleError:
-    """One error with the findings of all nodes, which name their nodes if these are several."""
+    """Merge the errors of nodes into a single error with all findings, which name their nodes if several."""
     if len(refused) == 1:
         return refused[0]
     only = {error.node for error in refused}

@@ -12,9 +12,9 @@ from dvtcli.operations.results.documents import Answer, Document, finding_docume
 
 @dataclass(frozen=True, slots=True)
 class DvtAnswer(Answer):
-    """What *word* answered: `OK`, a value, `Abort 0x…` or `Timeout`; *reasons* say why, what first.
+    """The answer to *word*: `OK`, a value, `Abort 0x…` or `Timeout`; *reasons* say why, most important first.
 
-    *dry_run* says that the node's twin answered; *rows* are the lines of an answer of ours that has several.
+    *dry_run*: the node's twin answered; *rows* are the lines of a longer answer.
     """
 
     renderer: ClassVar = "file_lines:answer_lines"
@@ -31,7 +31,7 @@ class DvtAnswer(Answer):
 
     @property
     def remark(self) -> str:
-        """Under --dry-run, who answered."""
+        """The remark under --dry-run: a twin answered."""
         return "dry run: the node's twin answered; nothing was written to the bus" if self.dry_run else ""
 
     def document(self) -> Document:
@@ -49,7 +49,7 @@ class DvtAnswer(Answer):
 
 @dataclass(frozen=True, slots=True)
 class Facts(Answer):
-    """A few labelled lines: what was done or is so."""
+    """Labelled lines about what was done or found."""
 
     at_leisure: ClassVar = True
     remarked: ClassVar = True

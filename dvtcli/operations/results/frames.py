@@ -24,7 +24,7 @@ def _tells(part: FramePart) -> bool:
 
 
 def part_document(part: FramePart) -> Document:
-    """One element of `parts` in `dvtcli.explain/1`."""
+    """An element of `parts` in `dvtcli.explain/1`."""
     return {
         "place": part.place,
         "in_can_id": part.in_id,
@@ -40,7 +40,7 @@ def part_document(part: FramePart) -> Document:
 
 @dataclass(frozen=True, slots=True)
 class FrameExplained(Answer):
-    """A frame with what it is (*kind*, *label*), the *node* it is about where known, and its *parts*."""
+    """A frame explained: *kind*, *label*, its *node* if known, its *parts*."""
 
     renderer: ClassVar = "frame_lines:explained_lines"
     at_leisure: ClassVar = True
@@ -54,7 +54,7 @@ class FrameExplained(Answer):
 
     @property
     def what(self) -> str:
-        """What it is, and of which node."""
+        """The frame's meaning and node."""
         if self.frame.remote and self.kind == "heartbeat":
             return f"node guarding request, node {self.node}"
         kind = "remote request of " if self.frame.remote else ""
@@ -62,7 +62,7 @@ class FrameExplained(Answer):
 
     @property
     def short(self) -> str:
-        """What it says in one line: its service's word, its objects' values; no single bits of either."""
+        """The frame's contents in a line: service and values, without single bits."""
         said = ((f"{part.object} {part.text}".strip(), part) for part in self.parts)
         return ", ".join(words for words, part in said if words and _tells(part))
 
@@ -87,14 +87,14 @@ class FrameExplained(Answer):
 
 @dataclass(frozen=True, slots=True)
 class TracedFrame(Short):
-    """One frame of an exchange, explained; *sent* says that it is one of ours, *secret* that its value is not shown."""
+    """A frame of an exchange, explained; *sent*: by us; *secret*: its value is hidden."""
 
     frame: FrameExplained
     sent: bool
     secret: bool = False
 
     def document(self) -> Document:
-        """One element of `frames` in `dvtcli.trace/1`."""
+        """An element of `frames` in `dvtcli.trace/1`."""
         at = utc(self.frame.frame.timestamp_s)
         return {"time": at, "sent": self.sent, "secret": self.secret, **self.frame.content()}
 
@@ -116,12 +116,11 @@ class Traced(Answer):
 
 @dataclass(frozen=True, slots=True)
 class FrameSeen(Answer):
-    """One frame with what it is (*kind*, *label*), its *node* and *pdo* where known, and its *signals* by name.
+    """A frame: *kind*, *label*, its *node* and *pdo* if known, and *signals* by name.
 
-    *signals* are raw; *meanings* says what those mean of which anybody says, *objects* which object (`606C:00`) those
-    are of which that is known. *mapped_bytes* is how long its mapping is, where the frame does not fit that.
-    *layout_from* says in words who says where its values lie, empty where nobody does; *layout_is_guess* that nobody
-    said it of this very node.
+    *signals* are raw; *meanings* has their scalings, *objects* their objects (`606C:00`), as far as known.
+    *mapped_bytes* is the length of its mapping if the frame does not fit. *layout_from* names the layout's source,
+    empty for none; *layout_is_guess*: the source is not about this very node.
     """
 
     renderer: ClassVar = "frame_lines:frame_lines"
@@ -163,7 +162,7 @@ class FrameSeen(Answer):
         }
 
     def matches(self, text: str) -> bool:
-        """Whether *text* (in lower case) is in the name of the frame or of one of its signals, its object included."""
+        """Tell whether *text* (lower case) is in the name of the frame, a signal or an object."""
         return self._is_called(text) or any(self._has(name, text) for name in self.signals)
 
     def _has(self, name: str, text: str) -> bool:
@@ -173,7 +172,7 @@ class FrameSeen(Answer):
         return text in _who(self.frame.can_id, self.label, self.node, self.kind)
 
     def chosen(self, text: str) -> FrameSeen:
-        """The same with those signals alone that have *text* (in lower case) in their names, or their frame's."""
+        """Keep only signals with *text* (lower case) in their names, or their frame's."""
         if self._is_called(text):
             return self
         return replace(self, signals={name: value for name, value in self.signals.items() if self._has(name, text)})
@@ -181,19 +180,19 @@ class FrameSeen(Answer):
 
 @lru_cache(maxsize=4096)
 def _who(can_id: int, label: str, node: int | None, kind: str) -> str:
-    """What a frame is called, in small letters, to be searched."""
+    """Name a frame in lower case, for a search."""
     return f"0x{can_id:03x} {label} node {node} {kind}".lower()
 
 
 @lru_cache(maxsize=4096)
 def _signal(place: str, name: str) -> str:
-    """What a signal is called, with its object, in small letters, to be searched."""
+    """Name a signal and its object in lower case, for a search."""
     return f"{place} {name}".lower()
 
 
 @dataclass(frozen=True, slots=True)
 class PlottedSignal(Short):
-    """One signal of a plot: what it is, its samples' *count*, least and most (raw), and its *drawing*, if any."""
+    """A signal of a plot: name, *count* of samples, minimum and maximum (raw), *drawing*, if any."""
 
     name: str
     object: str
@@ -205,11 +204,11 @@ class PlottedSignal(Short):
 
     @property
     def unit(self) -> str:
-        """The physical unit, empty where it has none."""
+        """The physical unit, empty for none."""
         return self.meaning.unit
 
     def document(self) -> Document:
-        """One element of `signals` in `dvtcli.plot/1`."""
+        """An element of `signals` in `dvtcli.plot/1`."""
         low, high = (float(self.meaning.number(end)) for end in (self.low, self.high))
         physical = {"low": low, "high": high, "unit": self.unit} if self.meaning.has_number else None
         return {
@@ -220,7 +219,7 @@ class PlottedSignal(Short):
 
 @dataclass(frozen=True, slots=True)
 class Plotted(Answer):
-    """Signals over the time of a recording; *output* is the picture's file, None where it is drawn as text."""
+    """Signals of a recording over time; *output* is the picture's file, None if drawn as text."""
 
     renderer: ClassVar = "frame_lines:plot_lines"
 

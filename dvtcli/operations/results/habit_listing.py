@@ -10,10 +10,10 @@ from dvtcli.operations.results.documents import Answer, Document, Short
 
 @dataclass(frozen=True, slots=True)
 class Wanted(Short):
-    """A parameter, by its sub-index, of the PDOs of one *direction* (`tpdo`, `rpdo`).
+    """A parameter, by sub-index, of PDOs in a *direction* (`tpdo`, `rpdo`).
 
-    It was refused with *abort* so many *times* while its PDO was on, and taken once it was off; *counts* says whether
-    that was often enough for a PDO to be disabled right away.
+    It was refused with *abort* *times* times while its PDO was enabled, and accepted once disabled; *counts*: often
+    enough that PDOs are disabled beforehand.
     """
 
     direction: str
@@ -23,15 +23,15 @@ class Wanted(Short):
     counts: bool
 
     def document(self) -> Document:
-        """One refusal of `dvtcli.device-habits/1`."""
+        """A refusal in `dvtcli.device-habits/1`."""
         return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class WantedState(Short):
-    """PDO writes were refused with *abort* so many *times* in OPERATIONAL, and taken in PRE-OPERATIONAL.
+    """PDO writes refused with *abort* *times* times in OPERATIONAL, and accepted in PRE-OPERATIONAL.
 
-    *counts* says whether that was often enough for the node to be brought there right away, after a question.
+    *counts*: often enough that the node is brought there beforehand, after a question.
     """
 
     abort: int
@@ -39,13 +39,13 @@ class WantedState(Short):
     counts: bool
 
     def document(self) -> Document:
-        """One refusal of `dvtcli.device-habits/1`."""
+        """A refusal in `dvtcli.device-habits/1`."""
         return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class HabitRow(Short):
-    """What devices of one identity want; *name* is vendor, product and revision, *problem* why that is not known."""
+    """The habits of devices with an identity: *name* is vendor, product, revision; *problem*: why unreadable."""
 
     name: str
     wanted: tuple[Wanted, ...]
@@ -53,7 +53,7 @@ class HabitRow(Short):
     pre_operational: tuple[WantedState, ...] = ()
 
     def document(self) -> Document:
-        """One device of `dvtcli.device-habits/1`."""
+        """A device in `dvtcli.device-habits/1`."""
         return {
             "name": self.name,
             "off_first": [habit.document() for habit in self.wanted],
@@ -64,7 +64,7 @@ class HabitRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class HabitListing(Answer):
-    """What is remembered in *folder*, after that of the devices *forgotten* was removed."""
+    """The habits in *folder*, after those of the devices *forgotten* were removed."""
 
     renderer: ClassVar = "learn_lines:habit_lines"
 

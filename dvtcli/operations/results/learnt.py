@@ -16,14 +16,14 @@ from dvtcli.operations.results.documents import Document, Short
 
 @dataclass(frozen=True, slots=True)
 class Difference(Short):
-    """A value of the profile that *name* says otherwise than the device: *key*, what it says, what was learnt."""
+    """A value of the profile *name* that differs from the device: *key*, profile's value, learnt value."""
 
     key: str
     said: Value | None
     learnt: Learnt
 
     def document(self) -> Document:
-        """One difference of `dvtcli.learnt/1`."""
+        """A difference in `dvtcli.learnt/1`."""
         return {
             "key": self.key, "profile": self.said, "learnt": self.learnt.value, "evidence": self.learnt.evidence
         }  # fmt: skip
@@ -31,11 +31,10 @@ class Difference(Short):
 
 @dataclass(frozen=True, slots=True)
 class LearntDevice(Answered):
-    """What a device takes: *pdos* were asked, with *answers*; *writes* downloads, all put back and read back equal.
+    """What a device accepts: *pdos* tested, *answers*; *writes* downloads, all rolled back and verified.
 
-    *saves* is how many signatures 0x1010 was sent.
-    *saved* are the files, *compared* the profile's name and what differs from it. *identified* is false of a device
-    without a vendor-ID, by which no node is known to be one of its kind.
+    *saves* is the number of signatures sent to 0x1010. *saved* are files, *compared* a profile's name and differences
+    from it. *identified* is false for a device without vendor-ID, by which no node is recognised.
     """
 
     renderer: ClassVar = "learn_lines:learnt_lines"
@@ -53,17 +52,17 @@ class LearntDevice(Answered):
     identified: bool = True
 
     def __bool__(self) -> bool:
-        """Whether the device is as the profile that it was compared with says; true where it was compared with none."""
+        """Tell whether the device equals the compared profile; true without a comparison."""
         return self.exit_code == 0
 
     @property
     def exit_code(self) -> int:
-        """3 where the device differs from the profile that it was compared with."""
+        """3 if the device differs from the compared profile."""
         return 3 if self.compared is not None and self.compared[1] else 0
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         if self.compared is None or not self.exit_code:
             return None
         name, differences = self.compared
@@ -77,7 +76,7 @@ class LearntDevice(Answered):
 
     @property
     def not_learnt(self) -> list[ProbeAnswer]:
-        """The probes that have no answer."""
+        """The tests without an answer."""
         return [answer for answer in self.answers if answer.code is None]
 
     def document(self) -> Document:
@@ -105,9 +104,9 @@ class LearntDevice(Answered):
 
 @dataclass(frozen=True, slots=True)
 class LearnForecast(Answered):
-    """What `learn` would ask, from a dry run: *probes* of *pdos*, at most *writes* downloads; nothing was sent.
+    """The forecast of `learn` from a dry run: *probes* of *pdos*, at most *writes* downloads; nothing was sent.
 
-    *likely* is how many its twin took, which answers as its family does.
+    *likely* is the number of writes on its twin, which answers like its family.
     """
 
     renderer: ClassVar = "learn_lines:forecast_lines"

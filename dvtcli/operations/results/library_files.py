@@ -13,7 +13,7 @@ from dvtcli.operations.results.documents import Answer, Document, Rows, Short
 
 @dataclass(frozen=True, slots=True)
 class ProfileRow(Short):
-    """One profile: its identities (0x1018) by vendor, and its file; *own* where it is the user's."""
+    """A profile: identities (0x1018) by vendor, file; *own* if the user's."""
 
     name: str
     title: str
@@ -22,7 +22,7 @@ class ProfileRow(Short):
     own: bool
 
     def document(self) -> Document:
-        """One profile of `dvtcli.profiles/1`."""
+        """A profile in `dvtcli.profiles/1`."""
         return {
             "name": self.name,
             "title": self.title,
@@ -34,7 +34,7 @@ class ProfileRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class ProfileListing(Answer, Rows[ProfileRow]):
-    """The profiles there are, and the *folder* that the user's own belong into."""
+    """All profiles, and the *folder* for the user's own."""
 
     renderer: ClassVar = "library_lines:profile_list_lines"
 
@@ -53,7 +53,7 @@ class ProfileListing(Answer, Rows[ProfileRow]):
 
 @dataclass(frozen=True, slots=True)
 class ProfileShown(Answer):
-    """One profile: key, value as written, and reason of every value; the rest is as in *like*, or the standard's."""
+    """A profile: key, written value, and reason of every value; the rest is as in *like*, or the standard's."""
 
     renderer: ClassVar = "library_lines:profile_lines"
 
@@ -77,10 +77,9 @@ ADDED, THERE, REPLACED, REFUSED = "added", "already there", "replaced", "refused
 
 @dataclass(frozen=True, slots=True)
 class AddedFile(Short):
-    """What became of one *file*: its *outcome*, the identity it is found by, and where it is kept.
+    """The result for a *file*: *outcome*, its identity, and its place in the library.
 
-    Of one that was refused *why*, *place* (`FILE:LINE`) and *hint* say what is wrong; *note* is what to know of the
-    others.
+    A refused file has *why*, *place* (`FILE:LINE`) and *hint*; *note* is a remark on other files.
     """
 
     file: str
@@ -95,7 +94,7 @@ class AddedFile(Short):
     hint: Hint | str = ""
 
     def document(self) -> Document:
-        """One file of `dvtcli.eds-added/1`."""
+        """A file in `dvtcli.eds-added/1`."""
         return {
             "file": self.file,
             "outcome": self.outcome,
@@ -113,9 +112,9 @@ class AddedFile(Short):
 
 @dataclass(frozen=True, slots=True)
 class LibraryAdded(Answer, Rows[AddedFile]):
-    """What became of the files that were to be added to the library in *folder*; *others* are no device files.
+    """The result for files to be added to the library in *folder*; *others* are no device files.
 
-    *are_all_taken*: no other file goes before one of them.
+    *are_all_taken*: no other file is preferred to them.
     """
 
     renderer: ClassVar = "library_lines:added_lines"
@@ -132,18 +131,18 @@ class LibraryAdded(Answer, Rows[AddedFile]):
 
     @property
     def exit_code(self) -> int:
-        """4 where a file was refused."""
+        """4 for a refused file."""
         return 4 if any(row.outcome == REFUSED for row in self.rows) else 0
 
     def count(self) -> dict[str, int]:
-        """How many files of each outcome."""
+        """Count files by outcome."""
         return {
             outcome: sum(row.outcome == outcome for row in self.rows) for outcome in (ADDED, REPLACED, THERE, REFUSED)
         }
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         refused = [row.file for row in self.rows if row.outcome == REFUSED]
         return ended_with(4, f"refused: {join_some(refused)}") if refused else None
 
@@ -161,10 +160,10 @@ class LibraryAdded(Answer, Rows[AddedFile]):
 
 @dataclass(frozen=True, slots=True)
 class LibraryRow(Short):
-    """A file of the library, by its *number* in the list: what it is found by, what it is, and where it came from.
+    """A file of the library with its *number* in the list: identity, contents, source.
 
-    *revision* 0 is none. *by_hand*: it does not name that identity itself. *problem*: why it cannot be read.
-    *taken*: it is the one that is taken of all of its identity; *preferred*: since somebody chose it before others.
+    *revision* 0 is none. *by_hand*: its identity was given by the user. *problem*: why it is unreadable. *taken*: it is
+    used for its identity; *preferred*: by the user's choice.
     """
 
     number: int
@@ -188,7 +187,7 @@ class LibraryRow(Short):
         return (self.vendor_id, self.product_code, self.revision)
 
     def document(self) -> Document:
-        """One file of `dvtcli.eds-library/1`."""
+        """A file in `dvtcli.eds-library/1`."""
         return {
             "number": self.number,
             "vendor_id": self.vendor_id,
@@ -209,7 +208,7 @@ class LibraryRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class LibraryListing(Answer, Rows[LibraryRow]):
-    """The files of the library in *folder*, after those in *removed* went and *preferred* was put first."""
+    """The library in *folder*, after *removed* files were removed and *preferred* was put first."""
 
     renderer: ClassVar = "library_lines:listing_lines"
     at_leisure: ClassVar = True

@@ -1,4 +1,4 @@
-"""What `load` answers. Knows no terminal and no session."""
+"""The result of `load`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Measured(Short):
-    """What was heard: the frames that were counted in so many *seconds*, and what was not whole or got lost."""
+    """Measured traffic: frames counted in *seconds*, and damaged or lost frames."""
 
     count: FrameCount
     seconds: float
@@ -26,23 +26,23 @@ class Measured(Short):
     lost_frames: int = 0
 
     def load(self, bit_rate: int) -> float:
-        """The share of a bus of *bit_rate* bit/s that they took, with their real stuff bits."""
+        """The share of a bus at *bit_rate* bit/s taken by the frames, with actual stuff bits."""
         return self.count.bits / (self.seconds * bit_rate) if self.seconds else 0.0
 
     def share(self, identifier: Identifier, bit_rate: int) -> float:
-        """The share of the frames of one CAN-ID."""
+        """The share of the frames of a CAN-ID."""
         counted = self.count.by_id.get(identifier)
         return 0.0 if counted is None or not self.seconds else counted.bits / (self.seconds * bit_rate)
 
     def rate_hz(self, identifier: Identifier) -> float:
-        """Frames a second of one CAN-ID."""
+        """The frames per second of a CAN-ID."""
         counted = self.count.by_id.get(identifier)
         return 0.0 if counted is None or not self.seconds else counted.frames / self.seconds
 
 
 @dataclass(frozen=True, slots=True)
 class FrameLoad(Short):
-    """One CAN-ID: *needs* are what is computed of it, none where it was only heard; *heard* is what was."""
+    """A CAN-ID: *needs* are computed, empty if only received; *heard* is measured."""
 
     identifier: Identifier
     needs: tuple[StreamNeed, ...] = ()
@@ -50,7 +50,7 @@ class FrameLoad(Short):
 
     @property
     def label(self) -> str:
-        """What it is: of what was only heard, by the pre-defined connection set."""
+        """Name it: by the pre-defined connection set if only received."""
         if self.needs:
             return self.needs[0].stream.label
         can_id, extended = self.identifier
@@ -58,7 +58,7 @@ class FrameLoad(Short):
 
     @property
     def node(self) -> int | None:
-        """Whose it is."""
+        """Its node."""
         if self.needs:
             return self.needs[0].stream.node
         can_id, extended = self.identifier
@@ -67,9 +67,9 @@ class FrameLoad(Short):
 
 @dataclass(frozen=True, slots=True)
 class NetworkLoad(Answer):
-    """What a network *need*s of its bus at worst, at which bit rates it would fit, and what was *measured*.
+    """The worst-case load of a network (*need*), fitting bit rates, and the *measured* load.
 
-    *file* and *bus* say where both come from; *is_assumed* that nobody said the bit rate.
+    *file* and *bus* name their sources; *is_assumed*: the bit rate is assumed.
     """
 
     renderer: ClassVar = "load_lines:load_lines"
@@ -84,14 +84,14 @@ class NetworkLoad(Answer):
     exit_code: int = field(default=0, init=False)
 
     def __bool__(self) -> bool:
-        """Whether everything is there in time at worst."""
+        """Tell whether every frame is in time in the worst case."""
         return self.need.fits
 
     @property
     def expected(self) -> float | None:
-        """The load that the computed rates come to with the bits of the frames that were heard.
+        """The load by computed rates with the bits of received frames.
 
-        Of frames that are computed and heard only, EMCY left out; None where nothing was measured.
+        Only of frames computed and received, without EMCY; None without a measurement.
         """
         measured = self.measured
         if measured is None or not measured.seconds:
@@ -107,7 +107,7 @@ class NetworkLoad(Answer):
 
     @property
     def too_often(self) -> tuple[FrameLoad, ...]:
-        """What was heard more often than is computed at worst: its node holds something else, or two nodes send it."""
+        """Frames received more often than in the worst case: the node differs, or two nodes transmit them."""
         return tuple(frame for frame in self.frames if self._is_too_often(frame))
 
     def _is_too_often(self, one: FrameLoad) -> bool:
@@ -118,7 +118,7 @@ class NetworkLoad(Answer):
 
     @property
     def frames(self) -> tuple[FrameLoad, ...]:
-        """Every CAN-ID that is computed or was heard, in the order of the wire."""
+        """Every CAN-ID computed or received, in order of priority."""
         needs: dict[Identifier, list[StreamNeed]] = {}
         for need in self.need.needs:
             needs.setdefault((need.stream.frame.can_id, need.stream.frame.extended), []).append(need)
@@ -187,7 +187,7 @@ class NetworkLoad(Answer):
 
 
 def need_document(need: BusNeed) -> Document:
-    """What a network needs of its bus in all."""
+    """The load of a network in all."""
     return {
         "bit_rate": need.bit_rate,
         "load": None if need.total is None else round(float(need.total), 6),

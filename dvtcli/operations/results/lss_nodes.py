@@ -21,16 +21,16 @@ class HeardAt(Short):
     error_frames: int
 
     def document(self) -> Document:
-        """One bit rate of `dvtcli.bit-rate/1`."""
+        """A bit rate in `dvtcli.bit-rate/1`."""
         return {"bit_rate": self.bit_rate, "frames": self.frames, "error_frames": self.error_frames}
 
 
 @dataclass(frozen=True, slots=True)
 class BitRateFound(Answer):
-    """The *bit_rate* (bit/s) at which frames come without errors; None where there is none, or the bus is silent.
+    """The *bit_rate* (bit/s) at which frames arrive without errors; None if none, or the bus is silent.
 
-    *heard* is what came at each bit rate that was tried, in *seconds* each; *complete* whether all of the standard's
-    were tried, or the one was found. *listen_only*: not a word was said.
+    *heard* is the traffic at each bit rate tried for *seconds*; *complete*: all standard bit rates were tried, or it
+    was found. *listen_only*: nothing was sent.
     """
 
     renderer: ClassVar = "bit_rate_lines:bit_rate_lines"
@@ -52,12 +52,12 @@ class BitRateFound(Answer):
 
     @property
     def exit_code(self) -> int:
-        """1 where no bit rate was found."""
+        """1 if no bit rate was found."""
         return 0 if self else 1
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         return None if self else ended_with(1, f"no bit rate was found on {self.bus}")
 
     def document(self) -> Document:
@@ -85,9 +85,9 @@ def _identity(address: LssAddress) -> Document:
 
 @dataclass(frozen=True, slots=True)
 class LssNode(Short):
-    """A node that an LSS master found by its *address*; *node_id* is None where it was not told.
+    """A node found by LSS with its *address*; *node_id* is None if unknown.
 
-    *confirmed* says whether exactly one node answered to that address; *profile* is the family that it is of.
+    *confirmed*: exactly one node answered to the address; *profile* is its family.
     """
 
     address: LssAddress
@@ -96,18 +96,17 @@ class LssNode(Short):
     profile: str = ""
 
     def document(self) -> Document:
-        """One node of `dvtcli.lss/1`."""
+        """A node in `dvtcli.lss/1`."""
         known = None if self.node_id == UNCONFIGURED else self.node_id
         return {**_identity(self.address), "node": known, "confirmed": self.confirmed, "profile": self.profile}
 
 
 @dataclass(frozen=True, slots=True)
 class LssFound(Answer):
-    """The nodes that *action* (`scan`, `select`, `identify`) found, with how many *requests* of ours, in *seconds*.
+    """The nodes found by *action* (`scan`, `select`, `identify`), with *requests* sent in *seconds*.
 
-    *free* is a node-ID that nobody answers with, for a node that a scan found.
-    *answered* is how many nodes without a node-ID said so, *within* whether a node within ranges did; None where that
-    was not asked.
+    *free* is an unused node-ID for a scanned node. *answered* counts nodes without node-ID, *within* says whether a
+    node is within the ranges; None if not asked.
     """
 
     renderer: ClassVar = "lss_lines:found_lines"
@@ -126,12 +125,12 @@ class LssFound(Answer):
 
     @property
     def exit_code(self) -> int:
-        """1 where a node was found, and did not answer to its address, or more than one did."""
+        """1 if a found node did not answer to its address, or several did."""
         return 0 if all(node.confirmed for node in self.nodes) else 1
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         unsure = [str(node.address) for node in self.nodes if not node.confirmed]
         text = f"not exactly one node answered to {join_some(unsure)}"
         return ended_with(1, text) if unsure else None
@@ -153,9 +152,9 @@ class LssFound(Answer):
 
 @dataclass(frozen=True, slots=True)
 class LssGiven(Short):
-    """A node by its *address* that had node-ID *before* (255: none) and has *node_id* now; *name* is a file's for it.
+    """A node by *address* with node-ID *before* (255: none) and *node_id* now; *name* is from the file.
 
-    *stored* says whether it answered that it keeps the node-ID, *proved* whether it came back with it after a reset.
+    *stored*: it acknowledged the store; *proved*: it returned with the node-ID after a reset.
     """
 
     address: LssAddress
@@ -166,7 +165,7 @@ class LssGiven(Short):
     proved: bool = False
 
     def document(self) -> Document:
-        """One node of `dvtcli.lss-change/1`."""
+        """A node in `dvtcli.lss-change/1`."""
         before = None if self.before == UNCONFIGURED else self.before
         return {
             **_identity(self.address),
@@ -180,9 +179,9 @@ class LssGiven(Short):
 
 @dataclass(frozen=True, slots=True)
 class LssChanged(Answer):
-    """What *action* (`node-id`, `store`, `assign`) changed: nodes that were seen with their node-ID afterwards.
+    """The changes by *action* (`node-id`, `store`, `assign`): nodes verified with their node-IDs.
 
-    *wanted* is the node-ID that a dry run was about; *missing* are nodes of a file that were not found.
+    *wanted* is the node-ID of a dry run; *missing* are nodes of a file that were not found.
     """
 
     renderer: ClassVar = "lss_lines:changed_lines"
@@ -195,12 +194,12 @@ class LssChanged(Answer):
 
     @property
     def exit_code(self) -> int:
-        """1 where a node of the file was not found."""
+        """1 if a node of the file was not found."""
         return 1 if self.missing else 0
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         if not self.missing:
             return None
         state: State = "left_changed" if self.nodes and not self.dry_run else "unchanged"
@@ -219,9 +218,9 @@ class LssChanged(Answer):
 
 @dataclass(frozen=True, slots=True)
 class LssBitRate(Answer):
-    """The bit rate (bit/s) that a bus with all its *nodes* was changed to: each was seen there afterwards.
+    """The new bit rate (bit/s) of a bus and all its *nodes*, each verified.
 
-    *before* is what it ran at, None where that was not looked at.
+    *before* is the old bit rate, None if unknown.
     """
 
     renderer: ClassVar = "lss_lines:bit_rate_lines"

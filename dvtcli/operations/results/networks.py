@@ -1,4 +1,4 @@
-"""What `plan`, `diff` and `apply` answer. Knows no terminal and no session."""
+"""The results of `plan`, `diff` and `apply`."""
 
 from __future__ import annotations
 
@@ -22,11 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class NetworkPlanned(Answer):
-    """What has to be written for a network to be as its file says; nothing was.
+    """The writes that bring a network to its file's state; nothing was written.
 
-    *tells* says whether a difference is an exit code of its own; *saved* is the file that the plan was written to.
-    *need* is what all frames need of the bus afterwards, None where its bit rate is not known; *interrupted* are nodes
-    of which a change waits to be recovered first.
+    *tells*: a difference has its own exit code; *saved* is the file of the plan. *need* is the bus load afterwards,
+    None if the bit rate is unknown; *interrupted* are nodes with a change to recover first.
     """
 
     renderer: ClassVar = "network_lines:planned_lines"
@@ -45,9 +44,9 @@ class NetworkPlanned(Answer):
 
     @property
     def exit_code(self) -> int:
-        """1 where devices lack what the file sets; 3 where that is told, and something differs or is to be stored.
+        """1 if devices lack objects of the file; 3, if *tells*, for differences or stores.
 
-        Also where of a node nobody knows what its manager should have of it.
+        Also 3 if a node's download by its manager is unknown.
         """
         if self.plan.lacking:
             return 1
@@ -55,14 +54,14 @@ class NetworkPlanned(Answer):
 
     @property
     def failure(self) -> RuleError | None:
-        """What is to be said where the exit code is 1."""
+        """The error for exit code 1."""
         from dvtcli.operations.results.failures import lacking_error
 
         return lacking_error(self.plan.lacking) if self.plan.lacking else None
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
-        """What a script says where it ends with this line: which objects differ."""
+        """The error of a script line: the differing objects."""
         from dvtcli.operations.results.failures import not_as_wanted
 
         differing = _labels(self.plan) or ["what is stored"]
@@ -70,11 +69,11 @@ class NetworkPlanned(Answer):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What the rules said, of every node."""
+        """The findings of the rules, of every node."""
         return network_findings(self.plan)
 
     def document(self) -> Document:
-        """`dvtcli.plan/1`: what `plan -o` saves, and `apply` takes."""
+        """`dvtcli.plan/1`: saved by `plan -o`, read by `apply`."""
         plan = self.plan
         return {
             "schema": "dvtcli.plan/1",
@@ -93,12 +92,12 @@ class NetworkPlanned(Answer):
 
 
 def network_findings(plan: NetworkPlan) -> tuple[Finding, ...]:
-    """What the rules said of every node of *plan*, each with its node."""
+    """Return the findings of all nodes of *plan*, with their nodes."""
     return tuple(_named(node.node_id, finding) for node in plan.nodes for finding in node.findings)
 
 
 def _named(node_id: int, finding: Finding) -> Finding:
-    """*finding* with its node, which that of a link names itself."""
+    """Add the node to *finding*; a finding of a link names its own."""
     is_of_node = not finding.place or finding.place.startswith("0x")
     return replace(finding, text=f"node {node_id}: {finding.text}") if is_of_node else finding
 
@@ -139,14 +138,14 @@ def _left_out_document(one: LeftOut) -> Document:
 
 
 def _pdo_document(node: NodePlan, change: PdoChange) -> Document:
-    """What differs of one PDO: each parameter as it is and as it is wanted."""
+    """The differences of a PDO: each parameter's actual and wanted value."""
     document: dict[str, Any] = {"pdo": str(change.pdo), "action": action(node, change)}
     document |= {key: [was, will] for key, was, will in differing(change)}
     return document
 
 
 def action(node: NodePlan, change: PdoChange) -> str:
-    """What happens to a PDO: `prune`, `disable`, `enable` or `change`."""
+    """Return the action on a PDO: `prune`, `disable`, `enable` or `change`."""
     if change.pdo in node.pruned:
         return "prune"
     if change.before.enabled and not change.after.enabled:
@@ -155,7 +154,7 @@ def action(node: NodePlan, change: PdoChange) -> str:
 
 
 def _labels(plan: NetworkPlan, *, unwritten_only: bool = False) -> list[str]:
-    """What differs, of which node: what is to be written, unless *unwritten_only*, and what is not."""
+    """List differences with their nodes: those to write, unless *unwritten_only*, and those not written."""
     found: list[str] = []
     for node in plan.nodes:
         labels = [] if unwritten_only else [change.label for change in node.plan.changes]
@@ -166,7 +165,7 @@ def _labels(plan: NetworkPlan, *, unwritten_only: bool = False) -> list[str]:
 
 
 def differing(change: PdoChange) -> Iterator[tuple[str, Any, Any]]:
-    """The keys of a network file in which the two sides of *change* differ, with both values."""
+    """Yield the network file's keys that differ in *change*, with both values."""
     rows = zip(_rows(change.before), _rows(change.after), strict=True)
     yield from ((key, was, will) for (key, was), (_, will) in rows if was != will)
 
@@ -192,12 +191,11 @@ def _object_document(change: ValueChange) -> Document:
 
 @dataclass(frozen=True, slots=True)
 class NetworkApplied(Answer):
-    """A plan that every node took and read back equal; *stored* are those that stored it then.
+    """A plan carried out and verified on every node; *stored* are the stores after it.
 
-    *keep* says of each node that was written what keeps it there, empty where it does so by itself; *kept_without*
-    names what a node keeps without a store beside what it does not.
-    A setting that differs and that the plan does not write is so still: `plan.remains` counts them. Of a clone
-    (*is_clone*), which is to be the other device's equal, that is a difference of its own.
+    *keep* says for each written node what makes its values permanent, empty if automatic; *kept_without* names values
+    kept without a store beside those that need a store. Differing settings that the plan does not write remain:
+    `plan.remains` counts them. For a clone (*is_clone*), meant to equal the other device, they are a difference.
     """
 
     renderer: ClassVar = "network_lines:applied_lines"
@@ -213,23 +211,23 @@ class NetworkApplied(Answer):
     not_remembered: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether it is as it should be, and proved if that was asked for."""
+        """Tell whether all is as wanted, and proved if requested."""
         return self.exit_code == 0
 
     @property
     def exit_code(self) -> int:
-        """1 where a proof that was asked for failed, or what it should have shown is not so; 3 of an unlike clone."""
+        """1 for a failed proof; 3 for an incomplete clone."""
         unlike = 3 if self.is_clone and self.plan.remains else 0
         return max((stored_node.exit_code for stored_node in self.stored), default=0) or unlike
 
     @property
     def failure(self) -> Any:
-        """What is to be said where the exit code is 1."""
+        """The error for exit code 1."""
         return next((stored_node.failure for stored_node in self.stored if stored_node.exit_code), None)
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
-        """What a script says where it ends with a clone that is none: which settings differ still."""
+        """The error of a script line for an incomplete clone: the differing settings."""
         from dvtcli.operations.results.failures import not_as_wanted
 
         if not self.exit_code:

@@ -1,4 +1,4 @@
-"""Errors of a node as answers. Knows no terminal and no session."""
+"""The errors of a node as results."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dvtcli.operations.results.documents import Answer, Document, Rows, Short, h
 
 @dataclass(frozen=True, slots=True)
 class FaultRow(Short):
-    """One error, by its *code*, with what that means and what helps (empty where nobody says).
+    """An error by *code*, with meaning and remedy (empty if unknown).
 
-    *source* says who told it: `active` the family's own list, `history` 0x1003, `heard` EMCY messages. *information* is
-    what the maker adds in the history; *count*, *first_s*, *last_s* (s since 1970), *register* and *manufacturer* are
-    those of messages.
+    *source* is `active` for the family's own list, `history` for 0x1003, `heard` for EMCY messages. *information* is
+    the manufacturer's field in the history; *count*, *first_s*, *last_s* (s since 1970), *register* and *manufacturer*
+    are of messages.
     """
 
     source: str
@@ -49,10 +49,9 @@ class FaultRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class Faults(Answer, Rows[FaultRow]):
-    """The errors of a node, a list of rows: its own list first, then its history, newest first, then what was heard.
+    """The errors of a node, a list of rows: its own list, its history (newest first), received messages.
 
-    *register* is 0x1001, None where the node has none; *has_history* whether it has 0x1003. Where they were *cleared*
-    the rows are what the history held before.
+    *register* is 0x1001, None if absent; *has_history*: 0x1003 exists. After *cleared* the rows are the old history.
     """
 
     renderer: ClassVar = "fault_lines:fault_lines"
@@ -69,7 +68,7 @@ class Faults(Answer, Rows[FaultRow]):
 
     @property
     def register_words(self) -> tuple[str, ...]:
-        """The errors that the register names."""
+        """The errors in the register."""
         return register_words(self.register or 0)
 
     def document(self) -> Document:
@@ -88,7 +87,7 @@ class Faults(Answer, Rows[FaultRow]):
 
 @dataclass(frozen=True, slots=True)
 class FaultSeen(Answer):
-    """An EMCY message of *node* as it was heard; *fault* says what it means, and how often it came so far."""
+    """An EMCY message received from *node*; *fault* has its meaning and count."""
 
     renderer: ClassVar = "fault_lines:fault_seen_lines"
 

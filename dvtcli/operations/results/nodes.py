@@ -20,7 +20,7 @@ _PRODUCES = 1 << 30
 
 @dataclass(frozen=True, slots=True)
 class SyncSource(Short):
-    """What one node says of SYNC: *cob_id* is its 0x1005, *period_us* its 0x1006; None where it has no such object."""
+    """A node's SYNC: *cob_id* is 0x1005, *period_us* 0x1006; None if absent."""
 
     node: int
     cob_id: int | None
@@ -28,18 +28,18 @@ class SyncSource(Short):
 
     @property
     def produces(self) -> bool:
-        """Whether it says that it produces SYNC."""
+        """Tell whether it is a SYNC producer."""
         return bool(self.cob_id is not None and self.cob_id & _PRODUCES and self.period_us)
 
     @property
     def can_id(self) -> int:
-        """The CAN-ID that it takes for SYNC."""
+        """Its CAN-ID of SYNC."""
         return 0x080 if self.cob_id is None else self.cob_id & 0x1FFF_FFFF
 
 
 @dataclass(frozen=True, slots=True)
 class SyncCheck(Answer):
-    """Whether anybody produces SYNC: what nodes say, and how many were *heard* within *listened_ms*; true if so."""
+    """The SYNC producers by nodes, and SYNCs *heard* within *listened_ms*; true if there are any."""
 
     renderer: ClassVar = "node_lines:sync_check_lines"
     at_leisure: ClassVar = True
@@ -56,7 +56,7 @@ class SyncCheck(Answer):
 
     @property
     def produced(self) -> bool:
-        """Whether SYNC was heard, or a node says that it produces it."""
+        """Tell whether SYNC was received, or a node is a producer."""
         return self.heard > 0 or any(node.produces for node in self.nodes)
 
     def document(self) -> Document:
@@ -75,11 +75,11 @@ class SyncCheck(Answer):
 
 @dataclass(frozen=True, slots=True)
 class ProgramLoaded(Answer):
-    """A program of *size* bytes from *file* that runs as program *number* of *node*; under *dry_run* nothing was sent.
+    """A program of *size* bytes from *file*, running as program *number* of *node*; *dry_run*: nothing was sent.
 
-    *before* and *after* are what 0x1F56 said of the old and of the new one, None where the device does not say;
-    *expected* is what it was compared with, None for nothing, *expected_by* the profile that says so, empty where the
-    user did. *restarted*: its boot-up message was heard.
+    *before* and *after* are 0x1F56 of the old and the new program, None if absent; *expected* is its required value,
+    None for any, *expected_by* the profile that requires it, empty for the user. *restarted*: its boot-up message was
+    received.
     """
 
     renderer: ClassVar = "node_lines:program_lines"
@@ -117,7 +117,7 @@ class ProgramLoaded(Answer):
 
 @dataclass(frozen=True, slots=True)
 class LoggedIn(Answer):
-    """The access level that the node is at, and the one that was *wanted* (0: to be logged out)."""
+    """The node's access level, and the *wanted* level (0: logged out)."""
 
     renderer: ClassVar = "node_lines:login_lines"
 
@@ -142,7 +142,7 @@ class LoggedIn(Answer):
 
 @dataclass(frozen=True, slots=True)
 class NodeRow(Short):
-    """What a node says of itself; None where it does not answer or has no such object."""
+    """A node's identification; None if unanswered or absent."""
 
     node: int
     state: str
@@ -160,7 +160,7 @@ class NodeRow(Short):
     eds_note: str = ""
 
     def document(self) -> Document:
-        """One node of `dvtcli.nodes/1`."""
+        """A node in `dvtcli.nodes/1`."""
         return {
             "node": self.node,
             "state": self.state,
@@ -180,7 +180,7 @@ class NodeRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class NodeListing(Answer, Rows[NodeRow]):
-    """Nodes that answered, or the one that was asked for (*detail*)."""
+    """The answering nodes, or the requested node (*detail*)."""
 
     renderer: ClassVar = "node_lines:node_lines"
     at_leisure: ClassVar = True
@@ -201,11 +201,10 @@ class NodeListing(Answer, Rows[NodeRow]):
 
 @dataclass(frozen=True, slots=True)
 class Commanded(Answer):
-    """An NMT command that was sent, to one node or all (0), with the state that each one is seen in.
+    """An NMT command sent to a node or all (0), with the resulting states.
 
-    A state is None if it cannot be seen; *wanted* is the state that was asked for, None of a reset. *lost* are changes
-    that the reset took; *notes* tell of nodes that answer without a boot-up message, or that an interrupted change left
-    half configured.
+    A state is None if unknown; *wanted* is the commanded state, None for a reset. *lost* are changes lost by the reset;
+    *notes* name nodes that answer without a boot-up message, or are half configured by an interrupted change.
     """
 
     renderer: ClassVar = "node_lines:commanded_lines"
@@ -219,23 +218,23 @@ class Commanded(Answer):
     notes: tuple[Hint | str, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether each node is seen in the state that was asked for: one that cannot be seen may be off."""
+        """Tell whether each node is in the commanded state: an unknown state may mean off."""
         return self.exit_code == 0 and (self.wanted is None or all(state is not None for _, state in self.states))
 
     @property
     def elsewhere(self) -> tuple[tuple[int, str], ...]:
-        """The nodes that are seen in another state than the wanted one."""
+        """The nodes in another state than the commanded state."""
         seen = ((node, state) for node, state in self.states if state is not None)
         return tuple((node, state) for node, state in seen if self.wanted not in (None, state))
 
     @property
     def exit_code(self) -> int:
-        """1 where a node is seen in another state than the one that was asked for."""
+        """1 if a node is in another state than the commanded state."""
         return 1 if self.elsewhere else 0
 
     @property
     def failure(self) -> DvtcliError | None:
-        """What is to be said where the exit code is 1."""
+        """The error for exit code 1."""
         from dvtcli.operations.results.failures import not_obeyed
 
         return not_obeyed(self.node, self.wanted, self.elsewhere) if self.elsewhere else None
@@ -257,7 +256,7 @@ class Commanded(Answer):
 
 @dataclass(frozen=True, slots=True)
 class Synced(Answer):
-    """SYNC messages that were sent and the frames that came in answer, by CAN-ID."""
+    """The SYNC messages sent, and the frames received after them, by CAN-ID."""
 
     renderer: ClassVar = "node_lines:synced_lines"
 

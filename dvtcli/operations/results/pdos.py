@@ -16,7 +16,7 @@ from dvtcli.operations.results.documents import Answer, Document, Rows, Short, h
 
 @dataclass(frozen=True, slots=True)
 class PinRow(Short):
-    """One pin with the object it is tied to: its index and name, None where it is tied to nothing."""
+    """A pin with the tied object: index and name, None if untied."""
 
     pin: int
     index: int | None
@@ -25,7 +25,7 @@ class PinRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class VpdoRow(Short):
-    """One group: its object, how many pins the device has, and the active ones."""
+    """A group: its object, number of pins, active pins."""
 
     name: str
     index: int
@@ -72,7 +72,7 @@ class VpdoListing(Answer):
 
 @dataclass(frozen=True, slots=True)
 class MappedName(Short):
-    """What a mapped object is called, which type it has and what its values mean; empty where nobody says."""
+    """A mapped object's name, type and scaling; empty if unknown."""
 
     name: str = ""
     type_name: str = ""
@@ -80,15 +80,15 @@ class MappedName(Short):
 
     @property
     def unit(self) -> str:
-        """The physical unit, empty where it has none."""
+        """The physical unit, empty for none."""
         return self.meaning.unit
 
 
 @dataclass(frozen=True, slots=True)
 class LastFrame(Short):
-    """The last frame that was heard of a PDO, *age_s* seconds ago.
+    """The last frame received of a PDO, *age_s* seconds ago.
 
-    *values* stand for the mapping's entries, None for what is skipped or was not in the frame.
+    *values* belong to the mapping's entries, None for gaps and values outside the frame.
     """
 
     data: bytes
@@ -108,7 +108,7 @@ class LastFrame(Short):
 
 @dataclass(frozen=True, slots=True)
 class PdoRow(Short):
-    """One PDO with the names of what it maps."""
+    """A PDO with names of mapped objects."""
 
     pdo: Pdo
     config: PdoConfig
@@ -126,7 +126,7 @@ class PdoRow(Short):
         return f"{self.pdo.label} 0x{parameter.cob_id.can_id:03X} {state}, type {parameter.transmission_type}: {mapped}"
 
     def document(self) -> Document:
-        """One element of `pdos` in `dvtcli.pdo/1`."""
+        """An element of `pdos` in `dvtcli.pdo/1`."""
         parameter = self.config.communication
         told = self.config.has_cob_id
         return {
@@ -146,7 +146,7 @@ class PdoRow(Short):
         }
 
     def _last_values(self) -> list[Document]:
-        """What the last frame held, entry by entry."""
+        """The values of the last frame by entry."""
         values = () if self.last is None else self.last.values
         names = (*self.names, *[MappedName()] * len(values))
         return [
@@ -171,7 +171,7 @@ class PdoRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class PdoListing(Answer, Rows[PdoRow]):
-    """A node's PDOs; *hidden* are left out of the text, *detail* asks for the frame picture of the one row."""
+    """A node's PDOs; *hidden* are left out of the text, *detail* adds the frame picture of a single row."""
 
     renderer: ClassVar = "pdo_lines:listing_lines"
     at_leisure: ClassVar = True
@@ -189,7 +189,7 @@ class PdoListing(Answer, Rows[PdoRow]):
     @overload
     def __getitem__(self, pdo: slice) -> tuple[PdoRow, ...]: ...
     def __getitem__(self, pdo: str | Pdo | int | slice) -> PdoRow | tuple[PdoRow, ...]:
-        """The row of a PDO (`tpdo1`), or that at a place; UsageError for what is neither, KeyError for no such PDO."""
+        """Return the row of a PDO (`tpdo1`), or by index; raises UsageError for other keys, KeyError if absent."""
         if isinstance(pdo, int | slice):
             return self.rows[pdo]
         try:

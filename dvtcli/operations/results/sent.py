@@ -1,4 +1,4 @@
-"""Frames that were sent, and recordings that were played, as answers. Knows no terminal and no session."""
+"""Sent frames and replayed recordings as results."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ NO_END = 10**9
 
 @dataclass(frozen=True, slots=True)
 class Outcome(Short):
-    """What became of *wanted* frames: *handed* to the interface within *seconds*, how late, and what went wrong.
+    """The outcome of *wanted* frames: *handed* to the interface in *seconds*, delays, errors.
 
-    *late_s* is the most, 99 % were at most *nearly_s* late; None where none had a time. *interrupted* is the exit code
-    of what was broken off.
+    *late_s* is the maximum delay, *nearly_s* that of 99 %; None without times. *interrupted* is the exit code of an
+    interruption.
     """
 
     wanted: int
@@ -35,19 +35,19 @@ class Outcome(Short):
 
     @property
     def counted(self) -> str:
-        """How many of how many were handed over; only how many where there is no end."""
+        """Say how many of how many were handed over; without total if endless."""
         if self.handed == self.wanted or self.wanted >= NO_END:
             return plural(self.handed, "frame")
         return f"{self.handed} of {plural(self.wanted, 'frame')}"
 
     @property
     def sent(self) -> int | None:
-        """How many are on the wire; None where error frames came meanwhile, so that nobody knows."""
+        """The number of frames on the bus; None if unknown after error frames."""
         return None if self.error_frames else self.handed
 
     @property
     def error(self) -> DvtcliError | None:
-        """What is to be said where not all of them are known to be sent."""
+        """The error unless all are known to be sent."""
         error: DvtcliError
         if self.failure is not None:
             failed = self.failure
@@ -70,13 +70,13 @@ class Outcome(Short):
 
     @property
     def exit_code(self) -> int:
-        """That of what failed (the bus: 5), 130 after Ctrl-C, 1 where nobody knows what was sent."""
+        """The exit code of the failure (the bus: 5), 130 after Ctrl-C, 1 if unknown."""
         if self.failure is not None:
             return self.failure.exit_code
         return self.interrupted or (1 if self.error_frames else 0)
 
     def fields(self) -> Document:
-        """What documents of sent frames share."""
+        """The common fields of documents of sent frames."""
         return {
             "wanted": self.wanted,
             "handed_over": self.handed,
@@ -90,7 +90,7 @@ class Outcome(Short):
 
 
 class OfFrames(Answer):
-    """An answer that says what became of frames; true where all of them were sent."""
+    """A result about sent frames; true if all were sent."""
 
     __slots__ = ()
     outcome: Outcome
@@ -105,12 +105,12 @@ class OfFrames(Answer):
 
     @property
     def failure(self) -> DvtcliError | None:
-        """What is to be said where not all were sent."""
+        """The error unless all were sent."""
         return self.outcome.error
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         code = self.exit_code
         text = f"interrupted: {self.outcome.counted} handed to the interface"
         return ended_with(code, text, state="unknown") if code else None
@@ -118,9 +118,9 @@ class OfFrames(Answer):
 
 @dataclass(frozen=True, slots=True)
 class FrameToSend(Short):
-    """One frame, with what it may do to nodes (*effects*, empty where nobody is known to act on it).
+    """A frame, with its possible *effects* on nodes (empty if nobody is known to act on it).
 
-    Of a *secret* one the value, a passcode, is left out.
+    A *secret* frame's value, a passcode, is left out.
     """
 
     explained: FrameExplained
@@ -129,13 +129,13 @@ class FrameToSend(Short):
 
     @property
     def text(self) -> str:
-        """The frame, what it is, and what it says, in one line."""
+        """The frame, its kind and contents, in a line."""
         one = self.explained
         said = "its value is not shown" if self.secret else one.short
         return f"{frame_text(one.frame)}  {one.what}{f': {said}' if said else ''}"
 
     def document(self) -> Document:
-        """One element of `frames` in `dvtcli.send/1`."""
+        """An element of `frames` in `dvtcli.send/1`."""
         one = self.explained
         return {
             "frame": frame_text(one.frame),
@@ -149,7 +149,7 @@ class FrameToSend(Short):
 
 @dataclass(frozen=True, slots=True)
 class FramesSent(OfFrames):
-    """What became of the *frames*; true where all of them were sent."""
+    """The outcome of *frames*; true if all were sent."""
 
     renderer: ClassVar = "frame_lines:sent_lines"
 
@@ -169,9 +169,9 @@ class FramesSent(OfFrames):
 
 @dataclass(frozen=True, slots=True)
 class FramesToReplay(Short):
-    """All frames of a recording with one CAN-ID that do the same: what they are, how many, and what nodes make of them.
+    """Frames of a recording with the same CAN-ID and effect: kind, number, effects on nodes.
 
-    *effects* is empty where nobody is known to act on them.
+    *effects* is empty if nobody is known to act on them.
     """
 
     can_id: int
@@ -184,18 +184,18 @@ class FramesToReplay(Short):
 
     @property
     def what(self) -> str:
-        """The CAN-ID, and what its frames are."""
+        """The CAN-ID and kind of its frames."""
         kind = "remote request of " if self.remote else ""
         of = f" node {self.node}" if self.node else ""
         return f"0x{self.can_id:0{8 if self.extended else 3}X} {kind}{self.label}{of}"
 
     @property
     def text(self) -> str:
-        """The row as one line."""
+        """The row in a line."""
         return f"{self.what}, {plural(self.count, 'frame')}{f': {self.effects}' if self.effects else ''}"
 
     def document(self) -> Document:
-        """One element of `frames` in `dvtcli.replay/1`."""
+        """An element of `frames` in `dvtcli.replay/1`."""
         return {
             "cob_id": self.can_id,
             "extended": self.extended,
@@ -209,9 +209,9 @@ class FramesToReplay(Short):
 
 @dataclass(frozen=True, slots=True)
 class Replayed(OfFrames):
-    """What became of the recording *file*, which *frames* it came to, and what was *left_out* of it, by reason.
+    """The outcome of the recording *file*: its *frames*, and *left_out* frames by reason.
 
-    True where all frames were sent.
+    True if all frames were sent.
     """
 
     renderer: ClassVar = "frame_lines:replayed_lines"

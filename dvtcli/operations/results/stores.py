@@ -1,4 +1,4 @@
-"""What `store` and `restore` answer. Knows no terminal and no session."""
+"""The results of `store` and `restore`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Stored(Answer):
-    """A store or restore that the device took, with its *proof* where one was asked for.
+    """An acknowledged store or restore, with its *proof* if requested.
 
-    *skipped* says why nothing was sent at all; *because* why it was sent though it might not have been needed;
-    *prove_asked* whether it was to be proved, which a dry run cannot do.
+    *skipped* says why nothing was sent; *because* why it was sent though perhaps unnecessary; *prove_asked*: a proof
+    was requested, which a dry run cannot do.
     """
 
     renderer: ClassVar = "store_lines:stored_lines"
@@ -42,30 +42,30 @@ class Stored(Answer):
         return bool(self.skipped)
 
     def __bool__(self) -> bool:
-        """Whether it is as it should be, and proved if that was asked for: a dry run proves nothing."""
+        """Tell whether it succeeded, and was proved if requested: a dry run proves nothing."""
         return self.exit_code == 0 and not (self.prove_asked and self.proof is None)
 
     @property
     def exit_code(self) -> int:
-        """1 where a proof was asked for, and what it should have shown is not so, or not proven."""
+        """1 if a requested proof failed, or is missing."""
         return 0 if self.proof is None or self.proof.holds else 1
 
     @property
     def failure(self) -> DvtcliError | None:
-        """What is to be said where the exit code is 1."""
+        """The error for exit code 1."""
         from dvtcli.operations.results.failures import not_proved
 
         return None if self.proof is None or self.proof.holds else not_proved(self.node, self.word, self.proof)
 
     @property
     def stored(self) -> bool:
-        """Whether the node was told to store, and nothing shows that it did not."""
+        """Tell whether the node was told to store, and nothing contradicts it."""
         lost = self.proof is not None and bool(self.proof.differences)
         return self.word == "store" and not (lost or self.dry_run or self.skipped)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is not known, what a proof that holds does not show, and what it left out."""
+        """Limits of the result: unknown facts, and what a proof does not cover."""
         proof = self.proof
         if proof is None:
             unknown = self.word == "store" and not (self.changed or self.all_known or self.skipped)

@@ -16,7 +16,7 @@ from dvtcli.operations.results.documents import Answer, Document, Rows, Short, h
 
 @dataclass(frozen=True, slots=True)
 class ValueRead(Answer):
-    """One object's value, raw and decoded, and its physical *meaning*; *written* where a write set it."""
+    """An object's value, raw and decoded, and its physical *meaning*; *written*: set by a write."""
 
     renderer: ClassVar = "watched_lines:value_lines"
 
@@ -32,18 +32,18 @@ class ValueRead(Answer):
 
     @property
     def unit(self) -> str:
-        """The physical unit, empty where it has none."""
+        """The physical unit, empty for none."""
         return self.meaning.unit
 
     @property
     def physical(self) -> float | None:
-        """The number in that unit, None where the value is none."""
+        """The number in its unit, None if not a number."""
         number = isinstance(self.value, int | float) and self.meaning.has_number
         return self.meaning.number(self.value) if number and isinstance(self.value, int | float) else None
 
     @property
     def text(self) -> str:
-        """The value as screens show it: `48.0 V (768)`; empty where nobody says what it means."""
+        """The value as on screens: `48.0 V (768)`; empty without a scaling."""
         return self.meaning.text(self.value, 8 * len(self.raw))
 
     def document(self) -> Document:
@@ -62,7 +62,7 @@ class ValueRead(Answer):
 
 @dataclass(frozen=True, slots=True)
 class ObjectRow(Short):
-    """One dictionary entry as `objects` shows it."""
+    """A dictionary entry as shown by `objects`."""
 
     object: str
     name: str
@@ -74,7 +74,7 @@ class ObjectRow(Short):
 
 @dataclass(frozen=True, slots=True)
 class ObjectListing(Answer, Rows[ObjectRow]):
-    """Entries of the object dictionary, a list of rows; *total* is how many the file has."""
+    """Entries of the object dictionary, a list of rows; *total* is their number in the file."""
 
     renderer: ClassVar = "watched_lines:object_lines"
     at_leisure: ClassVar = True
@@ -102,7 +102,7 @@ class ObjectListing(Answer, Rows[ObjectRow]):
 
 @dataclass(frozen=True, slots=True)
 class EntryUnread(Short):
-    """An entry that was not read: the device refused it with *abort*, None: nobody asked, as *why* says."""
+    """An unread entry: refused with *abort*, None: not read, for the reason *why*."""
 
     object: str
     name: str
@@ -111,18 +111,18 @@ class EntryUnread(Short):
 
     @property
     def text(self) -> str:
-        """Why there is no value."""
+        """The reason for the missing value."""
         return self.why if self.abort is None else abort_text(self.abort)
 
     def document(self) -> Document:
-        """Its part of a `dvtcli.value/1`."""
+        """Its part of `dvtcli.value/1`."""
         abort = None if self.abort is None else f"0x{self.abort:08X}"
         return {"object": self.object, "value": None, "name": self.name, "abort": abort, "text": self.text}
 
 
 @dataclass(frozen=True, slots=True)
 class RecordRead(Answer):
-    """A record or an array: sub-index 0 as *head*, and each entry behind it; a list of entries."""
+    """A record or an array: sub-index 0 as *head*, and the entries; a list of entries."""
 
     renderer: ClassVar = "watched_lines:record_lines"
 
@@ -136,18 +136,18 @@ class RecordRead(Answer):
 
     @property
     def value(self) -> Value:
-        """What sub-index 0 says: the highest sub-index."""
+        """Sub-index 0: the highest sub-index."""
         return self.head.value
 
     @property
     def exit_code(self) -> int:
-        """1 where the device refused an entry for another reason than that it can only be written."""
+        """1 if the device refused an entry, unless it is write-only."""
         refused = (entry.abort for entry in self.entries if isinstance(entry, EntryUnread))
         return int(any(abort not in (None, Abort.WRITE_ONLY) for abort in refused))
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
-        """What a program is told where the exit code is not 0."""
+        """The error for a nonzero exit code, for programs."""
         unread = [f"{entry.object} ({entry.text})" for entry in self.entries if isinstance(entry, EntryUnread)]
         return ended_with(1, f"node {self.node} refused {join_some(unread)}") if self.exit_code else None
 

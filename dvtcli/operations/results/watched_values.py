@@ -16,7 +16,7 @@ MOST_POINTS = 40
 
 @dataclass(frozen=True, slots=True)
 class ValuesRead(Answer):
-    """What several objects held, one after the other; *at_s*: since the first time, None where there is only one."""
+    """The values of several objects in order; *at_s*: since the first read, None for a single read."""
 
     renderer: ClassVar = "watched_lines:values_lines"
 
@@ -33,7 +33,7 @@ class ValuesRead(Answer):
 
 @dataclass(slots=True)
 class ObjectCourse(Short):
-    """What an object held over a while: how often it was read, its least and most, the last values."""
+    """An object's trend: number of reads, minimum and maximum, last values."""
 
     samples: int = 0
     last: ValueRead | None = None
@@ -42,7 +42,7 @@ class ObjectCourse(Short):
     points: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_POINTS))
 
     def add(self, value: ValueRead) -> None:
-        """Take what was read."""
+        """Add a value."""
         self.samples += 1
         self.last = value
         number = value.value
@@ -54,7 +54,7 @@ class ObjectCourse(Short):
 
 @dataclass(frozen=True, slots=True)
 class ValuesWatched(Answer):
-    """The courses of several objects, each read at least once; *file* is the CSV that was written."""
+    """The trends of several objects, each read at least once; *file* is the CSV file."""
 
     renderer: ClassVar = "watched_lines:watched_lines"
 

@@ -1,4 +1,4 @@
-"""A whole device against what a file says of it, as an answer. Knows no terminal and no session."""
+"""The comparison of a whole device with a file, as a result."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ObjectDifference(Short):
-    """One *object* with its *name*: what it held *before*, by the first side, and *after*, by the second one.
+    """An *object* with *name*: its value *before* on the first side, and *after* on the second.
 
-    None where a side does not know, or maps nothing there: *unread* says why of that side. *apart* says why it is no
-    setting, where that is known.
+    None if unknown or unmapped: *unread* has the side's reason. *apart* says why it is no setting, if known.
     """
 
     object: str
@@ -33,7 +32,7 @@ class ObjectDifference(Short):
     meaning: Scaling = NOTHING
 
     def value(self, data: bytes | None) -> Any:
-        """*data* decoded; None where it is not known, or no value of its type."""
+        """Decode *data*; None if unknown, or invalid for its type."""
         if data is None or self.data_type is None:
             return None
         try:
@@ -42,12 +41,12 @@ class ObjectDifference(Short):
             return None
 
     def _physical(self, data: bytes | None) -> Document | None:
-        """What *data* means, where somebody says that."""
+        """Scale *data*, if a scaling is known."""
         value = self.value(data)
         return physical_document(value, self.meaning) if self.meaning.says and value is not None else None
 
     def document(self) -> Document:
-        """As part of `dvtcli.compare/1`."""
+        """Its part of `dvtcli.compare/1`."""
         return {
             "object": self.object,
             "name": self.name,
@@ -63,11 +62,11 @@ class ObjectDifference(Short):
 
 @dataclass(frozen=True, slots=True)
 class WholeCompared(Answer):
-    """What differs between two sides, *first* a file and *second* a node or another file: its exit code is 3 then.
+    """The differences between *first*, a file, and *second*, a node or another file: exit code 3 if any.
 
-    *differences* are settings; *about* is what a device says of itself; *apart* is what commands, measures or changes
-    by itself. The latter two are told and count as no difference. *objects* settings were compared; of *unsaid* more
-    only one side says something.
+    *differences* are settings; *about* is the identity; *apart* are commands, measurements and values that change by
+    themselves. The latter two are shown but do not count. *objects* is the number of settings compared; *unsaid* of
+    settings on a single side.
     """
 
     renderer: ClassVar = "whole_device_lines:whole_compared_lines"
@@ -95,12 +94,12 @@ class WholeCompared(Answer):
 
     @property
     def exit_code(self) -> int:
-        """3 where a setting differs."""
+        """3 for a differing setting."""
         return 3 if self.differences else 0
 
     @property
     def failure_of_line(self) -> DvtcliError | None:
-        """What a script says where it ends with this line: which settings differ."""
+        """The error of a script line: the differing settings."""
         from dvtcli.operations.results.failures import not_as_wanted
 
         differing = [difference.object for difference in self.differences]
