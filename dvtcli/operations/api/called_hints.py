@@ -16,7 +16,7 @@ from dvtcli.files.input_file import forget_pipes
 
 T = TypeVar("T")
 
-#: Actions -> the call; `node.` is that of another node where the hint names one. What has no call is a command.
+#: Actions -> call; `node.` is another node's if the hint names it. An action without call is a command.
 CALLS: dict[Action, str] = {
     Action.SHOW_PDOS: "node.pdos()",
     Action.SHOW_NODE: "node.identity()",
@@ -89,7 +89,7 @@ CALLS: dict[Action, str] = {
     Action.DECODE: "dvtcli decode FILE",
     Action.DRAW: "bus.report({file|'NAME.html'})",
 }
-#: Actions -> the argument of the same call, or of the one that opened the bus.
+#: Actions -> argument of the same call, or of the call that opened the bus.
 ARGUMENTS: dict[Action, str] = {
     Action.SELECT_CAN_ID: "cob_id={can_id|'auto'}",
     Action.LEAVE_OFF: "enabled=False",
@@ -113,11 +113,11 @@ ARGUMENTS: dict[Action, str] = {
     Action.FORCE: "force=True",
     Action.SHOW_FRAMES: "`dvtcli -vv`",
 }
-#: arguments that no call has -> the command that does it
+#: arguments without a call -> the command
 _COMMANDS = {
     "accept": "dvtcli recover --accept", "discard": "dvtcli recover --discard", "backup": "dvtcli undo --backup"
 }  # fmt: skip
-#: words that stand for another one, which only the user knows
+#: placeholders for words known only to the user
 _PLACEHOLDERS = frozenset({"FILE", "ID", "NAME", "NODE", "NUMBER", "OBJECT", "S", "TIME", "TYPE", "VALUE", "WHEN"})
 _FIELD = re.compile(r"\{(\w+)(?:(\?|=|\|)([^{}]*))?\}")
 

@@ -48,7 +48,7 @@ def ctrl_c_at_safe_points(cancellation: Cancellation) -> Iterator[None]:
 
 
 T = TypeVar("T")
-#: the buses of this program that are in use
+#: this program's buses in use
 _OPEN: WeakSet[Calls] = WeakSet()
 _OPEN_LOCK = threading.Lock()
 
@@ -60,7 +60,7 @@ class Calls:
         self.session = session
         self._turn = threading.Lock()
         self._owner: int | None = None
-        #: the thread whose dry run is going on
+        #: the thread in a dry run
         self.rehearsing: int | None = None
         self.closed = False
         with _OPEN_LOCK:

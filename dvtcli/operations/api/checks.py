@@ -10,7 +10,7 @@ from typing import Any
 
 from dvtcli.errors import UsageError
 
-#: What can be a time-out, in seconds.
+#: Range of a time-out, in seconds.
 LEAST_S, MOST_S = 0.001, 600.0
 
 

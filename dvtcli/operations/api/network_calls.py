@@ -287,7 +287,7 @@ class NetworkCalls:
     def unlink(
         self, producer: str, *consumers: str, heartbeat: bool = True, yes: bool = False, force: bool = False
     ) -> NetworkApplied:
-        """Disconnect the RPDOs *consumers* from the TPDO *producer*, which stays enabled for other consumers.
+        """Disable the RPDOs *consumers* of the TPDO *producer*, which stays enabled for other consumers.
 
         A node with no other link to the producer's node stops consuming its heartbeat, unless *heartbeat* is False.
         Raises UsageError if an RPDO does not receive the TPDO.

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-#: What a node answers that is restarting, or does not.
+#: Possible answers of a node that is restarting, or is not.
 _PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
 
 
@@ -158,18 +158,18 @@ class NetworkTransaction:
     session: Session
     nodes: Mapping[int, Node]
     name: str
-    #: boot-ups of each node before anything was read of it
+    #: boot-ups of each node before its first read
     boot_ups: Mapping[int, int]
     done: list[Plan] = field(default_factory=list)
     plans: dict[int, Plan] = field(default_factory=dict)
-    #: what each node is to hold besides, and held before, each as a change to what it is
+    #: unchanged values that each node must hold, each as a change to itself
     held: dict[int, Sequence[Change]] = field(default_factory=dict)
-    #: the other PDOs, which nobody wrote, as they were when it began to be taken back, or were read before
+    #: the unwritten PDOs, as at the start of the roll-back or read before
     beside: dict[int, Sequence[Change]] = field(default_factory=dict)
-    #: whether it is a whole by itself, and no line of a script that is one
+    #: whether it is a change by itself, and no line of an atomic script
     _alone: bool = field(init=False)
     _before: dict[int, NodeBefore] = field(init=False)
-    #: boot-ups of each node when those that were put back were looked at for the last time; none where not known
+    #: boot-ups of each rolled-back node at its last check; empty if unknown
     _looked: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

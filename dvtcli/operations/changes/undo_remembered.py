@@ -40,7 +40,7 @@ class RememberedDevice:
     node: Node
     keeper: ChangeGuard
     entries: list[ChangeHistoryEntry]
-    #: what is to be said beside it
+    #: findings to report along
     findings: tuple[Finding, ...] = ()
 
 
@@ -180,7 +180,7 @@ def _moved(session: Session, keeper: ChangeGuard, identity: Identity) -> list[Ch
         there = session.open_network().node(was).identity()
     except (NoAnswer, SdoAborted, SdoProtocolError):
         there = {}
-    # two devices may well have one serial number
+    # two devices may have the same serial number
     return [] if there == identity else keeper.past.entries(was, identity, None)
 
 

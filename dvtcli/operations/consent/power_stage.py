@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.session.session import Session
 
-#: states of CiA 402-2, 8.4.2 in which the power stage has its supply
+#: states of CiA 402-2, 8.4.2 with a supplied power stage
 _ON = frozenset({"switched on", "operation enabled", "quick stop active", "fault reaction active"})
 
 
@@ -23,7 +23,7 @@ RULES = (
     Rule("power-stage-on", WARNING, "a file is to be written to a drive whose power stage is on: `apply` refuses",
          "the statusword of each axis; CiA 402-2, 8.4.2"),
 )  # fmt: skip
-#: a controlword stands before its statusword (CiA 402-2), also of further axes
+#: a controlword is right before its statusword (CiA 402-2), for further axes as well
 _CONTROLWORD = -1
 
 

@@ -27,7 +27,7 @@ class ConversionFormat:
     """A format, chosen by its *suffixes*."""
 
     suffixes: ClassVar[tuple[str, ...]]
-    #: what to do instead of choosing a node of a network file for it; None if it is made of one
+    #: the alternative to choosing a node of a network file; None if it is made of a node
     instead_of_a_node: ClassVar[Hint | str | None] = Hint(Action.CONVERT, {"target": "NAME.cdcf", "of": "NODE"})
     #: whether it can be wanted otherwise than by default, as a DBC file can
     has_wishes: ClassVar[bool] = False

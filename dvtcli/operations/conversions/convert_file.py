@@ -63,18 +63,18 @@ def _is_recording(file: str) -> bool:
     return suffix in formats()
 
 
-#: What the parts of a dictionary are called in a message.
+#: Names for parts of a dictionary in a message.
 _WORDS = {
     "value": "ParameterValue (actualValue)", "default": "DefaultValue", "low": "LowLimit", "high": "HighLimit",
     "name": "name", "access": "access type", "pdo_mapping": "PDO mapping", "unit": "unit", "denotation": "denotation",
     "object_flags": "ObjFlags", "object": "object", "node_id": "node-ID", "bit_rate_kbit": "bit rate of the bus",
 }  # fmt: skip
 _NO_DATE_NOTE = f"{{}} does not say when it was made: {NO_DATE} stands there, since an XDD must have a date"
-#: What belongs to one node, and not to every device of its kind.
+#: Data of a single node, not of every device of its kind.
 _OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
-#: What every file says about itself that is written anew.
+#: File information that is always written anew.
 _OF_EVERY_FILE = (("FileRevision", "0"), ("FileRevision", "0x0"), ("EDSVersion", "4.0"))
-#: Said with what they belong to.
+#: Reported with their objects.
 _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
 
 

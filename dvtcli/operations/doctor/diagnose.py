@@ -34,7 +34,7 @@ def failed(name: str, error: DvtcliError) -> Check:
     return Check(name, "FAIL", f"{error.text}{why}", error.hint, error.exit_code)
 
 
-#: what the journal of a device with many PDOs takes
+#: size of the journal of a device with many PDOs
 _TRIED_BYTES = 60_000
 
 
@@ -306,7 +306,7 @@ def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object,
             yield name, value, where
 
 
-#: interfaces of python-can that need no adapter of this machine: servers, and what lives in this computer
+#: interfaces of python-can without an adapter of this machine: servers, and buses within this computer
 _OVER_A_LINE = frozenset({"socketcand", "udp_multicast", "virtual"})
 
 

@@ -122,14 +122,14 @@ def _signal_comment(field: Field, kind: DataType | None, name: str, meaning: Sca
 
 #: how a DBC file is without any wishes
 PLAIN = DbcOptions()
-#: what a CAN frame carries at most (bits)
+#: maximum length of a CAN frame (bits)
 _MOST_BITS = 64
 #: so that `_TPDO512` fits behind a node's name
 _NODE_NAME = LONGEST_NAME - len("_TPDO512")
-#: transmission types that are sent at every such SYNC, and those that are sent by an event timer (CiA 301, table 72)
+#: transmission types sent at SYNC, and those sent by an event timer (CiA 301, table 72)
 _CYCLIC, _BY_EVENT = range(1, 241), (254, 255)
 
-#: an enabled PDO with whose it is
+#: an enabled PDO with its node
 _Held = tuple[NodeState, "Pdo", "PdoConfig"]
 
 

@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import SdoReader
 
-#: whether a file says an object, by index and sub-index, also where it holds what it usually does
+#: whether a file has an object, by index and sub-index, even with its usual value
 Said = Callable[[int, int], bool]
 
 _CONSUMER, _EMCY, _BEHAVIOUR = 0x1016, 0x1014, 0x1029
-#: bits 0 to 29 of a COB-ID: the CAN-ID, and whether it has 29 bits; where EMCY of node-ID 0 would be (CiA 301, 7.3.5)
+#: bits 0 to 29 of a COB-ID: the CAN-ID and its 29-bit flag; EMCY of node-ID 0 (CiA 301, 7.3.5)
 _IDENTIFIER, _EMCY_BASE = 0x3FFF_FFFF, 0x80
-#: what has no key of its own: index and size in bytes, and what it is
+#: objects without a key: index, size in bytes, meaning
 _WITHOUT_KEY = {
     (_EMCY, 4): "COB-ID of EMCY",
     (0x1015, 2): "inhibit time of EMCY, 100 µs",
     (0x1019, 1): "overflow of SYNC's counter",
 }
-#: what objects hold where nobody set them (CiA 301, 7.5.2.5 to 7.5.2.15), and a file need not say
+#: default values (CiA 301, 7.5.2.5 to 7.5.2.15), which a file need not have
 _USUAL = {0x1005: (0x80, 0x8000_0080), 0x1006: (0,), 0x100C: (0,), 0x100D: (0,), 0x1012: (0x100, 0x8000_0100)}
 
 

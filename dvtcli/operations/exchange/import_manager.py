@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-#: what an object without a type is taken for where it has such a length (bytes): UNSIGNED8 to UNSIGNED64
+#: lengths (bytes) for which an object without type is unsigned: UNSIGNED8 to UNSIGNED64
 _OBVIOUS = (1, 2, 4, 8)
 
 
@@ -85,7 +85,7 @@ def _text(kind: DataType, data: bytes) -> str:
 
 Place = tuple[int, int]
 _BEHAVIOUR, _CONSUMER = 0x1029, 0x1016
-#: what is downloaded before PDOs, in either way of making the downloads
+#: downloads before PDOs, in either order of downloads
 _FIRST = (0x1017, _BEHAVIOUR)
 
 
@@ -234,7 +234,7 @@ def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[Val
     return found
 
 
-#: where a manager has vendor-ID and product code that it expects of each node (CiA 302-3)
+#: a manager's expected vendor-ID and product code of each node (CiA 302-3)
 _EXPECTED = (0x1F85, 0x1F86)
 
 

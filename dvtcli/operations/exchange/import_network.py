@@ -113,7 +113,7 @@ class _FileNode:
     node_id: int
     dictionary: ObjectDictionary
     profile: DeviceProfile
-    #: what a nodelist calls it
+    #: its name in a nodelist
     name: str = ""
 
     @property

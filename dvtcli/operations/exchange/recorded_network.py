@@ -36,7 +36,7 @@ _HINT = Hint(
     why="record while {} reads the nodes, or while a master sets them up; a network file makes one without frames",
 )
 _COB_ID = 1
-#: which frame a PDO is, and what lies in it
+#: a PDO's CAN-ID and mapping
 _Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
 
 

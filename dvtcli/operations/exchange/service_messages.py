@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_state import NetworkState
 
 _STATES = {state.value: "boot-up" if state is NmtState.INITIALISING else state.label.lower() for state in NmtState}
-#: where the bytes of an expedited SDO lie; those of others are only in the first byte alike
+#: position of an expedited SDO's bytes; others have only the first byte in common
 _SDO = (
     DbcSignal("Command", 0, 8), DbcSignal("Object_index", 8, 16), DbcSignal("Sub_index", 24, 8),
     DbcSignal("Data", 32, 32),

@@ -40,9 +40,9 @@ class ExportFormat:
     """A format, chosen by its *suffixes*; `export --help` shows the first."""
 
     suffixes: ClassVar[tuple[str, ...]]
-    #: whether it has all nodes in one file, and not one node
+    #: whether a file has all nodes
     is_of_all: ClassVar[bool] = False
-    #: whether objects can be read a second time for it
+    #: whether objects can be read twice
     reads_twice: ClassVar[bool] = False
     #: whether it can be wanted otherwise than by default, as a DBC file can
     has_wishes: ClassVar[bool] = False

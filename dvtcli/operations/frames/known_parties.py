@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 
 _EMCY, _TIME = 0x1014, 0x1012
-#: bits of 0x1012: the node takes TIME, it sends TIME (CiA 301, 7.5.2.15); bit 31 is no "off" there
+#: bits of 0x1012: the node consumes TIME, it produces TIME (CiA 301, 7.5.2.15); bit 31 is no "off" here
 _TAKES, _SENDS = 1 << 31, 1 << 30
-#: CiA 301, 7.5.2.33 and 7.5.2.34: sub-index 1 is where the server is asked, 2 where it answers; of a client's channel 3
-#: is the server's node-ID
+#: CiA 301, 7.5.2.33 and 7.5.2.34: sub-index 1 is the CAN-ID to the server, 2 from the server; of a client's channel
+#: 3 is the server's node-ID
 _SDO_SERVERS, _SDO_CLIENTS = range(0x1200, 0x1280), range(0x1280, 0x1300)
 _SDO_WORDS = {1: "SDO request", 2: "SDO answer"}
 _SERVER = 3

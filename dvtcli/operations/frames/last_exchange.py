@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-#: the value of a frame that was a passcode
+#: replaces the value of a passcode's frame
 LEFT_OUT = " (value not kept)"
 _ARROWS = {"->": True, "<-": False}
 #: 1024 frames, each a short line
@@ -80,7 +80,7 @@ def _frame(line: str) -> tuple[Frame, bool, bool]:
     return replace(frame, timestamp_s=at_s), _ARROWS[arrow], said.endswith(LEFT_OUT)
 
 
-#: how many frames are shown where nobody says how many
+#: default number of frames
 _SHOWN = 32
 #: SDO command specifiers (CiA 301, 7.2.4.3): to begin a download, to begin one by blocks, and to abort
 _DOWNLOAD, _BLOCK_DOWNLOAD, _ABORT = 1, 6, 4

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _TICK_S = 0.05
 #: how long the controller may take to complain of the last frame (s)
 _SETTLE_S = 0.05
-#: how often it is looked whether a machine may be running (s)
+#: interval of checks for a running machine (s)
 _LOOK_S = 0.1
 _ALL = 100
 

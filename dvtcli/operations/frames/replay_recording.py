@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
 
-#: rows of the table that are shown before it is asked
+#: maximum rows of the table before the question
 _MOST_ROWS = 40
-#: between two passes of a recording that is one frame (s)
+#: pause between passes of a single-frame recording (s)
 _ALONE_S = 0.1
-#: what times since 1970 are not told apart by (s)
+#: times since 1970 count as equal within (s)
 _CLOSE_S = 1e-6
 ALL = "all"
 
@@ -103,7 +103,7 @@ def _require_limit(bus: CanopenBus, choice: Choice) -> None:
         )
 
 
-#: frames that are told as one: CAN-ID, extended, remote, and the bytes that say what nodes make of it
+#: frames that count as equal: CAN-ID, extended, remote, and the bytes that decide the effect on nodes
 _Kind = tuple[int, bool, bool, bytes]
 
 

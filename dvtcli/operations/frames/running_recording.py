@@ -56,9 +56,9 @@ def record_frames(
     return recording.facts(path, recorder.frames, seconds, size_of(path), files)
 
 
-#: CAN-IDs with the bits of them that count
+#: CAN-IDs with their masks
 Filters = tuple[tuple[int, int], ...]
-#: exit code of a recording that ended while its bus was gone
+#: exit code of a recording that ended during a loss of the bus
 _GONE = BusUnavailable.exit_code
 
 

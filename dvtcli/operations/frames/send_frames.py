@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from dvtcli.domain.sdo_frame import SdoValues
     from dvtcli.operations.session.session import Session
 
-#: the time between two rounds where only their number, or the time for all of them, was said (s)
+#: default interval between rounds (s)
 EVERY_S = 0.1
-#: rounds of what is sent until it is broken off
+#: rounds of an endless transmission
 _FOREVER = 10**12
 
 

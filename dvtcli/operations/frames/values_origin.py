@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
 
-#: the largest file whose hash is told
+#: the largest file with a hash
 _MOST_BYTES = 64 << 20
 
 

@@ -15,14 +15,15 @@ if TYPE_CHECKING:
     from dvtcli.operations.gateway.line_client import LineClient
     from dvtcli.operations.session.session import Session
 
-#: the orders that are answered here
+#: LSS orders
 LSS = (
     "lss_switch_glob", "lss_switch_sel", "lss_set_node", "lss_conf_bitrate", "lss_activate_bitrate", "lss_store",
     "lss_inquire_addr", "lss_get_node", "lss_identity", "lss_ident_nonconf", "_lss_fastscan",
 )  # fmt: skip
-#: the command specifier that asks for the first part of an address (CiA 305)
+#: command specifier of the first part of an address (CiA 305)
 _FIRST_PART = 0x5A
-#: what changes a slave, if only its LSS state: who is found by a fast scan is let be configured, too (CiA 305)
+#: orders that change a slave, if only its LSS state: a fast scan puts the slave found in configuration, too (CiA
+#: 305)
 _CHANGES = ("lss_set_node", "lss_store", "lss_switch_sel", "_lss_fastscan")
 _SWITCH_ALL = ("lss_switch_glob", (1,))
 _RATES = "a bus whose nodes run at two bit rates is dead; dvtcli changes the rate of all, and takes it back"
@@ -74,7 +75,8 @@ class LssLines:
         """Return the slave's current node-ID, 255 for none: another client may have set it."""
         from dvtcli.operations.lss.lss_find import lss_select
 
-        # It waits again at once, and each order selects it anew: whoever goes, none is left to be configured.
+        # It waits again at once, and each order selects it again: a client that leaves leaves no slave in
+        # configuration.
         found = lss_select(self._session, address, keep=False)
         node_id = found.nodes[0].node_id if found.nodes else None
         return UNCONFIGURED if node_id is None else node_id

@@ -31,7 +31,7 @@ class GatewayPdos:
         self._allow_changes = allow_changes
         self._rpdos: dict[int, SetPdo] = {}
         self._tpdos: dict[int, SetPdo] = {}
-        #: what each RPDO heard last, since it was set up
+        #: the last frame of each RPDO since it was set up
         self._heard: dict[int, bytes] = {}
         self._stop: Callable[[], None] | None = None
 

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.reporter import Reporter
 
 
-#: the only net that there is
+#: the only net
 NET = 1
 #: how long an SDO of a client may take, since all clients wait meanwhile (ms)
 _MOST_SDO_MS = 5000
 _HELP = "r w start stop preop reset enable disable set info lss_... (CiA 309-3)"
 _NO_NODE = "this gateway is no node of the bus"
 _NO_GUARDING = "who ends guarding starts the node's own reaction to it; enable heartbeat watches a node"
-#: orders of the standard that are not carried out, and why
+#: unsupported orders of the standard, with reasons
 _NOT_HERE = {
     "set id": f"{_NO_NODE}: it has no node-ID",
     "set heartbeat": f"{_NO_NODE}: it sends no heartbeat",

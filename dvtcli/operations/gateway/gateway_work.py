@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-#: the orders that are answered here
+#: heartbeat orders
 HEARTBEATS = ("enable heartbeat", "disable heartbeat")
-#: how much later than it came a heartbeat may be read (s): the bus is read once in a turn of the gateway
+#: maximum delay of reading a heartbeat (s): the bus is read once per turn of the gateway
 LATE_S = 0.05
 
 
@@ -97,7 +97,7 @@ class Watch:
     def __init__(self, client: LineClient, node_id: int, within_s: float) -> None:
         self.client, self.node_id, self._within_s = client, node_id, within_s
         self.news: list[GatewayError] = []
-        #: the last one: when by the bus's clock, and when it was read (s)
+        #: the last heartbeat: time by the bus's clock, and time of reading (s)
         self._stamp_s = 0.0
         self._heard_s: float | None = None
 
@@ -125,8 +125,8 @@ class Watch:
         self.news.append(GatewayError.HEARTBEAT_LOST)
 
 
-#: how long a client may make others wait for silent nodes (s); then none is asked again for it so long (s) after it
-#: was silent
+#: how long a client may delay others by silent nodes (s); afterwards, how long such a node is not asked again for it
+#: (s)
 WAITING_S, SILENT_S = 5.0, 10.0
 
 
@@ -142,7 +142,7 @@ class GatewayWork:
         self._resets: list[_Reset] = []
         #: until when (s) a node is taken for silent: it did not answer a request
         self._silent_until_s: dict[int, float] = {}
-        #: whether a line wrote or commanded anything, and what the last one of those could not put back
+        #: whether a line wrote or commanded anything, and the last failed roll-back
         self._wrote = False
         self._left: LeftChanged | None = None
 

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from dvtcli.domain.lss_services import LssAddress
     from dvtcli.domain.ports import Frame
 
-#: lines that may wait for an answer before more is read
+#: unanswered lines before reading stops
 MOST_LINES = 16
-#: what a browser says first; any web page can make it say so to this machine, with lines of the page's own behind
+#: the first words of a browser; a web page can make it send them to this machine, followed by lines of its own
 _HTTP = re.compile(r"[A-Z]+ \S+ HTTP/\d")
 
 
@@ -26,19 +26,19 @@ class LineClient(Client):
 
     lines: deque[str] = field(default_factory=deque)
     rest: bytes = b""
-    #: its default node and net, None for none, and how long an SDO answer may take (s), None: what the options say
+    #: its default node and net, None for none, and its SDO time-out (s), None: as in the options
     node: int | None = None
     net: int | None = 1
     timeout_s: float | None = None
-    #: whether it is told of boot-ups
+    #: whether it gets boot-ups
     told_boot_ups: bool = True
-    #: the slave that it selected by LSS
+    #: its slave selected by LSS
     selected: LssAddress | None = None
-    #: whether its next line has to wait for a node that restarts
+    #: whether its next line waits for a restarting node
     stalled: bool = False
-    #: when its next turn comes, on the gateway's count of the time that lines took (s)
+    #: time of its next turn, in the gateway's count of line time (s)
     turn_s: float = 0.0
-    #: how long all had to wait for nodes that did not answer it (s)
+    #: how long others waited for nodes that did not answer it (s)
     waited_s: float = 0.0
 
     def greet(self) -> None:

@@ -44,16 +44,16 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
     from dvtcli.simulator.network.hub_client import Client
 
-#: where a gateway listens unless somebody says where
+#: default port of a gateway
 DEFAULT_PORT = 60000
 #: how long is waited for clients, for how long lines are answered before clients are heard again, and how long the bus
 #: is read in between (s)
 _TURN_S, _ANSWERING_S, _BUS_S = 0.02, 0.05, 0.001
-#: what a line takes of the time at least (s), so that lines that cost nothing are counted, too
+#: minimum time counted for a line (s), so that fast lines count, too
 _LEAST_S = 1e-4
-#: how many newcomers may be answered out of turn, and for how many other lines there is one more again
+#: maximum newcomers answered out of turn, and lines of others until another is allowed
 _MOST_AT_ONCE = 8
-#: how often a newcomer is passed by until others that come are answered before it
+#: how often a newcomer is passed over before it precedes later newcomers
 _LATELY = 3
 #: clients at once
 MOST_CLIENTS = 256
@@ -133,7 +133,7 @@ def serve_gateway(
         served.run()
 
 
-#: how many bytes the system keeps for the path of a socket (sun_path), without the NUL behind it
+#: maximum bytes of a socket's path (sun_path), without NUL
 _LONGEST_PATH = 107 if sys.platform == "linux" else 103
 
 
@@ -194,7 +194,7 @@ class Gateway:
                 raise UsageError(text, why=why, hint="take a socket in a folder that you may write to") from failed
             hint = Hint(Action.GIVE, {"listen": "127.0.0.1:0"}, "is another gateway running? {} takes a free port")
             raise BusUnavailable(text, why=why, hint=hint) from failed
-        #: how far the count of the time is that lines took (s)
+        #: count of line time (s)
         self._turn_s = 0.0
         self._newcomer_next = False
         #: how often newcomers have been passed by, and how many may still be next at once, out of turn

@@ -53,7 +53,7 @@ def _around(session: Session, planned: NodePlan, stores: Sequence[str]) -> Aroun
 
 
 SUFFIX = ".309"
-#: Lines of a script that no gateway's client sends: who may write is the device's own affair, `load` takes a reset.
+#: Script lines that no gateway's client sends: the device decides who may write, `load` needs a reset.
 _UNSAID = ("login", "fpo", "restore")
 
 

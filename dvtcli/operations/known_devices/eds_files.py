@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.files.eds.reader import EdsFile
     from dvtcli.files.xdd.xdd_reader import XddFile
 
-    #: What was read, whichever format it has.
+    #: A device file of any format.
     DeviceFile = EdsFile | XddFile
 
 
@@ -86,7 +86,7 @@ def _one_of_many(file: str, rules: tuple[LintRule, ...], strict: bool, profile: 
         return FileReport(file, 0, 0, 0, (_UNREADABLE,), (found,), strict)
 
 
-#: Not one of the rules that can be chosen: it is why none of them could look.
+#: No selectable rule: it explains why no rule could be applied.
 _UNREADABLE = FileRule("unreadable", "error", "the file cannot be read as an EDS, DCF, XDD or XDC", "CiA 306, CiA 311")
 
 

@@ -83,7 +83,7 @@ def _written(value: object) -> Value:
     return value if isinstance(value, bool | int) else str(value)
 
 
-#: Objects that a family says, and no values: what they read is how a device saves.
+#: Objects for which a family has no values: their values tell how a device stores.
 _SIGNATURES = (STORE, RESTORE)
 
 

@@ -69,7 +69,7 @@ def require_same(one: LssGiven, now: int) -> None:
         )
 
 
-#: the node-IDs that a node may have for the time being, the best first: low ones are of masters and of first machines
+#: temporary node-IDs, best first: low node-IDs are of masters and first machines
 _FOR_THE_TIME_BEING = range(126, 0, -1)
 
 

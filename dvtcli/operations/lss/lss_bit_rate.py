@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 #: How long nodes and we take to switch, and how long all are silent after that (ms): CiA 305's switch delay.
 DELAY_MS = 1000
-#: the same where nobody has to open an interface again
+#: the same without an interface to reopen
 _SIMULATED_MS = 50
-#: what we wait beyond that (s), and how often who is not heard is looked for
+#: our additional wait (s), and the number of searches for missing nodes
 _MARGIN_S, _LOOKS = 0.1, 3
 
 
@@ -256,7 +256,7 @@ def names(nodes: Sequence[LssGiven]) -> str:
     return join_some([str(node.address) if node.node_id == UNCONFIGURED else f"node {node.node_id}" for node in nodes])
 
 
-#: what a node says by itself and in answer, whatever its PDOs: EMCY, SDO, heartbeat (CiA 301, 7.3.5)
+#: frames of a node besides PDOs: EMCY, SDO, heartbeat (CiA 301, 7.3.5)
 _OWN = (0x080, 0x580, 0x700)
 
 

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
     from dvtcli.domain.ports import CanopenBus
 
-#: What 0x1018:1..4 of a node says; None for what it lacks.
+#: 0x1018:1..4 of a node; None for missing numbers.
 Identity = tuple[int | None, ...]
-#: how often a node is asked who it is
+#: attempts to identify a node
 _ASKED = 3
-#: how long each node-ID has to answer where it is not known whether anybody has it (s)
+#: time-out of a node-ID that may be unused (s)
 _ANSWER_S = 0.05
 
 

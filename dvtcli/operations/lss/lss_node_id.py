@@ -207,5 +207,5 @@ def forget(session: Session, given: LssGiven) -> None:
         if node is not None:
             node.let_go()
         network.files.forget(node_id)
-        # what was done to it is remembered of the device, whatever node-ID that has
+        # changes are remembered by device, whatever its node-ID
         network.order[:] = [known_id for known_id in network.order if known_id != node_id]

@@ -167,7 +167,7 @@ def store_again(node_ids: Sequence[int], first: Hint | str) -> Hint:
     return hint
 
 
-#: so many nodes are stored by a command each in a hint
+#: up to this number of nodes, a hint has a store command for each
 _SINGLY = 3
 
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     from dvtcli.device.node import Node
 
-#: Strings that every device keeps at the same place (CiA 301, 7.5.2.8 ff.).
+#: Strings at the same place in every device (CiA 301, 7.5.2.8 ff.).
 _STRINGS = frozenset({0x1008, 0x1009, 0x100A})
-#: what their bytes alone do not tell
+#: types not obvious from bytes
 _NEEDS_TYPE = frozenset({Kind.INTEGER, Kind.REAL, Kind.VISIBLE_STRING, Kind.UNICODE_STRING})
-#: the first index after those of communication, and up to how many bytes a number is written in decimal anyway
+#: the first index after communication objects, and the maximum bytes of a number always printed in decimal
 _MAKERS, _SHORT = 0x2000, 2
 _BY_SIZE = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
 

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.domain.scaling import Scaling
 
-#: a number as many countries write it
+#: a number with decimal comma
 _DECIMAL_COMMA = re.compile(r"[+-]?\d{1,30},\d{1,30}[^\d,]*")
-#: what can have a unit, or be one of some words
+#: types with units or words
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 #: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
 LISTEN_S = 2.0
-#: What a node on the bus says of itself and of others, whatever a file says.
+#: Identification and NMT settings of a node, which no file decides.
 _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
 

@@ -46,7 +46,7 @@ def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> 
             yield FileNote(text, names[0].mark, len(names))
 
 
-#: Rules that no state is asked for.
+#: Rules about files instead of states.
 FILE_RULES = (
     LintRule("network-file", ERROR, "the file cannot be read, or says what its nodes cannot mean",
              "the network file's keys; the nodes' dictionaries"),

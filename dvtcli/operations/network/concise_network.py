@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.user.reporter import Reporter
 
-#: The longest that is read (bytes): 0x1F22 is a DOMAIN, and of some kB.
+#: Maximum length read (bytes): 0x1F22 is a DOMAIN of some kB.
 _MOST_BYTES = 1 << 20
 
 
@@ -44,7 +44,7 @@ class ConciseDcf:
     node_id: int
     name: str
     entries: tuple[ConciseEntry, ...]
-    #: what the rules say of it, beside errors
+    #: findings of the rules except errors
     findings: tuple[Finding, ...] = ()
 
     @property

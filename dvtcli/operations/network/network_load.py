@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.operations.session.session import Session
 
-#: What a bus runs at where nobody says, in bit/s: said with the answer.
+#: Default bit rate of a bus, in bit/s; reported with the result.
 USUAL_BIT_RATE = 500_000
 MEASURED_S = 3.0
 _HOW = "NODE:tpdoN=MS, such as 5:tpdo3=40; NODE is a node-ID, or a name in the file"

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.network.concise_network import ConciseDcf
     from dvtcli.operations.session.session import Session
 
-#: Which sub-index of 0x1020 these hold for each node: expected configuration date and time.
+#: Sub-index of 0x1020 for these objects: expected configuration date and time.
 _EXPECTED = {0x1F26: DATE, 0x1F27: TIME}
 _NO_MANAGER = (
     "0x1F22 is where a CANopen manager (CiA 302-3) keeps what it downloads; is the node-ID that of the manager?"

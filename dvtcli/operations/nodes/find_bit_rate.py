@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: How long each bit rate is listened to (s): nodes usually send a heartbeat once a second or more often.
 LISTEN_S = 1.5
-#: the standard's bit rates (bit/s), the ones that are met most often first
+#: the standard's bit rates (bit/s), most frequent first
 ORDER = (500_000, 250_000, 125_000, 1_000_000, 50_000, 20_000, 10_000, 800_000)
 assert set(ORDER) == set(BIT_TIMINGS)  # noqa: S101 - all of them
 

@@ -94,9 +94,9 @@ _Said = TypeVar("_Said")
 #: How long each node-ID has to answer, in seconds, and how many are asked at once.
 _ANSWER_S = 0.05
 _AT_ONCE = 8
-#: CAN-ID of an SDO answer, to which the node-ID is added (CiA 301, 7.3.5).
+#: CAN-ID of an SDO response, plus the node-ID (CiA 301, 7.3.5).
 _SDO_ANSWER = 0x580
-#: The state of a node of which nothing was heard: it sends no heartbeat (0x1017 is 0 or missing), or none came yet.
+#: The state of a node never heard: it sends no heartbeat (0x1017 is 0 or missing), or none was received yet.
 _UNHEARD = _NO_HEARTBEAT, _UNKNOWN = "no heartbeat", "state unknown"
 #: Heartbeats are usually sent once a second or faster.
 _LISTEN_S = 1.0

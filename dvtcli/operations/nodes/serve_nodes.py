@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.opening.serve import ServeRequest, Serving
     from dvtcli.operations.session.session import Session
 
-#: more nodes than these are counted, not named
+#: up to this number, nodes are named
 _NAMED = 8
 
 
@@ -62,7 +62,7 @@ def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:
         ("nodes", [node.node_id for node in served.nodes]),
     )
     here = f"{' and '.join(places)}: {who}"
-    # in a line of its own and a terminal's width it can be copied
+    # on its own line and without a terminal's width, for copying
     lines = (f"{here}; attach with", attach, *_names(served)) if attach else (here,)
     return Facts("sim", rows, lines)
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 _SEGMENT_BYTES, _EACH = 7, 64
-#: answers that begin an upload and tell its size, by their bits: in segments, by blocks
+#: responses that begin an upload with its size, by their bits: segmented, block
 _SIZE_TOLD = ((0xE3, 0x41), (0xE3, 0xC2))
 
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import ValueRead
 
 _DOMAIN = BY_SHORT_NAME["domain"]
-#: sub-indices that a record may have behind 0 (CiA 301, 7.4.1), and entries that a PDO's mapping may have
+#: maximum sub-index of a record (CiA 301, 7.4.1), and maximum entries of a PDO's mapping
 _MOST, _MOST_MAPPED = 254, 64
-#: whose entries are programs: megabytes (CiA 302-3)
+#: programs: megabytes (CiA 302-3)
 _PROGRAMS = 0x1F50
 _TOO_LONG = "a DOMAIN is read alone, into a file"
 

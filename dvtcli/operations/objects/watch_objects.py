@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.values import ValueRead
     from dvtcli.operations.session.session import Session
 
-#: an object as it was typed, and the node that it was typed with
+#: an object as typed, and its node
 Asked = tuple[str, int | None]
 _Place = tuple["Node", int, int]
 Show = Callable[[Iterable[ValuesRead]], None]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.signals import SimulatedSignal
 
-#: Opens the bus that options name.
+#: Opens the bus of options.
 OpenBus = Callable[[Options], CanopenBus]
 
 

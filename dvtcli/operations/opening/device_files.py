@@ -101,11 +101,11 @@ class DeviceFiles:
     bus: CanopenBus
     options: Options
     simulated: tuple[Simulated, ...] = ()
-    #: EDS and profile of single nodes, where somebody chose them
+    #: EDS and profiles chosen for single nodes
     own_eds: dict[int, Path] = field(default_factory=dict)
     own_profile: dict[int, str] = field(default_factory=dict)
     _memories: dict[int, ReadCache] = field(default_factory=dict)
-    #: what was said of files and of the bus, which is said once
+    #: remarks already made about files and the bus
     _said: set[str] = field(default_factory=set)
 
     def memory(self, node_id: int) -> ReadCache:

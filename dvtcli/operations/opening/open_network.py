@@ -90,39 +90,39 @@ class Network:
     bus: CanopenBus
     files: DeviceFiles
     cancellation: Cancellation
-    #: asks a question about the node with that ID
+    #: asks a question about a node
     consent: Callable[[str, int], None]
-    #: lock, backup and journal of each node; None where the nodes die with this process, and of twins
+    #: lock, backup and journal of each node; None if the nodes end with this process, and for twins
     keeping: Keeping | None = None
     nodes: dict[int, Node] = field(default_factory=dict)
-    #: node-IDs of the changes that this session made and can undo, oldest first
+    #: node-IDs of this session's changes for undo, oldest first
     order: list[int] = field(default_factory=list)
-    #: the changes of a node that were made before it was met here: of a twin, those of the node itself
+    #: a node's changes before it was met here: for a twin, those of its node
     done_before: Callable[[int], list[Plan]] = lambda _node_id: []
-    #: node-IDs that were met elsewhere: where these are twins, on the bus itself
+    #: node-IDs met elsewhere: for twins, on the bus itself
     met: Callable[[], Iterable[int]] = tuple
-    #: whether this process makes one change and ends
+    #: whether this process makes a single change and ends
     only_one: Callable[[], bool] = lambda: False
-    #: node-IDs that answered when all were asked last
+    #: node-IDs found by the last scan
     scanned: tuple[int, ...] = ()
-    #: told of every object that is read of a node ahead of a change or for a list
+    #: called for every object read before a change or for a list
     on_look: Callable[[ReadProgress], None] = lambda _looking: None
-    #: shows what nobody may miss
+    #: shows a warning
     warn: Callable[[Hint | str], None] = lambda _text: None
-    #: shows what is good to know
+    #: shows a note
     note: Callable[[str], None] = lambda _text: None
-    #: told of every step of a change that a node took
+    #: called for every step of a change
     on_step: Callable[[Progress], None] = lambda _progress: None
-    #: whether a bus that is gone is waited for, so that each node has to say who it is before
+    #: whether a lost bus is waited for, so that each node must be identified first
     comes_back: bool = False
-    #: who the nodes said they were, where that is so
+    #: identities of the nodes, if used
     identities: dict[int, Identity] = field(default_factory=dict)
     #: the nodes as they were when the bus was gone, until each is met anew
     left: dict[int, Node] = field(default_factory=dict)
-    #: boot-ups and NMT state that were heard of each of these when it was asked last, in the line that is being done
+    #: boot-ups and NMT state of each at its last identification in the current line
     asked_again: dict[int, tuple[int, NmtState | None]] = field(default_factory=dict)
 
-    #: as *consent*, also in the middle of what was agreed to; None: *consent* itself
+    #: like *consent*, even inside `agreed`; None: *consent*
     consent_anew: Callable[[str, int], None] | None = None
 
     @property

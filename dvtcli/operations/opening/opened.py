@@ -58,21 +58,21 @@ class Opened(SessionOptions):
         #: called when the bus is about to be opened
         self.on_open: Callable[[], None] = lambda: None
         self._open_bus = open_bus
-        #: makes the bus of simulated nodes; None: the usual one
+        #: makes the bus of simulated nodes; None: the default
         self.simulate: StartSimulation | None = None
         self._network: Network | None = None
         self._twin: Network | None = None
         self._untap: Callable[[], None] | None = None
-        #: what to say to whoever wants a bus that is gone; None while it is there
+        #: the error while the bus is lost; None otherwise
         self._gone: str | None = None
-        #: what the bus was set to since it was opened (bit/s), so that it is opened again at that
+        #: bit rate set since the bus was opened (bit/s), used again when it is reopened
         self._set_rate: int | None = None
-        #: the last frames that were heard, where somebody listens all the time: the prompt, or a script (`keep_frames`)
+        #: the last frames, if recorded all the time: at the prompt, or in a script (`keep_frames`)
         self.frames: LastFrames | None = None
         self._keeps_frames = False
-        #: whether a bus that is gone is waited for
+        #: whether a lost bus is waited for
         self.comes_back = False
-        #: the files that the line that runs has made, as they were named
+        #: files made by the current line, as named
         self.made: list[str] = []
 
     @contextmanager

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from dvtcli.simulator.network.joined_bus import JoinedBus
     from dvtcli.simulator.network.shared_bus import Server
 
-#: where socketcand listens, by its own documentation
+#: socketcand's port, by its documentation
 DEFAULT_PORT = 29536
 LOOPBACK = "127.0.0.1"
 _LONGEST_LATENCY_MS = 60_000

@@ -44,7 +44,7 @@ def _of_file(path: Path) -> Iterator[str]:
     yield from unread_values(read, str(path))
 
 
-#: why the file of a simulated node describes it
+#: the reason for the file of a simulated node
 SIMULATED = "simulated from it"
 
 
@@ -303,7 +303,7 @@ def read_dictionary(path: Path) -> ObjectDictionary:
         raise
 
 
-#: a bus has 127 nodes: each file is read once, also where every node has its own
+#: a bus has 127 nodes: each file is read once, even if every node has its own
 @lru_cache(maxsize=128)
 def _dictionary(path: Path, _folder: Path | None, _state: tuple[int, ...]) -> ObjectDictionary:
     """Cache the dictionary at *path* (relative to *_folder*) until the file changes."""

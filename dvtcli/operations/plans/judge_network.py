@@ -98,7 +98,7 @@ def placed_in(wish: NetworkWish, log: FileLog) -> Placed:
     return placed
 
 
-#: by the action of a hint, the key of a network file that does the same
+#: actions of hints -> the equivalent key of a network file
 _KEYS = {
     Action.SELECT_CAN_ID: "`cob_id: auto`",
     Action.EXTEND: "bit 29 of `cob_id` (0x20000000)",
@@ -111,7 +111,7 @@ _KEYS = {
 }
 
 
-#: by the action of a hint, what does the same in the COB-ID of a PDO
+#: actions of hints -> the equivalent in a PDO's COB-ID
 _BITS = {
     Action.EXTEND: "bit 29 set",
     Action.ALLOW_RTR: "bit 30 clear",

@@ -53,7 +53,7 @@ def unlink_pdos(
     heartbeat: bool = True,
     on_plan: OnPlan = lambda _plan: None,
 ) -> NetworkApplied:
-    """Disconnect the RPDOs *consumers* from the TPDO *producer*, which stays enabled for other consumers.
+    """Disable the RPDOs *consumers* of the TPDO *producer*, which stays enabled for other consumers.
 
     A node with no other link to the producer's node stops consuming its heartbeat, unless *heartbeat* is False. Raises
     UsageError if an RPDO does not receive the TPDO, else the errors of `apply`.

@@ -48,17 +48,17 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.session.session import Session
 
-#: What a load is computed from besides PDOs: index, sub-index, and its length in bytes.
+#: Objects besides PDOs that a load depends on: index, sub-index, length in bytes.
 TIMING = (
     (SYNC_COB_ID, 0, 4), (SYNC_PERIOD, 0, 4), (SYNC_WINDOW, 0, 4), (SYNC_OVERFLOW, 0, 1), (GUARD_TIME, 0, 2),
     (LIFE_TIME_FACTOR, 0, 1), (TIME_COB_ID, 0, 4), (EMCY_COB_ID, 0, 4), (EMCY_INHIBIT, 0, 2),
     (PRODUCER_HEARTBEAT, 0, 2),
 )  # fmt: skip
-#: What the rules of `check` look at besides.
+#: Further objects for the rules of `check`.
 JUDGED = (
     *((IDENTITY, sub_index, 4) for sub_index in range(1, 5)), (ERROR_BEHAVIOUR, 1, 1), (NMT_STARTUP, 0, 4),
 )  # fmt: skip
-#: What they look at of an NMT master: objects with an entry a node, the length of each in bytes.
+#: Objects of an NMT master for the rules: an entry per node, lengths in bytes.
 _OF_MASTER = {
     SLAVE_ASSIGNMENT: 4, REQUEST_NMT: 1, REQUEST_GUARDING: 1, 0x1F84: 4, 0x1F85: 4, 0x1F86: 4,
     0x1F87: 4, 0x1F88: 4,

@@ -152,7 +152,7 @@ def _held_file(session: Session, path: Path) -> list[Path]:
     except InputFileError:  # whoever reads it says so; `recover --discard` sets it aside under the lock
         return [path] if path.exists() else []
     if not session.dry_run and journal.bus == network.bus.name:
-        # of another bus nobody here is at work on its node, which need not be on this one
+        # on another bus, nobody here works on its node
         keeper = network.node(journal.plan.node_id).keeper
         if keeper is not None:
             keeper.hold()

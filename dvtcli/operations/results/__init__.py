@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.watched_values import *  # noqa: F403
     from dvtcli.operations.results.whole_devices import *  # noqa: F403
 
-#: Every public name of this room, by the module that defines it.
+#: Every public name of this room, by module.
 NAMES: dict[str, tuple[str, ...]] = {
     "bus_events": ("BusEvent",),
     "changes": ("Changed", "ChangedNodes"),

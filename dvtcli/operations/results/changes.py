@@ -29,26 +29,26 @@ class Changed(Answer):
     dry_run: bool
     seconds: float
     undone: bool = False
-    #: whether anything of it is lost at power-off unless it is stored
+    #: whether any of it is lost at power-off without a store
     volatile: bool = True
-    #: what makes it last, in words
+    #: what makes it permanent, in words
     keep: Hint | str = Hint(Action.STORE, why="keeps it")  # noqa: RUF009 - it is frozen
     names: dict[str, str] = field(default_factory=dict)
-    #: whether it was the family's way to keep its settings
+    #: whether it was stored in the family's own way
     saved: bool = False
-    #: whether more nodes than this one are known
+    #: whether more nodes are known
     named: bool = False
-    #: what each PDO is now that was to be put back as it was, and that the device did not take
+    #: PDOs that differ after the roll-back, as the device did not take their old values
     not_put_back: tuple[Finding, ...] = ()
-    #: whether it was put back, and no store of dvtcli took what was put back
+    #: whether it was rolled back, and no store of dvtcli took the new values
     as_before: bool = False
-    #: objects that were acknowledged and cannot be read back, as `2050:00`
+    #: acknowledged objects that cannot be read back, as `2050:00`
     unreadable: tuple[str, ...] = ()
-    #: objects that were to be put back and keep what was written, since nobody knows what they held, as `2050:00`
+    #: objects of unknown old value that keep the written value, as `2050:00`
     unrestored: tuple[str, ...] = ()
-    #: what the values of single objects mean, by object
+    #: scaled values of single objects
     understood: Mapping[str, ScaledValue] = field(default_factory=dict)
-    #: whether a later `undo` knows of it
+    #: whether a later `undo` can undo it
     remembered: bool = True
 
     def __bool__(self) -> bool:

@@ -28,19 +28,19 @@ class Compared(Answer):
     against: str = "this session's changes"
     frames: tuple[tuple[str, Frame | None, float], ...] = ()
     state_note: str = ""
-    #: single objects that were compared besides
+    #: number of single objects compared
     objects: int = 0
-    #: whether a frame of every enabled TPDO should have come
+    #: whether a frame of every enabled TPDO was expected
     frame_asked: bool = False
-    #: whether more nodes than this one are known
+    #: whether more nodes are known
     named: bool = False
-    #: how many more parameters these PDOs have, of which a file says nothing
+    #: number of further parameters of these PDOs, not in the file
     unsaid: int = 0
-    #: objects that cannot be read back, and were not compared, as `2050:00`
+    #: objects that cannot be read back, not compared, as `2050:00`
     not_comparable: tuple[str, ...] = ()
-    #: every PDO and object that was compared
+    #: every PDO and object compared
     labels: tuple[str, ...] = ()
-    #: where a network file says what a label should be; of an empty label where it says the node (0: nowhere)
+    #: lines of a network file by label; the node's line for an empty label (0: none)
     lines: Mapping[str, int] = field(default_factory=dict)
 
     def line_of(self, label: str) -> int:
@@ -107,7 +107,7 @@ class ComparedNodes(Answer):
     formats: ClassVar = CASES
 
     nodes: tuple[Compared, ...]
-    #: what of a network file devices have not
+    #: objects of a network file that devices lack
     lacking: tuple[Lacked, ...] = ()
 
     @property

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.scaling import Scaling
 
 Document = dict[str, Any]
-#: formats of answers that compare PDOs and objects one by one
+#: formats of results that compare PDOs and objects one by one
 CASES = {"github": "github_case_lines:github_case_lines", "junit": "junit_case_lines:junit_case_lines"}
 
 
@@ -26,7 +26,7 @@ class Short:
     __slots__ = ()
 
     def __init_subclass__(cls) -> None:
-        # IPython asks each class by itself, the last one first, and takes a dataclass's own repr where it finds one
+        # IPython asks each class, the last first, and prefers a dataclass's own repr
         if "_repr_pretty_" not in vars(cls):
             cls._repr_pretty_ = Short._repr_pretty_  # type: ignore[method-assign]
 
@@ -45,11 +45,11 @@ class Answer(Short):
     __slots__ = ()
     #: a module of `cli.view` and its function of (answer, width in columns): `pdo_lines:listing_lines`
     renderer: ClassVar[str] = "file_lines:text_lines"
-    #: format that only some answers have (`sarif`) -> what makes its lines, as for `renderer`
+    #: format of some results only (`sarif`) -> function that makes its lines, as for `renderer`
     formats: ClassVar[Mapping[str, str]] = {}
-    #: whether it is a list that is read at leisure, with a pager where it is more than a screen
+    #: whether it is a list for a pager if longer than a screen
     at_leisure: ClassVar[bool] = False
-    #: whether its findings are said beside it, and not in its own text
+    #: whether its findings are shown beside it instead of in its text
     remarked: ClassVar[bool] = False
 
     @property

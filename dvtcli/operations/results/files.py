@@ -58,9 +58,9 @@ class Facts(Answer):
     rows: tuple[tuple[str, Any], ...]
     text: tuple[Hint | str, ...]
     exit_code: int = 0
-    #: warnings and notes that belong to them
+    #: warnings and notes
     findings: tuple[Finding, ...] = ()
-    #: whether it is certain that no node was written to, where the command may do so
+    #: whether certainly no node was written to, if the command may do so
     changed_nothing: bool = False
 
     def document(self) -> Document:

@@ -15,7 +15,7 @@ from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Answer, Document, Short, hex_bytes, json_value, physical_document
 from dvtcli.watch.explain.parts import FramePart
 
-#: what is in a frame for the protocol's sake
+#: protocol parts of a frame
 _ASIDE = frozenset({"index", "reserved", "n: bytes without data", "e: transfer type", "s: size", "without data", "c"})
 
 

@@ -217,11 +217,11 @@ class LibraryListing(Answer, Rows[LibraryRow]):
     folder: str
     removed: tuple[str, ...] = ()
     preferred: str = ""
-    #: files in the folder whose names no `eds add` made
+    #: files in the folder not made by `eds add`
     strangers: int = 0
     dry_run: bool = False
     exit_code: int = 0
-    #: whether *preferred* is the only file of its vendor, product and revision
+    #: whether *preferred* is the only file of its identity
     is_alone: bool = False
 
     def document(self) -> Document:

@@ -207,7 +207,7 @@ class NetworkApplied(Answer):
     keep: Mapping[int, Hint | str] = field(default_factory=dict)
     kept_without: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     is_clone: bool = False
-    #: nodes of whose change a later `undo` does not know
+    #: nodes whose change a later `undo` does not know
     not_remembered: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:

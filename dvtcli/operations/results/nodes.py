@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
 
 
-#: Bit 30 of 0x1005: this node produces SYNC.
+#: Bit 30 of 0x1005: SYNC producer.
 _PRODUCES = 1 << 30
 
 
@@ -125,7 +125,7 @@ class LoggedIn(Answer):
     level: int
     wanted: int
     dry_run: bool
-    #: what the level allows, in words
+    #: the level's rights, in words
     allows: str = ""
     exit_code: int = 0
 
@@ -155,7 +155,7 @@ class NodeRow(Short):
     profile: str = ""
     source: str = ""
     note: str = ""
-    #: why the file *source* describes it, and what to know of that
+    #: why the file *source* describes it, and its remark
     eds_why: str = ""
     eds_note: str = ""
 
@@ -266,7 +266,7 @@ class Synced(Answer):
     dry_run: bool
     can_id: int = 0x080
     exit_code: int = 0
-    #: why no frame came, where that is known
+    #: why no frame was received, if known
     note: Hint | str = ""
 
     def document(self) -> Document:

@@ -41,7 +41,7 @@ class VpdoListing(Answer):
 
     node: int
     groups: tuple[VpdoRow, ...]
-    #: the first sentence, where something was asked for that is so already
+    #: the first sentence, if nothing had to change
     said: str = ""
     exit_code: int = 0
 
@@ -115,7 +115,7 @@ class PdoRow(Short):
     names: tuple[MappedName, ...] = ()
     default_can_id: int | None = None
     unstored: bool = False
-    #: None where no frame of it was heard in this session
+    #: None if no frame was received in this session
     last: LastFrame | None = None
 
     def __str__(self) -> str:

@@ -33,7 +33,7 @@ class Stored(Answer):
     skipped: str = ""
     because: str = ""
     prove_asked: bool = False
-    #: whether nobody but this dvtcli can have changed the node, so that *changed* is all of it
+    #: whether only this dvtcli can have changed the node, so that *changed* is complete
     all_known: bool = False
 
     @property

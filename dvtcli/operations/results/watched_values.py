@@ -10,7 +10,7 @@ from typing import ClassVar
 from dvtcli.operations.results.documents import Answer, Document, Short, json_value, physical_document
 from dvtcli.operations.results.values import RecordRead, ValueRead
 
-#: values of an object that are kept for its picture
+#: number of values kept for an object's picture
 MOST_POINTS = 40
 
 

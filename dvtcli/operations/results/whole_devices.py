@@ -28,7 +28,7 @@ class ObjectDifference(Short):
     after: bytes | None
     unread: str = ""
     apart: str = ""
-    #: what its values mean
+    #: its scaling
     meaning: Scaling = NOTHING
 
     def value(self, data: bytes | None) -> Any:
@@ -81,11 +81,11 @@ class WholeCompared(Answer):
     about: tuple[ObjectDifference, ...] = ()
     apart: tuple[ObjectDifference, ...] = ()
     unsaid: int = 0
-    #: in which numbers of the identity (0x1018) they are two devices; empty where they are not, or nobody knows
+    #: differing numbers of the identity (0x1018); empty if none, or unknown
     unlike: str = ""
-    #: settings that a file has a default of only, and that the other side could not be asked for
+    #: settings with a default only, which the other side could not be asked for
     unread: tuple[str, ...] = ()
-    #: whether each object that is no setting is shown, too
+    #: whether objects that are no settings are shown, too
     shows_all: bool = False
 
     def __bool__(self) -> bool:

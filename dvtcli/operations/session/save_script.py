@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.files.read_back import ReadBack
     from dvtcli.operations.session.session import Session
 
-#: Lines about one node that stand together.
+#: Consecutive lines about a node.
 Section = tuple[int, list[str]]
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-#: what two clocks that are read one after the other may differ by (s)
+#: maximum difference of two clocks read one after the other (s)
 _APART_S = 1.0
 
 
@@ -58,11 +58,11 @@ class SteadyListener:
         self._session = session
         self._unasked = unasked
         self._sleeps = Sleeps()
-        #: frames that were missed on the buses before this one: that did not fit here, and all
+        #: frames missed on earlier buses: by overflow, and in all
         self._before = 0, 0
         #: whether the bus was gone when the listening ended
         self.is_gone = False
-        #: how long the bus was gone each time that it was (s)
+        #: durations of the bus's losses (s)
         self.gaps_s: list[float] = []
         self._bus, self._listener = self._on_wire()
 

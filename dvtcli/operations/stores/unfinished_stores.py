@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.change_group import Storing
     from dvtcli.operations.results import Stored
 
-#: What helps where a node lost what was set, and there is no journal.
+#: What to do if a node lost its values, without a journal.
 _AGAIN = Hint(Action.APPLY, why="{} again sets what is missing, and stores it")
 
 _ALL_BACK = Hint(Action.RECOVER_ALL, why=", {} puts every node back")
@@ -36,7 +36,7 @@ class Stores:
     answers: dict[int, Stored] = field(default_factory=dict)
     failed: dict[int, BaseException] = field(default_factory=dict)
     lost: list[BaseException] = field(default_factory=list)
-    #: whether it was said that a request to stop came too late
+    #: whether the message about a late request to stop was shown
     was_late: bool = False
 
     def are_all_done(self) -> bool:

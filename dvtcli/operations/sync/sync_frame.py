@@ -10,7 +10,7 @@ from dvtcli.errors import NoAnswer, SdoAborted
 if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoTransport
 
-#: SYNC as it is where nobody says otherwise (CiA 301, 7.5.2.5)
+#: the default SYNC (CiA 301, 7.5.2.5)
 DEFAULT = Frame(0x080, b"")
 _EXTENDED = 1 << 29
 

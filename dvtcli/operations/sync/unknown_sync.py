@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 RULES = (Rule("sync-producer", WARNING, "`sync --check`: nobody produces SYNC", "CiA 301, 7.5.2.5 and 7.5.2.6"),)
 
-#: The bus is listened to for two periods of the slowest node, within these limits, in seconds.
+#: The bus is recorded for two periods of the slowest node, within these limits, in seconds.
 _SHORTEST_S, _LONGEST_S = 0.1, 2.5
 
 

@@ -34,16 +34,16 @@ class Keeping:
 
     bus: str
     folder: Path
-    #: the node-ID that -n selects
+    #: the node-ID of -n
     selected: int | None
-    #: show a message that is no result, and one that nobody may miss
+    #: show a message, and a warning
     say: Callable[[Hint | str], None]
     warn: Callable[[Hint | str], None]
-    #: what is being done now, for another dvtcli that finds a node's lock taken
+    #: the current work, for another dvtcli that finds a node's lock taken
     doing: Callable[[], str]
-    #: what the changes that are made now belong to
+    #: the group of the current changes
     whole: ChangeGroup = field(default_factory=ChangeGroup)
-    #: what was said of interrupted changes: one of several nodes is said once
+    #: messages about interrupted changes, for those of several nodes only once
     _said: set[Hint | str] = field(default_factory=set)
 
     def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from dvtcli.errors import UsageError
 
-#: What only the start of the program may choose: a bus, a node's files, where things are kept.
+#: Options only at the start of the program: a bus, a node's files, folders.
 START_ONLY = frozenset(
     {
         "interface",
@@ -32,13 +32,13 @@ START_ONLY = frozenset(
 )
 #: What a bus can run at (bit/s): CiA 301 names 10 kbit/s to 1 Mbit/s, adapters take less.
 BIT_RATES = range(1_000, 1_000_001)
-#: What every command can answer in, and what only some can.
+#: Formats of every command, and of some.
 FORMATS, SPECIAL_FORMATS = ("text", "json", "jsonl"), ("github", "junit", "sarif")
-#: Those of answers that go through PDOs and objects one by one.
+#: Formats of results that go through PDOs and objects one by one.
 CASE_FORMATS = ("github", "junit")
-#: What `--node` takes for every node on the bus.
+#: `--node` for every node on the bus.
 ALL_NODES = "all"
-#: Options that are one word of a few.
+#: Options with a fixed set of words.
 CHOICES = {"format": FORMATS + SPECIAL_FORMATS, "color": ("auto", "always", "never")}
 
 

@@ -11,7 +11,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.files.profile.library import passcode_objects
 
-#: a frame as `send` takes it, also where it is none yet: with half a byte, too many of them, or a wrong length
+#: a frame for `send`, even if invalid: half a byte, too many bytes, or a wrong length
 _FRAME = re.compile(
     r"\b(?:0x)?([56][0-9a-f]{2})(?:\s*#\s*|(?:\s+\[\d+\])?\s+)((?:(?:0x)?[0-9a-f]{1,2}[\s._]*)+)", re.IGNORECASE
 )

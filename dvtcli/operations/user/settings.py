@@ -18,29 +18,28 @@ from dvtcli.operations.user.settings_search import SettingsFile, content, projec
 if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
 
-#: Who chose the bus where no option, variable or file did.
+#: The source of the bus if no option, variable or file chose it.
 NOBODY = "nobody"
 
-#: Values by the option's name, each with where it was said.
+#: Values by option, each with its source.
 Layer = dict[str, tuple[Any, str]]
 
-#: What together chooses a bus.
+#: Options that together choose a bus.
 _SIMULATED = frozenset({"sim", "fault", "signal"})
 _BUS = frozenset({"bus", "interface", "channel", "bitrate", "bus_kwargs"}) | _SIMULATED
-#: The key that is no option: what `login` would ask for.
+#: The key that is no option: the passcode for `login`.
 PASSCODE = "passcode"
-#: The table of the prompt's words.
+#: The table of aliases at the prompt.
 ALIASES = "aliases"
-#: What somebody else's project must not decide.
+#: Options that another's project must not set.
 USERS_OWN = ("yes", "force", PASSCODE, "no_shell")
-#: What makes a channel a URL: pyserial has some that write any file.
+#: The mark of a URL as channel: some of pyserial's write any file.
 _URL = "://"
-#: Keys of drivers that name a library to load, and how such a file is called.
+#: Keys of drivers that name a library to load, and names of such files.
 _LIBRARY_KEY, _LIBRARY_FILE = re.compile(r"(?i)dll|lib"), re.compile(r"(?i)\.(dll|so|dylib|pyd|ocx)\b")
-#: Interfaces whose driver takes its library from the folder that it is started in, by python-can 4: on Windows
-#: `./WDT_DIO.dll`.
+#: Interfaces whose driver loads its library from the current folder, by python-can 4: on Windows `./WDT_DIO.dll`.
 _LIBRARY_HERE = frozenset({"neousys"})
-#: What says where the frames of a bus go.
+#: Options that choose the bus.
 _CHOOSES_BUS = ("interface", "channel", "bus_kwargs", "bus")
 
 
@@ -160,7 +159,7 @@ class Settings:
         self.user: File | None = None
         self.variables: Layer = {}
         self.typed: Layer = {}
-        #: where each option that counts was said: typed, in its variable or in the settings file
+        #: source of each option in force: typed, its variable or the settings file
         self.sources: dict[str, str] = {}
         self._wrong: DvtcliError | None = None
         self._warned = False

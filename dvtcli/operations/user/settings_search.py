@@ -14,10 +14,10 @@ from dvtcli.device.trust import replaceable, stranger, sudo_user
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
 from dvtcli.files.user_folders import user_folder
 
-#: The variable that names a project's file, which is trusted then and taken wherever it is.
+#: The variable that names a project's file, then trusted wherever it is.
 VARIABLE = "DVTCLI_CONFIG"
 NAME = "dvtcli.toml"
-#: What makes a folder the root of a repository.
+#: Marks of a repository's root.
 _ROOTS = (".git", ".hg")
 
 

@@ -37,7 +37,7 @@ RULES = (
          "the device's own answer"),
 )  # fmt: skip
 _LACKED = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
-#: what helps where a single object is not there
+#: what to do about a missing object
 _HINT = Hint(
     Action.FIND_OBJECTS,
     why="is it the device that is meant? leave the object out of the file; {} finds what an EDS lists",

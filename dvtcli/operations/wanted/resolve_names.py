@@ -106,7 +106,7 @@ def _index(node: Node, wish: PinWish, log: FileLog) -> int | None:
 
 Place = tuple[int, int]
 _CONSUMER_HEARTBEAT = 0x1016
-#: What helps where a name is looked up on a node that no file describes.
+#: What to do about a name on a node without description.
 _NO_EDS = (
     "`dcf: drive.eds` beside its `node_id` gives one (`dcf: generic`: that of a simulated family), or "
     "a file of the library for all files; numbers need none"
@@ -120,7 +120,7 @@ class NodeWants:
     pdos: dict[Pdo, PdoWant] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
     reasons: dict[Place, str] = field(default_factory=dict)
-    #: where the file says them
+    #: its lines in the file
     lines: dict[Place, int] = field(default_factory=dict)
     pruned: frozenset[Pdo] = frozenset()
 

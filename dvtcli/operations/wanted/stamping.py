@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules import Finding
 
 
-#: what changes where the text does: stamps of before count no longer
+#: changes with the text's form: older stamps are void
 _VERSION = "dvtcli stamp 1"
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 NodePdo = tuple[int | None, "Pdo"]
-#: What is compared with where no file is named.
+#: The comparison without a file.
 SESSION = "this session's changes"
 
 

@@ -34,9 +34,9 @@ class HeldDevice:
     identity: Mapping[str, int | None]
     objects: Mapping[ObjectAddress, KeptObject]
     dictionary: ObjectDictionary | None = None
-    #: all objects of a file that only describes: it has no value of any, but what a device comes up with
+    #: all objects of a file without values: defaults only
     assumed: frozenset[ObjectAddress] = frozenset()
-    #: what the file says of values and nobody reads, each with its line
+    #: values in the file without use, with their lines
     unread: tuple[str, ...] = ()
 
     def says(self, place: ObjectAddress) -> bool:

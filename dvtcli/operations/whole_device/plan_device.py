@@ -58,7 +58,7 @@ def apply_device(
     return replace(done, is_clone=options.is_clone)
 
 
-#: why an object is not written that does not read back what was written to it either
+#: reasons not to write an object that also prevent its read-back
 _READS_ANOTHER_VALUE = frozenset({NotWritten.WRITE_ONLY, NotWritten.STORE, NotWritten.REQUEST, NotWritten.PROGRAM})
 
 

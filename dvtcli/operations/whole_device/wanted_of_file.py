@@ -136,7 +136,7 @@ class _Values(ToldValues):
         return self.node.memory.upload(index, sub_index) if data is None else data
 
 
-#: what is not even read to see whether it differs: secrets, programs, what cannot be read or says nothing then
+#: reasons not even to read an object: secrets, programs, unreadable or meaningless values
 _NOT_READ = frozenset(
     {
         NotWritten.READ_ONLY, NotWritten.WRITE_ONLY, NotWritten.PASSCODE, NotWritten.PROGRAM, NotWritten.REQUEST,
@@ -154,9 +154,9 @@ class WantedOfFile:
 
     wants: NodeWants = field(default_factory=NodeWants)
     left_out: dict[str, LeftOut] = field(default_factory=dict)
-    #: settings that the node holds as the file says, and that nobody would write
+    #: settings of the file that the node holds already, and that need no write
     also_equal: dict[ObjectAddress, bytes] = field(default_factory=dict)
-    #: what to say of what the user called configuration and by which nothing more is written
+    #: messages about included objects without effect
     idle: tuple[Hint, ...] = ()
 
     def __bool__(self) -> bool:
