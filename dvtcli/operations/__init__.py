@@ -1,1 +1,1 @@
-"""The use cases: each one thing that a user can want, without words and screens."""
+"""The use cases: an operation for each task of a user, without command words and screens."""

@@ -78,7 +78,7 @@ def object_of(node: Node, object_: Object) -> tuple[int, int]:
 
 
 def _numbers(object_: object, most: int) -> bool:
-    """Whether *object_* is an index, or a tuple of an index, a sub-index and up to *most* numbers in all."""
+    """Tell whether *object_* is an index, or a tuple of index, sub-index and at most *most* numbers."""
     numbers = object_ if isinstance(object_, tuple) else (object_, 0)
     return 2 <= len(numbers) <= most and all(
         isinstance(value, int) and not isinstance(value, bool) for value in numbers

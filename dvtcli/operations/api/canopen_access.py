@@ -25,7 +25,7 @@ class TakingTurns:
             return channel.upload(index, sub_index, timeout_s=timeout_s, retries=retries)
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
-        """Write an object, unchecked; SafetyRefusal where another dvtcli holds the node, UsageError in a dry run."""
+        """Write an object unchecked; raises SafetyRefusal if another dvtcli holds the node, UsageError in a dry run."""
         with self._calls.alone():
             session = self._calls.session
             if session.dry_run:

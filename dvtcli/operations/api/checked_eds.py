@@ -1,4 +1,4 @@
-"""Device files for a program: what is odd in them, as values. Opens no bus and prints nothing."""
+"""Check device files for a program; findings are values. Opens no bus and prints nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LSS for a program: what `dvtcli lss` does, on an open bus. Prints nothing and asks nobody."""
+"""LSS for a program, like `dvtcli lss`, on an open bus. Prints nothing and asks nobody."""
 
 from __future__ import annotations
 

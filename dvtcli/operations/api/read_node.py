@@ -70,7 +70,7 @@ class ReadNode:
         return self._read(lambda node: show_pdo(self._calls.session, wanted, node.node_id)).rows[0]
 
     def read(self, object_: Object, as_type: str | None = None) -> ValueRead:
-        """Read an object by SDO upload, decoded as *as_type* (`u16`, `i32`, `r32`, `vs`, …) or as the EDS says."""
+        """Read an object by SDO upload, decoded as *as_type* (`u16`, `i32`, `r32`, `vs`, …) or the type in the EDS."""
         from dvtcli.operations.meanings.object_values import value_result
 
         def read(node: DeviceNode) -> ValueRead:
@@ -181,7 +181,7 @@ class ReadNode:
         return tuple(entry["object"] for entry in dict(done.rows)["left_out"])
 
     def compare(self, file: str | Path) -> WholeCompared:
-        """Compare the node's settings with a DCF, EDS, XDD, XDC or a backup; true where all is equal."""
+        """Compare the node's settings with a DCF, EDS, XDD, XDC or a backup; true if all are equal."""
         from dvtcli.operations.whole_device.compare_device import compare_device
 
         name = str(path("file", file))

@@ -45,7 +45,7 @@ class ServedBus:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The options with which the program `dvtcli` joins: `["dvtcli", *bus.words, "-n", "5", "pdo"]`."""
+        """The options for the program `dvtcli` to join: `["dvtcli", *bus.words, "-n", "5", "pdo"]`."""
         return (
             "-i", "socketcand", "-c", "can0", "--bus-kwargs", f"host={self.host}", "--bus-kwargs", f"port={self.port}",
         )  # fmt: skip

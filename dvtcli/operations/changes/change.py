@@ -81,7 +81,7 @@ def changed(
     undone: bool = False,
     lines: list[str] | None = None,
 ) -> Changed:
-    """The answer to an applied plan; what changed something is remembered as script *lines* (None: the plan's own)."""
+    """Make the result of an applied plan; records changes as script *lines* (None: the plan's own)."""
     saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
     if (saved or any(map(alters, applied.plan.changes))) and not session.dry_run:
         session.record.add(node.node_id, change_lines(applied.plan) if lines is None else lines)

@@ -122,7 +122,7 @@ class ClaimsAtStore:
 
 
 def require_held(node: Node, changes: Sequence[Change]) -> None:
-    """DeviceRefused if *node* does not hold what *changes* end with, read once more."""
+    """Raises DeviceRefused if *node*, read again, does not hold the last values of *changes*."""
     differences = node.observed(lambda: list(_lost(node, changes)))
     if differences:
         raise DeviceRefused(

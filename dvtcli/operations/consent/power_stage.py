@@ -1,4 +1,4 @@
-"""A drive whose power stage is on is not configured from a file. Reads the statusword, and writes nothing."""
+"""Refuse to configure a drive with an enabled power stage from a file. Reads the statusword."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ class ConversionFormat:
             raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".xdd", ".xdc")')
 
     def write(self, session: Session, wanted: Converted) -> Facts:
-        """Write what is *wanted*, and ask before a file is overwritten.
+        """Write the *wanted* file, asking before overwriting.
 
-        What the new file does not hold stands in the answer's row `losses`, or `left_out`.
+        Losses are in the result's row `losses`, or `left_out`.
         """
         raise NotImplementedError

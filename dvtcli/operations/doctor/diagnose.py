@@ -1,7 +1,4 @@
-"""The checks behind `doctor`: this machine, the settings, the bus, what is kept. Each one answers, whatever is broken.
-
-Does not know how checks look on a screen.
-"""
+"""The checks of `doctor`: this machine, settings, bus, stored data. Each returns a result, whatever is broken."""
 
 from __future__ import annotations
 
@@ -47,7 +44,7 @@ def library_check() -> Check:
 
 
 def state_checks(session: Session) -> Iterator[Check]:
-    """Whether backups and journals can be written, and whether a journal waits."""
+    """Check that backups and journals can be written, and that no journal waits."""
     from dvtcli.device.trust import OTHER_STATE, private_folder, unusable
     from dvtcli.operations.user.keeping import state_folder
 
@@ -128,7 +125,7 @@ def habits_check() -> Check:
 
 
 def profiles_check() -> Check:
-    """Whether every profile can be read."""
+    """Check that every profile can be read."""
     from dvtcli.files.profile.library import load_profile, profile_names
 
     names = profile_names()

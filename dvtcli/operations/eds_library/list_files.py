@@ -161,7 +161,7 @@ def _row(number: int, one: StoredFile) -> LibraryRow:
 
 
 def _describe(one: StoredFile, known: KnownFile) -> FileDescription:
-    """What is in the file, read now, and noted for the next time."""
+    """Summarise the file by reading it, and note the summary."""
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
 
     return remember(one, known, read_dictionary(one.path))

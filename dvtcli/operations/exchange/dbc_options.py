@@ -22,5 +22,5 @@ class DbcOptions:
         return tuple(field.name for field in fields(self) if getattr(self, field.name))
 
     def __bool__(self) -> bool:
-        """Whether anything is wanted otherwise than by default."""
+        """Tell whether any option is not default."""
         return bool(self.named)

@@ -208,7 +208,7 @@ def _held(state: NetworkState, *, everything: bool) -> Iterator[_Held]:
 
 
 def _could_be_on(held: _Held, found: NetworkMessages) -> bool:
-    """Whether a PDO that is off maps anything and has a CAN-ID."""
+    """Tell whether a disabled PDO maps anything and has a CAN-ID."""
     node, pdo, config = held
     why = "it is off, and has no CAN-ID" if not config.communication.cob_id.can_id else ""
     if why and config.mapping:
@@ -291,7 +291,7 @@ def _receivers(signal: DbcSignal, heard: list[_Held], nodes: Mapping[int, str]) 
 
 
 def _comment(group: list[_Held]) -> str:
-    """Who sends and hears it, and by whose mapping where nobody said that of the node itself."""
+    """Name producer and consumers, and the mapping's source if not the node itself."""
     return ", ".join(
         f"{pdo.label} of node {node.node_id}{'' if config.enabled else ' (off)'}"
         f"{f' (by {node.guessed[pdo]})' if pdo in node.guessed else ''}"
@@ -300,7 +300,7 @@ def _comment(group: list[_Held]) -> str:
 
 
 def _cycle_ms(held: _Held, state: NetworkState) -> int:
-    """How often a TPDO is sent (ms): by its event timer, or at which SYNC; 0 where nobody knows."""
+    """Return a TPDO's period (ms) by its event timer or SYNC; 0 if unknown."""
     _, pdo, config = held
     told = config.communication
     if not pdo.is_tpdo or told.transmission_type is None:

@@ -82,7 +82,7 @@ def _row(one: FoundNode) -> dict[str, object]:
 
 
 def _watches(consumer: SdoReader, producer: SdoReader, producer_id: int) -> bool:
-    """Whether nothing is left to set up: the producer sends no heartbeat, or the consumer waits long enough for it."""
+    """Tell whether nothing is left to set up: no heartbeat producer, or the consumer time is long enough."""
     try:
         time_ms = heartbeat_ms(producer) or 0
         return not time_ms or watched_ms(heartbeat_slots(consumer), producer_id) > time_ms

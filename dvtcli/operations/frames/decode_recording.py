@@ -1,4 +1,4 @@
-"""A recording, decoded: by a DBC file, by the mapping in an EDS, or by what the nodes hold now."""
+"""Decode a recording by a DBC file, the mapping in an EDS, or the nodes' mappings."""
 
 from __future__ import annotations
 

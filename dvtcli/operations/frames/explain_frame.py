@@ -48,7 +48,7 @@ def explain_frame(
 
 
 def explained(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNode]) -> FrameExplained:
-    """*frame* with every bit named, by what *decoder* and *described*(node-ID) know."""
+    """Explain every bit of *frame* by *decoder* and *described*(node-ID)."""
     service = decoder.layout(frame).service
     return FrameExplained(
         frame, service.kind, service.label, service.node, tuple(frame_parts(frame, decoder, described))

@@ -146,7 +146,7 @@ def _of_a_failed_run(session: Session) -> list[tuple[Frame, bool, bool]]:
 
 
 def exchange_text(session: Session) -> list[str]:
-    """The same as text for a file, a line a frame; empty where nothing was exchanged."""
+    """Return the last exchange as text for a file, a line per frame; empty if there was none."""
     from dvtcli.domain.typed_frame import frame_text
     from dvtcli.domain.wall_clock import utc
 

@@ -127,7 +127,7 @@ class RunningRecording:
             return False
 
     def facts(self, path: Path, frames: int, seconds: float, size: int, more: str) -> Facts:
-        """What was recorded: *frames* in *seconds*, *size* bytes in the file at *path*, and *more* in words."""
+        """Summarise: *frames* in *seconds*, *size* bytes in the file at *path*, and *more* in words."""
         session, listener = self.session, self.listener
         session.made.append(str(path))
         listener.tell_overflow()

@@ -1,4 +1,4 @@
-"""Single frames sent, once or again and again: shown first, and asked about where nodes act on them."""
+"""Send single frames, once or repeated: shown first, with a question if nodes act on them."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class LssLines:
         return UNCONFIGURED if node_id is None else node_id
 
     def _identify(self, numbers: tuple[int, ...]) -> Answer:
-        """Whether somebody is within the ranges, or has no node-ID where none are given."""
+        """Tell whether a slave is within the ranges, or has no node-ID if none are given."""
         from dvtcli.operations.lss.lss_find import lss_identify
 
         if numbers:

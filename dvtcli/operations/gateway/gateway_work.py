@@ -55,7 +55,7 @@ class HeartbeatWatches:
             self._stop()
 
     def answer(self, client: LineClient, node_id: int | None, numbers: tuple[int, ...]) -> Answer:
-        """Watch *node_id* for *client* from now on, with the time (ms) in *numbers*, or no longer where none is."""
+        """Watch *node_id* for *client* from now on, within the time (ms) in *numbers*; no time ends the watch."""
         if node_id is None:
             return Failed(GatewayError.NO_DEFAULT_NODE)
         if not 1 <= node_id <= 127:

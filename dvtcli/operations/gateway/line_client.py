@@ -42,7 +42,7 @@ class LineClient(Client):
     waited_s: float = 0.0
 
     def greet(self) -> None:
-        """A gateway says nothing first."""
+        """Do nothing: a gateway does not speak first."""
 
     def take(self, data: bytes) -> list[Frame]:
         """Keep the lines completed by *data*; a client with an endless line or HTTP is disconnected."""

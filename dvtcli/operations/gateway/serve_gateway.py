@@ -111,7 +111,7 @@ def serve_gateway(
     dialect: Dialect = Dialect.HASH,
     told: Callable[[GatewayEvent], None] | None = None,
 ) -> None:
-    """Serve a gateway until Ctrl-C; *begun* is told where, once clients can come. Raises as `gateway`."""
+    """Serve a gateway until Ctrl-C; calls *begun* with the address once ready. Raises as `gateway`."""
     with gateway(session, *where, allow_changes=allow_changes, any_user=any_user, dialect=dialect, told=told) as served:
         mode = "changes allowed" if allow_changes else "read-only"
         paths = [endpoint for endpoint in where if isinstance(endpoint, str)]
@@ -168,7 +168,7 @@ def _check_place_of(path: str) -> None:
 
 
 class Gateway:
-    """Lets clients in and does what they say with *work*; answers in *dialect*."""
+    """Accepts clients, runs their requests by *work* and answers in *dialect*."""
 
     def __init__(
         self,
@@ -280,7 +280,7 @@ class Gateway:
         return min(known, key=lambda waiting_client: waiting_client.turn_s)
 
     def _may_go_on(self, client: LineClient) -> bool:
-        """Whether *client* said a line that, as far as is known, can be answered at once."""
+        """Tell whether *client* has a line that, as far as known, can be answered at once."""
         return bool(client.lines) and not client.stalled and not self._work.waits(client)
 
     def _clients(self) -> list[LineClient]:

@@ -1,4 +1,4 @@
-"""What a session's changes come to as gateway lines (CiA 309-3), for `save x.309`. Writes nothing to a node."""
+"""Write a session's net changes as gateway lines (CiA 309-3), for `save x.309`. Writes nothing to a node."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Learning what a device takes: asked under consent, put back, and kept as a profile and a simulated family."""
+"""Learn what a device accepts: tested with consent, rolled back, saved as a profile and a simulated family."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ class RateChange:
         self.master.configure_bit_rate(bit_rate)
 
     def switch(self, bit_rate: int) -> None:
-        """Let all who were told switch, and switch as well; nobody says a word before two delays are over."""
+        """Switch all configured nodes and this bus; nobody transmits before two delays are over."""
         self.session.tell.progress(f"LSS: all switch to {bit_rate} bit/s", 0, 0)
         began_s = self.bus.now_s()
         self.master.activate_bit_rate(self.delay_ms)

@@ -88,7 +88,7 @@ def require_on(bus: CanopenBus, address: LssAddress, node_id: int) -> None:
 
 
 def is_on(bus: CanopenBus, address: LssAddress, node_id: int) -> bool:
-    """Whether the node with *address* answers SDO as *node_id*."""
+    """Tell whether the node with *address* answers SDO as *node_id*."""
     identity = identity_on(bus, node_id)
     return identity is not None and _is(identity, address)
 

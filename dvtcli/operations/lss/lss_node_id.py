@@ -1,7 +1,4 @@
-"""Giving a node its node-ID by LSS, seen on the new one before anything is called done.
-
-Does not know files, nor how the node was found.
-"""
+"""Set a node's node-ID by LSS, verified at the new node-ID."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Networks: described by files, as they are on the bus, checked, and brought from the one to the other."""
+"""Networks: described by files, read from the bus, checked and configured."""

@@ -1,6 +1,6 @@
-"""Concise DCFs (CiA 302-3, 0x1F22) from a network file, and shown. Needs no bus: nodes are as new, as their files say.
+"""Make and show concise DCFs (CiA 302-3, 0x1F22) of a network file, for nodes with default values.
 
-Writes nothing to a node.
+Needs no bus; writes nothing to a node.
 """
 
 from __future__ import annotations

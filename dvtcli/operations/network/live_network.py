@@ -24,7 +24,7 @@ _OF_ONE_NODE = (range(0x081, 0x100), range(0x181, 0x200), range(0x281, 0x300), r
 
 @dataclass(frozen=True, slots=True)
 class Listened:
-    """How long was listened (*seconds*), and what was not whole or got lost meanwhile."""
+    """The time of recording (*seconds*), and damaged or lost frames."""
 
     seconds: float = 0.0
     error_frames: int = 0
@@ -32,7 +32,7 @@ class Listened:
 
 
 def listen(session: Session, for_s: float, take: Callable[[Frame, bool], None]) -> Listened:
-    """Hand every frame within *for_s* to *take*, and whether it was sent from here; nothing without frames."""
+    """Pass every frame within *for_s* to *take*, with whether we sent it; nothing without frames."""
     bus = session.open_network().bus
     if not for_s or not bus.carries_frames:
         return Listened()
@@ -82,14 +82,14 @@ def refuse_without_bus(session: Session) -> None:
 
 
 def nobody_chose(session: Session) -> bool:
-    """Whether nobody chose a bus, python-can's own settings neither."""
+    """Tell whether no bus is chosen, not even by python-can's settings."""
     from dvtcli.operations.user.settings import NOBODY
 
     return not has_bus(session) and session.chosen_by() == NOBODY
 
 
 def has_bus(session: Session) -> bool:
-    """Whether somebody chose a bus."""
+    """Tell whether a bus is chosen."""
     options = session.options
     return session.is_open or bool(options.sim or options.interface or options.channel or options.bus)
 

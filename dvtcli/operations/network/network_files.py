@@ -112,7 +112,7 @@ def applied(
 
 
 def may_store(file: str) -> bool:
-    """Whether *file*, a network file or a saved plan, says that a node stores, or is yet to be written."""
+    """Tell whether *file*, a network file or a saved plan, has a store, or does not exist yet."""
     if is_about_device(file):
         return False
     try:

@@ -66,7 +66,7 @@ def begin_reset(session: Session, command: NmtCommand, node_id: int) -> BegunRes
 
 
 def end_reset(session: Session, begun: BegunReset) -> Commanded:
-    """Wait for the node's boot-up, or any other answer, and look at its state; NoAnswer if none comes."""
+    """Wait for the node's boot-up message, or another answer, and read its state; raises NoAnswer if none comes."""
     begun.sent.wait()
     unheard = [] if begun.sent.booted else [begun.node_id]
     state = session.node(begun.node_id).access.state()

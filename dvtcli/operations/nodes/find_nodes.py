@@ -86,7 +86,7 @@ def _row(node: Node) -> NodeRow:
 
 
 def silent(node_id: int, error: DvtcliError, state: str) -> NodeRow:
-    """A node that was heard but does not answer SDO, or answers nonsense."""
+    """Describe a node that is heard but answers SDO not at all, or with nonsense."""
     return NodeRow(node_id, state, note=error.text)
 
 

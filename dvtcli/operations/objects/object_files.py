@@ -30,9 +30,9 @@ _SIZE_TOLD = ((0xE3, 0x41), (0xE3, 0xC2))
 
 @contextmanager
 def transfer_progress(session: Session, node_id: int, text: str, size: int | None = None) -> Iterator[None]:
-    """While the block runs, say *text* with how much of *size* bytes has passed; the bus is open.
+    """Report the progress of a transfer during a block: *text*, and how much of *size* bytes; the bus is open.
 
-    None is for an upload: its size is told on the way.
+    None is for an upload: its size is learnt on the way.
     """
     watch = _FrameCount(session, node_id, text, size)
     stop = session.wire.tap(watch.take)

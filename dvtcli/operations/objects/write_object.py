@@ -128,7 +128,7 @@ def _is_signature(index: int, value: str) -> bool:
 
 
 def signature(session: Session, node: Node, index: int, sub_index: int, value: str) -> Stored:
-    """0x1010 and 0x1011 take one signature each: the same as `store` and `restore`."""
+    """Write the signature to 0x1010 or 0x1011, as `store` and `restore` do."""
     if not _is_signature(index, value):
         word, place = SIGNATURES[index], f"0x{index:04X}:{sub_index:02X}"
         finding = error(

@@ -175,7 +175,7 @@ class DeviceFiles:
         self._said.update(before._said)
 
     def was_said(self, note: str) -> None:
-        """*note* is shown, and need not be said again."""
+        """Record *note* as shown."""
         self._said.add(note)
 
     def is_news(self, note: str) -> bool:

@@ -86,7 +86,7 @@ class Opened(SessionOptions):
 
     @contextmanager
     def _under(self, given: Mapping[str, Any]) -> Iterator[None]:
-        """Let *given* options count; what they do to the bus stays until the next `_apply`."""
+        """Use the *given* options; their effect on the bus stays until the next `_apply`."""
         outer = self.base
         fresh_twin = given.get("dry_run") and not outer.dry_run
         self.base = self.options = outer._replace(**given)
@@ -110,7 +110,7 @@ class Opened(SessionOptions):
             self.base = self.options = outer
 
     def _apply(self) -> None:
-        """Let the bus do as the options say now."""
+        """Apply the options in force to the bus."""
         if self._network is not None:
             self._obey(self._network.bus)
         self._watch()
@@ -220,7 +220,7 @@ class Opened(SessionOptions):
         return bus_of(given, self._open_bus, self.simulate)[0]
 
     def take_bit_rate(self, bit_rate: int) -> None:
-        """The bus runs at *bit_rate* (bit/s) from now on, whatever the options say."""
+        """Record that the bus runs at *bit_rate* (bit/s) from now on, whatever the options are."""
         self._set_rate = bit_rate
 
     def leave_bus(self, why: str) -> None:
@@ -279,7 +279,7 @@ class Opened(SessionOptions):
 
     @property
     def is_open(self) -> bool:
-        """Whether the bus was opened."""
+        """Tell whether the bus was opened."""
         return self._network is not None
 
     @property

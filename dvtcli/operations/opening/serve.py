@@ -87,7 +87,7 @@ def latency_of(text: str) -> tuple[int | None, float]:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only programs on this machine reach *host*."""
+    """Tell whether only programs on this machine reach *host*."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

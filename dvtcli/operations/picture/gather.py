@@ -202,7 +202,7 @@ def _fraction(time_us: Fraction | int | None) -> Fraction | None:
 
 
 def differences(session: Session, file: str) -> Iterator[PictureDifference]:
-    """Every parameter that is not as the network *file* says; raises as `plan_network`."""
+    """List every parameter that differs from the network *file*; raises as `plan_network`."""
     from dvtcli.operations.plans.plan_network import plan_network
 
     for node in plan_network(session, file).nodes:
@@ -290,7 +290,7 @@ def _of_nodes(
 
 
 def _heard(session: Session, wishes: PictureOptions) -> _Heard:
-    """What passes on the bus: counted for the load, and kept for the rules."""
+    """Record the traffic on the bus: counted for the load, and kept for the rules."""
     simulated = session.wire.simulated
     for_s = wishes.for_s if wishes.for_s is not None else 0.0 if simulated else LISTEN_S
     count, traffic = FrameCount(), HeardTraffic()

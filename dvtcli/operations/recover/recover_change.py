@@ -1,4 +1,4 @@
-"""Finishing interrupted changes: put back, or gone on with; closed as they are by `close_journal`. Parses no words."""
+"""Recover interrupted changes: rolled back or completed; `close_journal` closes them."""
 
 from __future__ import annotations
 
@@ -182,9 +182,9 @@ def _first_of(failures: Sequence[DvtcliError]) -> DvtcliError:
 def _put_back(
     session: Session, journals: list[Journal], refused: Sequence[DvtcliError]
 ) -> tuple[list[Changed], DvtcliError | None]:
-    """What was put back, and the first error; the other nodes are put back all the same.
+    """Roll back, and return the results and the first error; an error does not stop other roll-backs.
 
-    *refused* are journals that could not be used at all.
+    *refused* are unusable journals.
     """
     from dvtcli.device.change.finish_interrupted import Recovery, recover_together
 

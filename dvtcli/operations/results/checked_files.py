@@ -72,9 +72,9 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class FileReport(Judged, Answer):
-    """What `eds check` found: sections in the file, sections understood, the *rules* asked, and findings by line.
+    """The result of `eds check`: sections in the file, sections understood, *rules* applied, findings by line.
 
-    With *strict* a warning is as bad as an error.
+    *strict* treats warnings as errors.
     """
 
     renderer: ClassVar = "check_lines:check_lines"
@@ -100,7 +100,7 @@ class FileReport(Judged, Answer):
         return (self,)
 
     def __bool__(self) -> bool:
-        """Whether nothing is wrong."""
+        """Tell whether the file is valid."""
         return not self.exit_code
 
     @property
@@ -147,7 +147,7 @@ class FileReports(Answer):
         return self.files
 
     def __bool__(self) -> bool:
-        """Whether nothing is wrong."""
+        """Tell whether all files are valid."""
         return not self.exit_code
 
     @property

@@ -104,7 +104,7 @@ class NetworksChecked(Answer):
     reports: tuple[NetworkReport, ...]
 
     def __bool__(self) -> bool:
-        """Whether nothing is wrong."""
+        """Tell whether nothing is wrong."""
         return self.exit_code == 0
 
     @property

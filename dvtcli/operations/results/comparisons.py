@@ -1,4 +1,4 @@
-"""A read-back against what was wanted, as an answer. Knows no terminal and no session."""
+"""The comparison of a read-back with wanted values, as a result."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Compared(Answer):
 
     @property
     def frame_missing(self) -> bool:
-        """Whether a frame was asked for and not seen."""
+        """Tell whether a requested frame was not received."""
         return self.frame_asked and (not self.frames or any(frame is None for _, frame, _ in self.frames))
 
     def __bool__(self) -> bool:

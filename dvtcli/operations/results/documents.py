@@ -1,4 +1,4 @@
-"""What every answer can do, and how values become JSON. Knows no terminal and no session."""
+"""The common parts of results, and values as JSON."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Rows(Generic[R]):
 
 
 class Result(Protocol):
-    """What every command's answer can do: an `Answer` with an exit code and a document."""
+    """The base of results: an `Answer` with an exit code and a document."""
 
     renderer: ClassVar[str]
     formats: ClassVar[Mapping[str, str]]

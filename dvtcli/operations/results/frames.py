@@ -1,4 +1,4 @@
-"""Frames as answers: what was on the bus, decoded. Knows no terminal and no session."""
+"""Decoded frames as results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What devices were found to want, as an answer. Knows no terminal and no session."""
+"""Habits of devices as a result."""
 
 from __future__ import annotations
 

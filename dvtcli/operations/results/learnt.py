@@ -1,4 +1,4 @@
-"""What `learn` found out, as an answer. Knows no terminal and no session."""
+"""The result of `learn`."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class LearntDevice(Answered):
 
     @property
     def changed_nothing(self) -> bool:
-        """Whether the device did not store, either: all that was written is put back and read back equal."""
+        """Tell whether the device did not store: all writes were rolled back and verified."""
         return not self.saves
 
     @property

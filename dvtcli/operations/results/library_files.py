@@ -126,7 +126,7 @@ class LibraryAdded(Answer, Rows[AddedFile]):
     are_all_taken: bool = True
 
     def __bool__(self) -> bool:
-        """Whether none was refused."""
+        """Tell whether no file was refused."""
         return not self.exit_code
 
     @property

@@ -1,4 +1,4 @@
-"""What LSS found and changed, as answers. Knows no terminal and no session."""
+"""Results of LSS."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class BitRateFound(Answer):
 
     @property
     def silent(self) -> bool:
-        """Whether nothing came at all, neither frames nor errors."""
+        """Tell whether the bus was silent: neither frames nor errors."""
         return not any(heard_at.frames or heard_at.error_frames for heard_at in self.heard)
 
     @property

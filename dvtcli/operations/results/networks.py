@@ -39,7 +39,7 @@ class NetworkPlanned(Answer):
     interrupted: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether nothing differs: nothing has to be written, and nothing is otherwise that is not written."""
+        """Tell whether nothing differs, neither to be written nor left unwritten."""
         return not self.plan.changed and not self.plan.remains and not self.plan.untold and not self.plan.lacking
 
     @property

@@ -38,7 +38,7 @@ class Stored(Answer):
 
     @property
     def changed_nothing(self) -> bool:
-        """Whether nothing was sent at all."""
+        """Tell whether nothing was sent."""
         return bool(self.skipped)
 
     def __bool__(self) -> bool:

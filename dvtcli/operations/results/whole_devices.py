@@ -89,7 +89,7 @@ class WholeCompared(Answer):
     shows_all: bool = False
 
     def __bool__(self) -> bool:
-        """Whether the settings are equal: `assert` in a test says the rest."""
+        """Tell whether the settings are equal; `assert` in a test shows the differences."""
         return not self.differences
 
     @property

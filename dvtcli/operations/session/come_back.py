@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def goes_on(session: Session, *, unasked: bool) -> bool:
-    """Whether a bus that is gone is waited for: with --reconnect, or *unasked*; never with --no-reconnect.
+    """Tell whether a lost bus is waited for: with --reconnect, or *unasked*; never with --no-reconnect.
 
     Simulated nodes of this process end with their bus.
     """

@@ -201,7 +201,7 @@ def _is_spoilt(fault: BaseException) -> bool:
 
 
 def _is_unsure(fault: BaseException) -> bool:
-    """Whether nobody knows if the node stored."""
+    """Tell whether it is unknown if the node stored."""
     if not isinstance(fault, DvtcliError):
         return True
     lost = isinstance(fault, BusUnavailable | NoAnswer | SdoProtocolError)

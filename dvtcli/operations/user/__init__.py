@@ -1,1 +1,1 @@
-"""What the user has said, in options and settings files, and how he is told and asked."""
+"""The user: options, settings files, messages and questions."""

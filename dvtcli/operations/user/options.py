@@ -76,7 +76,7 @@ class Options(NamedTuple):
 
     @property
     def json(self) -> bool:
-        """Whether results are JSON documents."""
+        """Tell whether results are JSON documents."""
         return self.format in ("json", "jsonl")
 
     @property
@@ -93,7 +93,7 @@ class Options(NamedTuple):
 
     @property
     def every_node(self) -> bool:
-        """Whether `--node` is `all`."""
+        """Tell whether `--node` is `all`."""
         return self.node == ALL_NODES
 
     @property
@@ -111,7 +111,7 @@ def options_of(given: Mapping[str, Any]) -> Options:
 
 
 def is_repeated(name: str) -> bool:
-    """Whether the option *name* may be given several times, and is a list in a settings file."""
+    """Tell whether the option *name* may be repeated, and is a list in a settings file."""
     return isinstance(getattr(Options(), name), tuple)
 
 

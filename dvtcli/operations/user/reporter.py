@@ -26,7 +26,7 @@ class Reporter(Protocol):
         """The bus is gone, or back."""
 
     def instruct(self, text: str) -> None:
-        """What the user must do now, by hand, for the operation to go on."""
+        """Report what the user must do by hand now for the operation to continue."""
 
     def ask(self, question: str) -> bool | None:
         """Ask; returns None if nobody can answer. Raises KeyboardInterrupt if cancelled."""
@@ -39,19 +39,19 @@ class Reporter(Protocol):
 
 
 class NullReporter:
-    """Tells nobody, and nobody can answer."""
+    """Reports to nobody, and nobody can answer."""
 
     def note(self, text: Hint | str) -> None:
-        """Say nothing."""
+        """Ignore it."""
 
     def warning(self, text: Hint | str) -> None:
-        """Say nothing."""
+        """Ignore it."""
 
     def bus(self, event: BusEvent) -> None:
-        """Say nothing."""
+        """Ignore it."""
 
     def instruct(self, text: str) -> None:
-        """Say nothing."""
+        """Ignore it."""
 
     def ask(self, question: str) -> bool | None:  # noqa: ARG002
         """Nobody can answer."""

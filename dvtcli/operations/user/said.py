@@ -32,7 +32,7 @@ class SessionOptions:
 
     @cached_property
     def settings(self) -> Settings:
-        """Everything that was said at the program's start, in options, variables and files."""
+        """All settings at the start of a program: options, variables and files."""
         from dvtcli.operations.user.settings import Settings
 
         return Settings()
@@ -43,7 +43,7 @@ class SessionOptions:
             self.tell.warning(str(said))
 
     def chosen_by(self) -> str:
-        """Who chose the bus: an option, a variable or a file, for people."""
+        """Describe what chose the bus: option, variable or file."""
         return self.settings.chosen_by()
 
     @property
@@ -53,7 +53,7 @@ class SessionOptions:
 
     @property
     def dry_run(self) -> bool:
-        """Whether writes go to a twin."""
+        """Tell whether writes go to twins."""
         return self.options.dry_run
 
     def doing(self) -> str:
@@ -106,7 +106,7 @@ class SessionOptions:
 
     @cached_property
     def secrets(self) -> Secrets:
-        """What no screen and no file may show: passcodes on the wire and in lines."""
+        """The passcodes to hide, on the bus and in lines."""
         from dvtcli.operations.user.secret_objects import Secrets
 
         return Secrets.known()

@@ -44,7 +44,7 @@ _CHOOSES_BUS = ("interface", "channel", "bus_kwargs", "bus")
 
 
 def _reaches_further(pair: str) -> bool:
-    """Whether the KEY=VALUE of a bus can make a driver open a URL or load a library."""
+    """Tell whether a KEY=VALUE of a bus can make a driver open a URL or load a library."""
     key, _, value = pair.partition("=")
     return _URL in value or _LIBRARY_KEY.search(key) is not None or _LIBRARY_FILE.search(value) is not None
 

@@ -1,7 +1,4 @@
-"""Which settings files count: a project's, looked for upward, and the user's own; and whether they are believed.
-
-Does not know what is in them.
-"""
+"""Find the settings files in force: a project's, searched upward, and the user's own; and check their owners."""
 
 from __future__ import annotations
 

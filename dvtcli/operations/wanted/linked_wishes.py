@@ -264,7 +264,7 @@ class _Linking:
         self._set(end, cob_id, None if stays else mapping)
 
     def _set(self, end: Endpoint, cob_id: CobId, mapping: tuple[FileWord, ...] | None) -> None:
-        """The PDO at *end* has this CAN-ID, and this mapping (None: as it is), and is on unless the wish says off."""
+        """Set CAN-ID and mapping (None: unchanged) of the PDO at *end*, enabled unless the wish disables it."""
         wish = self._pdos.get(end, PdoWish(end.pdo))
         enabled = True if wish.enabled is None else wish.enabled
         mapping = wish.mapping if mapping is None else mapping

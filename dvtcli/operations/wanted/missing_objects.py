@@ -1,6 +1,6 @@
-"""What a network file sets, or links, and the device does not have: PDOs, and single objects.
+"""Find PDOs and objects that a network file sets or links and the device lacks.
 
-Reads nodes, and writes nothing. Does not know what they should hold.
+Reads nodes, and writes nothing.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class LackedOfWish:
         self.found.append(Lacked(node.node_id, pdo, finding.place.removeprefix("0x"), finding, complaint, abort))
 
     def left_of(self, nodes: Mapping[int, Node], wish: NetworkWish) -> NetworkWish:
-        """*wish* without them, and without stamps: they would stand for what is left."""
+        """Return *wish* without them, and without stamps, which would cover only the rest."""
         if not self.found:
             return wish
         links = tuple(

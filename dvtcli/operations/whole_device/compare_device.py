@@ -245,7 +245,7 @@ class _Pair:
 
 @dataclass(slots=True)
 class _Comparison:
-    """*first* and *second*, object by object: how many were compared, and what was found."""
+    """The comparison of *first* and *second*: objects compared, and findings."""
 
     first: HeldDevice
     second: SecondSide

@@ -93,7 +93,7 @@ def _lines(node: NodePlan) -> dict[str, int]:
 
 
 def _wishes(session: Session, rehearse: Rehearse, file: str | None) -> tuple[dict[int, Wish], NetworkPlan | None]:
-    """What should be on each node, by a network file, a script or this session; and the plan for the former."""
+    """Return the wishes for each node, by a network file, a script or this session; and the network file's plan."""
     if file is not None:
         return _network_wishes(session, file) if _is_network(file) else (rehearse(file), None)
     return _session_wishes(session), None

@@ -1,4 +1,4 @@
-"""What a file says that a whole device held: a DCF, an EDS, an XDD or XDC, or a backup's JSON lines. Asks no device."""
+"""Read a whole device's values from a DCF, an EDS, an XDD or XDC, or a backup's JSON lines. Asks no device."""
 
 from __future__ import annotations
 

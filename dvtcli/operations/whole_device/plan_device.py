@@ -128,7 +128,7 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
 
 
 def _reads_another_value(node: Node, one: LeftOut) -> bool:
-    """Whether the object can be written and does not read back what was written."""
+    """Tell whether the object is writable but does not read back the written value."""
     index, sub_index = (int(part, 16) for part in one.object.split(":")) if ":" in one.object else (0, 0)
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     return one.why in _READS_ANOTHER_VALUE and entry is not None and entry.access.writable

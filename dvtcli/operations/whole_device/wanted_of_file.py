@@ -79,7 +79,7 @@ def _said(node: Node, held: HeldDevice, pdo: Pdo) -> PdoConfig | None:
 
 
 def _tell_beyond(held: HeldDevice, pdo: Pdo, said: PdoConfig, left_out: dict[str, LeftOut]) -> bool:
-    """Whether *held* says entries, but no count, and some beyond the node's own: told to *left_out*."""
+    """Tell whether *held* has entries without a count, some beyond the node's own: recorded in *left_out*."""
     index = pdo.mapping_index
     if not said.has_mapping or held.says((index, 0)):
         return False
