@@ -261,7 +261,7 @@ def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
 
 
 def _of_this_program(text: str) -> str:
-    """Name this program in *text* instead of another process: one of its Buses has the node until its call ends."""
+    """Name this program in *text* instead of another process: a Bus of this program has the node until a call ends."""
     text = re.sub(rf"another dvtcli \(process {os.getpid()}\b[^()]*\)", "another Bus of this program", text)
     return re.sub(
         rf"when it has finished; where it hangs, end process {os.getpid()},.*", "when its call has ended", text

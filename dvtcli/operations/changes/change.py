@@ -1,4 +1,4 @@
-"""Shared by commands that change PDOs: from a request to the report of its change."""
+"""Shared by commands that change PDOs: from a request to the report of a change."""
 
 from __future__ import annotations
 

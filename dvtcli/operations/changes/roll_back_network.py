@@ -352,9 +352,9 @@ class NetworkTransaction:
         return found
 
     def _settle(self, node: Node, rewritten: list[int]) -> None:
-        """Roll *node* back again if it differs from before; *rewritten* notes it.
+        """Roll *node* back again if it differs from before; *rewritten* gets its node-ID.
 
-        All of the plan is compared: a restart also returns parts that were not begun to their stored values.
+        The whole plan is compared: a restart also returns parts not begun to their stored values.
         """
         plan = self.guarded(node.node_id)
         if difference_from_before(node, plan):
@@ -367,7 +367,7 @@ class NetworkTransaction:
             raise DeviceRefused(f"the device does not take back what {join_some(untaken)} held")
 
     def _forget(self, node: Node) -> None:
-        """Drop what could be recovered of *node*: it and all others are as before."""
+        """Drop the recovery data of *node* after all nodes are as before."""
         self._before[node.node_id].restore(node, self._looked[node.node_id])
         if self._alone:
             _end_journal(node)

@@ -54,7 +54,7 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
 
 
 def undo_on(session: Session, node_id: int, *, everything: bool = False) -> Changed:
-    """Undo the last change of one node, or with *everything* all; of this session, else as `undo`."""
+    """Undo the last change of a single node, or with *everything* all; of this session, else as `undo`."""
     if session.node(node_id).history:
         return _own_put_back(session, node_id, everything=everything)
     from dvtcli.operations.changes.undo_remembered import put_remembered_back, remembered_of

@@ -80,7 +80,7 @@ def _keeper(session: Session) -> ChangeGuard:
 
 
 def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
-    """Report PDOs that differ and that a backup cannot restore (its remarks: *said*)."""
+    """Report differing PDOs that a backup cannot restore (*said*: remarks of the backup)."""
     for remark in said:
         pdo = Pdo.parse(remark.split()[0])
         if f"# {remark}" not in backup_of(pdo, node.pdo(pdo)):

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 def to_store(
     session: Session, master: LssMaster, settled: Sequence[NodeWish], there: Mapping[int, Identity | None]
 ) -> list[LssGiven]:
-    """Return those of *settled* that LSS can store; warns of the others.
+    """Return the *settled* nodes that LSS can store; warns of the others.
 
     *there* is the 0x1018 of each node-ID. Raises DeviceRefused if several nodes have the same address, SafetyRefusal if
-    a node's node-ID by LSS differs from that by SDO.
+    a node's node-ID differs by LSS and by SDO.
     """
     kept: list[LssGiven] = []
     out_of_reach: list[str] = []
@@ -145,7 +145,7 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
 
 
 def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
-    """Return those of *nodes* that LSS can find and report the others; raises UsageError if there are none."""
+    """Return the *nodes* that LSS can find and report the others; raises UsageError if there are none."""
     wishes = [wish for wish in nodes if any(part is not None for part in astuple(wish.identity))]
     if not wishes:
         hint = "identity: {vendor: 0x1E, serial: 0x12345} under a node says who it is"
@@ -206,7 +206,7 @@ def _id(node: LssNode) -> int:
 
 
 def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: Mapping[int, Identity | None]) -> None:
-    """Raises SafetyRefusal if a node-ID of *wishes* belongs to a node that keeps it."""
+    """Raises SafetyRefusal if a node-ID of *wishes* is in use by a node that keeps it."""
     moving = {slave.before for slave in given}
     for wish in wishes:
         if wish.node_id in there and wish.node_id not in moving:

@@ -102,7 +102,7 @@ class RateChange:
             self.session.take_bit_rate(bit_rate)
 
     def missing(self, nodes: Sequence[LssGiven]) -> list[LssGiven]:
-        """Return those of *nodes* that do not answer by LSS and, with a node-ID, by SDO."""
+        """Return *nodes* without an answer by LSS or, with a node-ID, by SDO."""
         missing = list(nodes)
         for _ in range(_LOOKS):
             missing = [slave for slave in missing if not self.is_there(slave)]

@@ -30,8 +30,8 @@ def lss_bus(session: Session) -> CanopenBus:
 def lss_scan(session: Session, wait_s: float = SCAN_S) -> LssFound:
     """Find all nodes without node-ID by fast scan, lowest address first, each confirmed by its address.
 
-    *wait_s* is the time-out of a request in seconds. Raises NoAnswer for contradicting answers. All nodes wait again
-    afterwards. A dry run sends nothing.
+    *wait_s* is the time-out of a request in seconds. Raises NoAnswer for contradicting answers. All nodes return to the
+    LSS state waiting. A dry run sends nothing.
     """
     if session.dry_run:
         return LssFound("scan", dry_run=True)
@@ -64,8 +64,9 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
 def lss_select(session: Session, who: LssAddress | int, *, keep: bool = True) -> LssFound:
     """Select the single node with the address or node-ID *who* for configuration.
 
-    The selection stays for later orders; without *keep* the node waits again. The address of a node-ID is read by SDO
-    (0x1018). Raises NoAnswer if no node has it, DeviceRefused if several have, SafetyRefusal for an incomplete address.
+    *keep* leaves it selected for later orders; otherwise it returns to the LSS state waiting. The address of a node-ID
+    is read by SDO (0x1018). Raises NoAnswer if no node has it, DeviceRefused if several have, SafetyRefusal for an
+    incomplete address.
     """
     if session.dry_run:
         return LssFound("select", dry_run=True)

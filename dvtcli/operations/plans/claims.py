@@ -37,7 +37,7 @@ class Claims:
     _seen: dict[int, int] = field(default_factory=dict)
 
     def held(self) -> dict[int, tuple[Change, ...]]:
-        """Read what each node that is written holds of the file's values, and before a store all its PDOs.
+        """Read the file's values on each written node, and before a store all its PDOs.
 
         Each value is a change to itself. Raises the errors of reading PDOs for nodes that store.
         """

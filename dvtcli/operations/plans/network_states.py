@@ -66,7 +66,7 @@ _OF_MASTER = {
 
 
 def node_state(node: Node, *, for_rules: bool = False, only_enabled: bool = False) -> NodeState:
-    """Read the state of *node*; *for_rules* adds what the rules of `check` need. Raises as its reads do.
+    """Read the state of *node*; *for_rules* adds the data for the rules of `check`. Raises as its reads do.
 
     *only_enabled* skips disabled PDOs.
     """
@@ -87,7 +87,7 @@ def _enabled(node: Node) -> dict[Pdo, PdoConfig]:
 
 
 def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
-    """Read, in parallel, what the rules of `check` need of *nodes*; raises as their reads do."""
+    """Read, in parallel, the data of *nodes* for the rules of `check`; raises as their reads do."""
     found: list[NodeState] = []
 
     def read(node: Node) -> None:

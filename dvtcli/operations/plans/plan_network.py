@@ -91,10 +91,10 @@ def plan_wish(
     of_network: bool = False,
     failures: list[DvtcliError] | None = None,
 ) -> NetworkPlan:
-    """Plan the writes that bring the nodes of *wish* to its values; *log* gets what makes no sense.
+    """Plan the writes that bring the nodes of *wish* to its values; *log* gets words without meaning.
 
-    *of_network* adds the rules of networks for the state after the plan. *trust_stamp*, *as_far* and errors are those
-    of `plan_network`; if *failures* is given, errors are appended to it, and the plan has all that could be planned.
+    *of_network* adds the rules of networks for the state after the plan. *trust_stamp*, *as_far* and errors are as in
+    `plan_network`; if *failures* is given, errors are appended to it, and the plan has the rest.
     """
     with (
         short_frames(session.bus) as frames,

@@ -150,7 +150,7 @@ def _claims(
 ) -> ClaimsAtStore:
     """Collect the verified values of every node from the journals.
 
-    A node that only stores, or only tests a proof, has no values of its own.
+    Nodes that only store or test a proof have no values in their own journal.
     """
     changes = {storing.node_id: storing.holds for storing in _verified(part)}
     changes |= {

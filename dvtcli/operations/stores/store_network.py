@@ -66,9 +66,9 @@ def store_network(
 
 
 def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore) -> tuple[list[int], list[str]]:
-    """End stamps of nodes that could not store: `--trust-stamp` would trust them otherwise.
+    """End the stamps of nodes that could not store: `--trust-stamp` would trust them otherwise.
 
-    Returns the nodes whose stamp was ended, and errors of the others.
+    Returns the nodes with an ended stamp, and the errors of others.
     """
     ended, failures = list[int](), list[str]()
     for state in stores.states.values():
@@ -93,8 +93,7 @@ def store_each(
     """Carry out the missing *stores* of the change *name*; *journals* record the progress.
 
     Each node is verified against its *claims* right before its store, and all again after the last store. A refusal
-    does not prevent the stores of other nodes. LeftChanged names the nodes that have stored and those that have not;
-    *stores* then says whether a node lost values.
+    does not prevent other stores. LeftChanged names stored and missing nodes; *stores* says whether a node lost values.
     """
     states = list(stores.states.values())
 

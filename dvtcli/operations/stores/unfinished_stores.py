@@ -1,4 +1,4 @@
-"""Report failed stores of a network: who has stored, who has not, what to do. Asks no node."""
+"""Report failed stores of a network: stored nodes, missing nodes, remedy. Asks no node."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def _lost_text(course: Stores, first: BaseException) -> str:
 
 
 def _say_who(course: Stores, left: LeftChanged) -> None:
-    """Add to *left*, for screens and programs, who has stored, who has not, and who is unknown."""
+    """Add stored, missing and unknown nodes to *left*, for screens and programs."""
     done = tuple(state.node_id for state in course.states.values() if state.is_done)
     unsure = tuple(node_id for node_id, failure in course.failed.items() if _is_unsure(failure))
     missing = tuple(state.node_id for state in course.states.values() if state.waits and state.node_id not in unsure)
