@@ -100,7 +100,7 @@ class Session(Opened):
             self.selected = before
 
     def node_id(self) -> int:
-        """The selected node-ID: `node ID`, else -n, else the first simulated node; raises UsageError if there is none."""
+        """The selected node-ID: `node ID`, else -n, else the first simulated node; UsageError if there is none."""
         return self.default_id() if self.selected is None else self.selected
 
     def default_id(self) -> int:
