@@ -1,6 +1,6 @@
-"""What a gateway answers, in the two dialects that the field has.
+"""Answers of a gateway, in the two dialects in use.
 
-`[7] ERROR:0x06020000 #text` is CANopenNode's, `[7] ERROR: 06020000 (text)` Lely's. Does not know requests.
+`[7] ERROR:0x06020000 #text` is CANopenNode's, `[7] ERROR: 06020000 (text)` Lely's.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dvtcli.domain.glyphs import ascii_only
 
 
 class GatewayError(IntEnum):
-    """What a gateway answers where it is not the node that refuses."""
+    """Error codes of the gateway itself; a node's refusal has its SDO abort code."""
 
     NOT_SUPPORTED = 100
     SYNTAX = 101
@@ -71,7 +71,7 @@ class GatewayRequestError(ValueError):
 
 
 class Dialect(Enum):
-    """How a failure is written: its text behind `#`, or in brackets."""
+    """Format of a failure: its text behind `#`, or in brackets."""
 
     HASH = "hash"
     PAREN = "paren"
@@ -79,7 +79,7 @@ class Dialect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """The request was carried out; *value* is what was read, in words, None where nothing was asked for."""
+    """The request was carried out; *value* is the value read, in words, None if nothing was read."""
 
     value: str | None = None
 
@@ -98,14 +98,14 @@ _LONGEST_TEXT = 300
 
 
 def failure_text(code: int) -> str:
-    """What *code* means, as the standards say it."""
+    """Meaning of *code* according to the standards."""
     if code < 1000:
         return GatewayError(code).text if code in set(GatewayError) else "Unknown error"
     return abort_text(code)
 
 
 def format_answer(sequence: int | None, answer: Answer, dialect: Dialect = Dialect.HASH) -> str:
-    """The line of *answer*, without its end."""
+    """The line for *answer*, without its line end."""
     head = "" if sequence is None else f"[{sequence}] "
     if isinstance(answer, Done):
         return head + ("OK" if answer.value is None else answer.value)
@@ -118,11 +118,11 @@ def format_answer(sequence: int | None, answer: Answer, dialect: Dialect = Diale
 
 
 def format_event(net: int, node_id: int, error: GatewayError, dialect: Dialect = Dialect.HASH) -> str:
-    """The line that tells of *error* at a node without being asked, without its end."""
+    """The unsolicited line that reports *error* at a node, without its line end."""
     text = f"({error.text})" if dialect is Dialect.PAREN else f"#{error.text}"
     return f"{net} {node_id} ERROR {error.value} {text}"
 
 
 def _one_line(text: str) -> str:
-    """*text* as it may stand in a line: printable ASCII, others by their look-alikes, and not too long."""
+    """*text* for a line: printable ASCII, other characters by their look-alikes, and limited in length."""
     return "".join(char if 0x20 <= ord(char) < 0x7F else "?" for char in ascii_only(text))[:_LONGEST_TEXT].strip()

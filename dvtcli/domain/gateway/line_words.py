@@ -1,6 +1,6 @@
-"""A gateway's line as words: spaces part them, quotes hold them together, `#` begins a comment.
+"""Split a gateway's line into words: spaces separate words, quotes group, `#` begins a comment.
 
-Bounded: a line is text of people and programs. Does not know what the words mean.
+The length is limited, since a line comes from people and programs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ QUOTED = '"'
 
 
 def words_of(line: str) -> list[str]:
-    """The words of *line*; what stood in quotes begins with one. GatewayRequestError where it is no text, or long."""
+    """Words of *line*; a quoted word begins with a quote. Raises GatewayRequestError if not text, or too long."""
     if len(line) > LONGEST_LINE:
         raise wrong(f"the line has more than {LONGEST_LINE} characters")
     if not (line.isascii() and line.replace("\t", " ").isprintable()):
@@ -47,7 +47,7 @@ def quoted(text: str) -> str:
 
 
 def number_of(word: str, least: int, most: int, what: str) -> int:
-    """The number that *word* writes, decimal or `0x…`, *least* to *most*; GatewayRequestError otherwise."""
+    """The number in *word*, decimal or `0x…`, *least* to *most*. Raises GatewayRequestError otherwise."""
     if re.fullmatch(r"-?0[0-9]+", word):  # C reads it as octal, people do not
         raise wrong(f"{what} {word[:20]}: a number has no leading zero")
     try:

@@ -1,7 +1,4 @@
-"""A line of a gateway's client, read; whatever it holds, it is a request or a GatewayRequestError.
-
-Does not know nodes, nor what is done about a request.
-"""
+"""Parse a line of a gateway's client; any input gives a request or a GatewayRequestError."""
 
 from __future__ import annotations
 
@@ -45,7 +42,7 @@ _PDO = ("p", "pdo")
 
 
 def sequence_of(line: str) -> tuple[int | None, str]:
-    """The sequence number that *line* begins with, None where there is none or it is no number, and what follows."""
+    """The sequence number at the start of *line*, None if missing or not a number, and the rest."""
     match = _SEQUENCE.match(line)
     if match is None:
         return None, line
@@ -56,7 +53,7 @@ def sequence_of(line: str) -> tuple[int | None, str]:
 
 
 def parse_request(line: str) -> Request | None:
-    """The request in *line*, without its end, None where it is a comment at most; GatewayRequestError otherwise."""
+    """The request in *line*, without its line end; None for a comment. Raises GatewayRequestError if invalid."""
     sequence, rest = sequence_of(line)
     words = words_of(rest)
     if not words:
@@ -73,7 +70,7 @@ def parse_request(line: str) -> Request | None:
 
 
 def _addressed(where: list[int], level: Level) -> tuple[int | None, int | None]:
-    """Net and node of the numbers *where* before a command."""
+    """Net and node from the numbers *where* before a command."""
     if level is Level.NODE:
         return (where[0] if len(where) == 2 else None), (where[-1] if where else None)
     if len(where) > (level is Level.NET):

@@ -1,8 +1,4 @@
-"""A plan for a network as the lines of a gateway's client, which any program for CiA 309-3 sends.
-
-Each write in the order in which `apply` does them, with NMT and stores. Does not know files, nor whether nodes still
-are as the plan says.
-"""
+"""A network plan as request lines for any CiA 309-3 gateway, in the order of `apply`, with NMT and stores."""
 
 from __future__ import annotations
 
@@ -39,7 +35,7 @@ _NMT = {
 
 
 def format_request(request: Request) -> str:
-    """The line of *request*, without its end."""
+    """The line for *request*, without its line end."""
     head = [] if request.sequence is None else [f"[{request.sequence}]"]
     where = [str(number) for number in (request.net, request.node) if number is not None]
     return " ".join([*head, *where, _command(request)])
@@ -83,10 +79,11 @@ _PHASES = ("producers off", "consumers off", "writing", "consumers on", "produce
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """What a node needs besides its writes.
+    """Actions that a node needs besides its writes.
 
-    *preop*: its PDOs are set in PRE-OPERATIONAL only; *start*: it was OPERATIONAL; *stores*: the sub-indices of 0x1010
-    for what is to be stored.
+    *preop*: its PDOs can only be set in PRE-OPERATIONAL; *start*: it was OPERATIONAL; *stores*: the sub-indices of
+    0x1010
+    to store.
     """
 
     preop: bool = False
@@ -95,7 +92,7 @@ class Around:
 
 
 def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
-    """The lines, each of which has a comment above it; only comments where nothing is to be done."""
+    """Request lines for *plan*, each with a comment above it; only comments if the plan is empty."""
     nodes = [node for node in plan.nodes if len(node.plan) or node.stores]
     lines = [
         f"# CiA 309-3 gateway lines: {plural(plan.writes, 'SDO download')} for {_plain(plan.file)}",
@@ -115,7 +112,7 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
 
 
 def required_lines(nodes: Iterable[NodePlan]) -> Iterator[str]:
-    """What must be so before the first line: `run` of dvtcli looks at it, to any other program it is a comment."""
+    """Preconditions of the first line: `run` of dvtcli checks them, other programs read comments."""
     for node in nodes:
         known = [f"{name}=0x{value:08X}" for name, value in node.identity.items() if value is not None]
         if known:
@@ -125,7 +122,7 @@ def required_lines(nodes: Iterable[NodePlan]) -> Iterator[str]:
 
 
 def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str | tuple[int, Command]]:
-    """Comments, and commands each with its node."""
+    """Comments, and commands with their nodes."""
     for node_id in (node.node_id for node in nodes if len(node.plan) and around[node.node_id].preop):
         yield f"node {node_id}: its PDOs are set in PRE-OPERATIONAL"
         yield node_id, Nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
@@ -149,7 +146,7 @@ def _written(node_id: int, change: Change, step: Step, title: str) -> Iterable[s
 
 
 def _write(step: Step) -> Write:
-    """The write of *step*, as a number where it is as long as one."""
+    """The write of *step*, as a number if its length allows."""
     name = f"u{8 * len(step.after)}" if 1 <= len(step.after) <= 8 else "os"
     return Write(step.index, step.sub_index, name, step.after)
 
@@ -167,5 +164,5 @@ def _who(node: NodePlan) -> str:
 
 
 def _plain(text: str) -> str:
-    """*text* as a comment may have it."""
+    """*text* as printable ASCII for a comment."""
     return "".join(char if 0x20 <= ord(char) < 0x7F else "?" for char in text)

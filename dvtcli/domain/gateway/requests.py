@@ -1,4 +1,4 @@
-"""What a client asks of a gateway, as values: read, write, NMT, the gateway's own PDOs, and orders with numbers."""
+"""Requests to a gateway: read, write, NMT, the gateway's own PDOs, and commands with numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PDO_NUMBERS = (1, 512)
 
 
 class Level(Enum):
-    """What may stand before a command: nothing, a net, or a node behind its net."""
+    """Allowed prefix of a command: nothing, a net, or a net and a node."""
 
     GATEWAY = auto()
     NET = auto()
@@ -24,7 +24,7 @@ class Level(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """SDO upload; *data_type* is a word of `value_words.TYPES`, None where the gateway chooses."""
+    """SDO upload; *data_type* is a word of `value_words.TYPES`, None if the gateway chooses."""
 
     index: int
     sub_index: int
@@ -33,7 +33,7 @@ class Read:
 
 @dataclass(frozen=True, slots=True)
 class Write:
-    """SDO download of *data*, which is a value of *data_type*."""
+    """SDO download of *data*, a value of *data_type*."""
 
     index: int
     sub_index: int
@@ -50,7 +50,7 @@ class Nmt:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Any other command that has numbers, by its words in `ORDERS`."""
+    """Any other command with numbers, by its words in `ORDERS`."""
 
     name: str
     numbers: tuple[int, ...] = ()
@@ -58,7 +58,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class PdoEntry:
-    """A part of the gateway's own PDO: an object of *data_type*, or a gap where *index* is None."""
+    """Part of the gateway's own PDO: an object of *data_type*, or a gap if *index* is None."""
 
     data_type: str
     index: int | None = None
@@ -78,14 +78,14 @@ class SetPdo:
 
 @dataclass(frozen=True, slots=True)
 class ReadPdo:
-    """What the gateway's RPDO *number* heard last."""
+    """Read the last data received by the gateway's RPDO *number*."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class WritePdo:
-    """Send the gateway's TPDO *number*; its set-up says what type each of *values* has."""
+    """Transmit the gateway's TPDO *number*; its set-up defines the type of each of *values*."""
 
     number: int
     values: tuple[str, ...]
@@ -96,7 +96,7 @@ Command = Read | Write | Nmt | Order | SetPdo | ReadPdo | WritePdo
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One line: its *sequence* number (None: it has none), *net* and *node* where they stand there, and the command."""
+    """One line: its *sequence* number (None for none), *net* and *node* if given, and the command."""
 
     sequence: int | None
     net: int | None
@@ -106,7 +106,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Where an order may stand, the ranges of its numbers, and how many of them must be there (None: all)."""
+    """Prefix of an order, the ranges of its numbers, and the number of required numbers (None: all)."""
 
     level: Level
     ranges: tuple[tuple[int, int], ...] = ()
@@ -149,7 +149,7 @@ ORDERS = {
 
 
 def level_of(command: Command) -> Level:
-    """What may stand before *command*."""
+    """Allowed prefix of *command*."""
     if isinstance(command, Order):
         return ORDERS[command.name].level
     return Level.NODE if isinstance(command, Read | Write | Nmt) else Level.NET

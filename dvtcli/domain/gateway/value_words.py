@@ -1,7 +1,6 @@
-"""Values as a gateway's lines write them, by the data types of CiA 309-3: `u16 1000`, `vs "a text"`, `os qrs=`.
+"""Values in a gateway's lines, by the data types of CiA 309-3: `u16 1000`, `vs "a text"`, `os qrs=`.
 
-Besides those of the standard `x8`…`x64` (hexadecimal) and `hex` (bytes), as CANopenNode has them. Does not know which
-object has which type.
+CANopenNode's `x8`…`x64` (hexadecimal) and `hex` (bytes) are accepted besides the standard types.
 """
 
 from __future__ import annotations
@@ -30,19 +29,19 @@ _REAL = re.compile(r"[+-]?(\d{1,40}\.?\d{0,40}|\.\d{1,40})([eE][+-]?\d{1,4})?", 
 
 
 def type_word(word: str) -> str:
-    """*word* as a data type's name; GatewayRequestError where it is none."""
+    """The data type name for *word*. Raises GatewayRequestError if unknown."""
     if word.lower() not in TYPES:
         raise wrong(f"{word[:20]!r} is no data type")
     return word.lower()
 
 
 def how_many_words(name: str) -> int | None:
-    """How many words a value of the type *name* takes; None: as many as there are."""
+    """Number of words in a value of type *name*; None for any number."""
     return 2 if TYPES[name].kind is Kind.TIME else None if name == HEX else 1
 
 
 def data_of(name: str, words: Sequence[str]) -> bytes:
-    """The bytes of the value that *words* write, of the type *name*; GatewayRequestError where they do not."""
+    """The bytes of the value *words* of type *name*. Raises GatewayRequestError if they do not fit."""
     kind = TYPES[name]
     many = how_many_words(name)
     if len(words) != (many or len(words)) or not words:
@@ -67,10 +66,10 @@ def data_of(name: str, words: Sequence[str]) -> bytes:
 
 
 def value_text(name: str, data: bytes, *, wide_as_hex: bool = False) -> str:
-    """*data* as a line writes a value of the type *name*; ValueError where its length is another one.
+    """*data* as the text of a value of type *name*. Raises ValueError if the length does not fit.
 
-    With *wide_as_hex* an unsigned number of four bytes and more is written as people write a COB-ID. Characters of a
-    VISIBLE_STRING that are no printable ASCII are shown as `?`: `os` has the bytes.
+    With *wide_as_hex*, an unsigned number of four bytes and more is written in hexadecimal, as usual for a COB-ID.
+    Characters of a VISIBLE_STRING outside printable ASCII are shown as `?`: `os` has the bytes.
     """
     kind = TYPES[name]
     if kind.kind in _BASE64 and not data:
