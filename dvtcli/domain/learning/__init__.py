@@ -1,1 +1,1 @@
-"""Finding out what a device takes: what is asked, and what its answers mean. Knows no device and no bus."""
+"""Probing a device's limits: the questions, and the meaning of the answers."""

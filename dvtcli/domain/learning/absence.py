@@ -1,6 +1,6 @@
-"""Objects that a file lists and its device lacks: where that is looked for, and what it means for a simulated family.
+"""Objects listed in a file but missing in the device, and their meaning for a simulated family.
 
-Pure; reads nothing. Looked for among the parameters of communication and what was mapped: a file may be long.
+Only communication parameters and mapped objects are checked, as a file may be long. Pure; reads nothing.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _LOOKED_AT = range(0x1000, 0x1C00)
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """An object that is not there, sub-index 0 for a whole one, and the abort *code* that reading it answers."""
+    """A missing object, sub-index 0 for a whole object, and the abort *code* of reading it."""
 
     index: int
     sub_index: int
@@ -27,7 +27,7 @@ class Absence:
 
     @property
     def place(self) -> tuple[int, int]:
-        """Its index and sub-index."""
+        """Index and sub-index."""
         return self.index, self.sub_index
 
     @property
@@ -37,7 +37,7 @@ class Absence:
 
 
 def listed(dictionary: ObjectDictionary, subjects: Iterable[ProbedPdo]) -> dict[int, list[int]]:
-    """The sub-indices to look at, by index: those that can be read and have a length, so that reading costs little."""
+    """Sub-indices to check, by index: readable entries of fixed length, cheap to read."""
     mapped = {
         (entry.index, entry.sub_index) for subject in subjects for entry in (*subject.objects, *subject.unmappable)
     }
@@ -55,7 +55,7 @@ def _short(entry: OdEntry) -> bool:
 
 
 def absent_for_family(absences: Collection[Absence]) -> Iterator[Learnt]:
-    """What a simulated device lacks, too, and answers there."""
+    """Objects that a simulated device must lack too, with the same abort codes."""
     for absence in absences:
         place = f"0x{absence.name}"
         evidence = f"{place} is in the file, and reading it answered 0x{absence.code:08X} ({abort_text(absence.code)})"

@@ -1,4 +1,4 @@
-"""What a device's answers mean: values that a profile and a simulated family call the same. Pure; asks nobody."""
+"""Conclusions from a device's answers, in the terms of a profile and of a simulated family. Pure."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _TWICE = 2
 
 
 def forecast(subject: ProbedPdo, *, isolated: bool, operational: bool = False) -> list[Probe]:
-    """The probes that are made of *subject* where the device takes everything.
+    """The probes of *subject* if the device accepts everything.
 
-    *operational*: the node was found so, and is asked so, too.
+    *operational*: the node was found OPERATIONAL, and is probed in this state too.
     """
     first = while_operational(subject) if isolated and operational else []
     answers = {probe.name: ProbeAnswer(probe, ACCEPTED, probe.asked.data) for probe in first}
@@ -58,27 +58,27 @@ def most_writes(subject: ProbedPdo, probes: list[Probe]) -> int:
 
 
 def most_until_refused(subject: ProbedPdo) -> int:
-    """How many downloads at most find out that the first entry of *subject* does not take back what it holds."""
+    """Maximum downloads until it is known that the first entry of *subject* does not accept its old value again."""
     opening = 2  # off, count 0
     return _TWICE * (opening + len(subject.parameters) + 1)
 
 
 def _way_back(probe: Probe) -> int:
-    """How many downloads undo *probe* where it was accepted: entries of an open mapping may stay as they are."""
+    """Maximum downloads to roll *probe* back if accepted: entries of an open mapping may stay as they are."""
     entries = {write.sub_index for write in probe.writes if is_mapping_index(write.index) and write.sub_index}
     places = {(write.index, write.sub_index) for write in probe.writes}
     return _BACK[probe.stand] or len(places) - len(entries)
 
 
 def longer_refused(known: KnownAnswers) -> list[ProbeAnswer]:
-    """The refusals of objects that are longer than any that was taken, for nothing but that."""
+    """Refusals caused only by an object length above the longest accepted length."""
     longest = max((fit.bits for fit in known.fits), default=64)
     refused = known.refused_for(known.length)
     return [answer for answer in refused if answer.probe.entry_bits > longest]
 
 
 def access_answer(known: KnownAnswers, access: str) -> ProbeAnswer | None:
-    """What the device answers to mappable objects with *access*: one that it took, else a refusal for that alone."""
+    """Answer to mappable objects with *access*: an accepted probe, else a refusal caused by the access alone."""
     asked = {entry: answer for entry, answer in known.mapped.items() if known.access(entry) == access}
     taken = next((answer for answer in asked.values() if answer.accepted), None)
     if taken is not None:
@@ -88,14 +88,14 @@ def access_answer(known: KnownAnswers, access: str) -> ProbeAnswer | None:
 
 
 def has_one_cause(known: KnownAnswers, answer: ProbeAnswer) -> bool:
-    """Whether no length explains a refusal: one that was taken, as a whole object or as a dummy."""
+    """Whether length does not explain a refusal: the length was accepted, for a whole object or a dummy."""
     lengths = {fit.bits for fit in known.fits}
     lengths |= {bits for index, bits in DUMMY_BITS.items() if known.accepted(f"dummy {index}")}
     return answer.probe.entry_bits in lengths
 
 
 def types_taken(known: KnownAnswers) -> list[tuple[int, int, int]]:
-    """First and last transmission type, and abort code: between two that answer alike all do. Empty if one did not."""
+    """First and last transmission type and abort code of ranges with equal answers. Empty if an answer is missing."""
     answers = [(value, known.answers.get(f"type {value}")) for value in TYPES]
     codes = [(value, answer.code) for value, answer in answers if answer is not None and answer.code is not None]
     if len(codes) < len(TYPES):
@@ -111,7 +111,7 @@ def types_taken(known: KnownAnswers) -> list[tuple[int, int, int]]:
 
 
 def highest_time(known: KnownAnswers, name: str) -> tuple[int, str] | None:
-    """The highest time that was taken, and the evidence; None where none was asked."""
+    """The highest accepted time, and the evidence; None if no time was probed."""
     asked = {
         int(one.rpartition(" ")[2]): answer
         for one, answer in known.answers.items()
@@ -196,7 +196,7 @@ def _tpdo_dummies(known: KnownAnswers) -> Iterator[Learnt]:
 
 
 def _answers(way: Direction, known: KnownAnswers) -> Iterator[Learnt]:
-    """The abort code of each check that was made, 0 for accepted."""
+    """The abort code of each check, 0 for accepted."""
     found: dict[str, ProbeAnswer] = {}
     for answer in known.answers.values():
         check = answer.probe.check
@@ -224,7 +224,7 @@ def _answers(way: Direction, known: KnownAnswers) -> Iterator[Learnt]:
 
 
 def profile_values(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
-    """What only the tool must know."""
+    """Values for the profile only."""
     tpdo, rpdo = known.get(Direction.TPDO), known.get(Direction.RPDO)
     if tpdo is not None:
         ranges = [(first, last) for first, last, code in types_taken(tpdo) if not code]
@@ -250,7 +250,7 @@ def profile_values(known: Mapping[Direction, KnownAnswers]) -> Iterator[Learnt]:
 
 
 def _joined(ranges: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """*ranges* in order, with those that touch made one."""
+    """*ranges* in order, adjacent ranges merged."""
     joined: list[tuple[int, int]] = []
     for first, last in ranges:
         if joined and joined[-1][1] + 1 == first:
@@ -261,7 +261,7 @@ def _joined(ranges: list[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 def conclude(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Conclusions:
-    """What the answers of each direction mean; *most_entries* is how many the file gives the PDO that has most."""
+    """Conclusions from each direction's answers; *most_entries* is the highest entry count of a PDO in the file."""
     both = [*_common(known, most_entries)]
     each = {way: one.answers for way, one in known.items()}
     profile = [*both, *profile_values(known), *gate_for_profile(each.values())]
@@ -270,7 +270,7 @@ def conclude(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Conc
 
 
 def _common(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Iterator[Learnt]:
-    """What profile and family call the same."""
+    """Values with the same name in profile and family."""
     each = list(known.values())
     yield from _max_entries(each, most_entries)
     yield from _max_entry_bits(each)
@@ -305,9 +305,10 @@ def _max_entries(each: list[KnownAnswers], most_entries: int) -> Iterator[Learnt
 
 
 def _max_entry_bits(each: Sequence[KnownAnswers]) -> Iterator[Learnt]:
-    """The longest object that may be mapped, if a longer one was refused for nothing but its length.
+    """Longest mappable object, if a longer object was refused for nothing but its length.
 
-    It was mapped in some direction; or its like was refused for something else, so that nothing is known against it.
+    An object of this length was mapped in some direction, or was refused only for another reason, so that nothing
+    speaks against the length.
     """
     longest = max((fit.bits for known in each for fit in known.fits), default=0)
     refused = [answer for known in each for answer in longer_refused(known) if answer.probe.entry_bits > longest]

@@ -1,6 +1,6 @@
-"""What lies outside the limits that a file states for the parameters of a PDO: asked once each, and what was taken.
+"""Values outside a file's limits for PDO parameters: probe each limit once, and report accepted values.
 
-Pure; asks nobody. The names of the checks are those of a simulated device (`answers` of its family).
+Pure; sends nothing. The names of the checks are those of a simulated device (`answers` of its family).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ON_REQUEST = (252, 253)
 
 
 def limit_probes(subject: ProbedPdo) -> Iterator[Probe]:
-    """One value below and one above the limits of each communication parameter, where its type has such."""
+    """A value below and a value above the limits of each communication parameter, if its type allows."""
     index = subject.pdo.communication_index
     for sub_index, data in subject.parameters.items():
         if (index, sub_index) not in subject.limits or sub_index not in _CHECKED:
@@ -56,7 +56,7 @@ def _rtr(sub_index: int, value: int) -> bool:
 
 
 def taken_beyond(subject: ProbedPdo, answers: Iterable[ProbeAnswer]) -> Mapping[str, ProbeAnswer]:
-    """The first answer by each check of a limit whose value was taken, though it lies outside."""
+    """The first answer per limit check that accepted a value outside the limits."""
     found: dict[str, ProbeAnswer] = {}
     for answer in answers:
         for write in answer.probe.writes if answer.accepted else ():

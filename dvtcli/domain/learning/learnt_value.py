@@ -1,4 +1,4 @@
-"""One thing that was learnt, and all of them. Data; does not know how it was found out."""
+"""Learnt values and their evidence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Value = bool | int | str | list["Value"]
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """One value, by its *key* with its tables (`rtr_bit.tpdo`), and the *evidence* for it."""
+    """A learnt value, by its *key* with its tables (`rtr_bit.tpdo`), and the *evidence* for it."""
 
     key: str
     value: Value
@@ -19,7 +19,7 @@ class Learnt:
 
 @dataclass(frozen=True, slots=True)
 class Conclusions:
-    """What was learnt: *profile* is what the tool must know, *family* how a simulated device answers the same."""
+    """All learnt values: *profile* for the tool, *family* for a simulated device that answers the same."""
 
     profile: tuple[Learnt, ...]
     family: tuple[Learnt, ...]

@@ -1,6 +1,6 @@
-"""What is asked of a PDO that is off while the node is OPERATIONAL, and what that says of the state. Pure; asks nobody.
+"""Probes of a disabled PDO in OPERATIONAL, and conclusions about the state. Pure.
 
-What is refused is asked again in PRE-OPERATIONAL: a device that refuses it there, too, does not do so for its state.
+A refused probe is repeated in PRE-OPERATIONAL: a second refusal shows that the state is not the cause.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _AREAS = {
 
 
 def while_operational(subject: ProbedPdo) -> list[Probe]:
-    """The questions to a node that was found OPERATIONAL, before it is anything else; none if the PDO is enabled.
+    """Probes of a node found OPERATIONAL, before any state change; none if the PDO is enabled.
 
-    An object is first asked with what it holds: one that refuses that could not be put back from another value.
+    An object is first probed with its current value: if refused, another value could not be rolled back.
     """
     return [] if subject.held.enabled else _questions(subject)
 
@@ -67,7 +67,7 @@ def _questions(subject: ProbedPdo) -> list[Probe]:
 
 
 def _against_rules(subject: ProbedPdo, count: ProbeWrite) -> dict[str, tuple[ProbeWrite, ...]]:
-    """What the standard forbids in every state: a device may check that in OPERATIONAL only."""
+    """Writes that the standard forbids in every state: a device may check them in OPERATIONAL only."""
     index, sizes = subject.pdo.communication_index, subject.parameters
     missing = ProbeWrite(subject.pdo.mapping_index, 1, (subject.absent << 16 | 16).to_bytes(4, "little"))
     reserved = ProbeWrite(index, TRANSMISSION_TYPE, bytes([_RESERVED_TYPE]))
@@ -75,7 +75,7 @@ def _against_rules(subject: ProbedPdo, count: ProbeWrite) -> dict[str, tuple[Pro
 
 
 def not_while_operational(subject: ProbedPdo, *, would_be: bool) -> dict[str, ProbeAnswer]:
-    """The questions, with the reason, of a PDO that is not asked in OPERATIONAL; *would_be*: were it off, it would."""
+    """Skipped probes with the reason; *would_be*: a disabled PDO would be probed in OPERATIONAL."""
     pdo = subject.pdo
     why = _WHY_NOT
     if subject.held.enabled:
@@ -92,19 +92,19 @@ def _is_rule(name: str) -> bool:
 def _pairs(
     answers: Mapping[str, ProbeAnswer], *, rules: bool = False
 ) -> Iterator[tuple[ProbeAnswer, ProbeAnswer | None]]:
-    """Each answer in OPERATIONAL, with the one in PRE-OPERATIONAL where that was asked; of *rules*, or not."""
+    """Answers in OPERATIONAL, with the PRE-OPERATIONAL answer if probed; only probes of *rules*, or all others."""
     for name, answer in answers.items():
         if name.endswith(IN_OPERATIONAL) and answer.code is not None and _is_rule(name) is rules:
             yield answer, answers.get(name.removesuffix(IN_OPERATIONAL) + IN_PRE_OPERATIONAL)
 
 
 def _for_the_state(answers: Mapping[str, ProbeAnswer]) -> list[ProbeAnswer]:
-    """Refusals in OPERATIONAL of what PRE-OPERATIONAL took."""
+    """Refusals in OPERATIONAL of writes accepted in PRE-OPERATIONAL."""
     return [first for first, then in _pairs(answers) if first.code and then is not None and then.accepted]
 
 
 def gate_for_profile(answers: Iterable[Mapping[str, ProbeAnswer]]) -> Iterator[Learnt]:
-    """Whether PDO parameters want PRE-OPERATIONAL; nothing where that was not asked, or something else was refused."""
+    """Whether PDO parameters need PRE-OPERATIONAL; nothing if not probed, or if refused for another reason."""
     each = list(answers)
     refused = [answer for answered in each for answer in _for_the_state(answered)]
     asked = [answer for answered in each for answer, _ in _pairs(answered)]
@@ -115,7 +115,7 @@ def gate_for_profile(answers: Iterable[Mapping[str, ProbeAnswer]]) -> Iterator[L
 
 
 def gate_for_family(answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> Iterator[Learnt]:
-    """Which parameters a simulated device refuses outside PRE-OPERATIONAL, and with which code."""
+    """Parameters that a simulated device refuses outside PRE-OPERATIONAL, and the abort code."""
     ranges, refused, asked = [], list[ProbeAnswer](), list[ProbeAnswer]()
     for way, own in answers.items():
         asked += [answer for answer, _ in _pairs(own)]
@@ -134,9 +134,9 @@ def gate_for_family(answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> I
 
 
 def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> list[Learnt]:
-    """*family*, or what is left of it where the device checks its rules in OPERATIONAL only.
+    """*family*, reduced if the device checks its rules in OPERATIONAL only.
 
-    What PRE-OPERATIONAL took says nothing of the rules then: but for limits, and what was refused there all the same.
+    Accepted writes in PRE-OPERATIONAL then prove nothing about the rules, except for limits and for refusals there.
     """
     pairs = {way: list(_pairs(own, rules=True)) for way, own in answers.items()}
     refused = {
@@ -160,7 +160,7 @@ def _says_more(one: Learnt) -> bool:
 
 
 def merged(one: Learnt, like: Iterable[tuple[int, int]]) -> Learnt:
-    """The ranges of *one*, with those of the family that it is *like* that lie outside the PDOs' parameters."""
+    """The ranges of *one*, and the ranges *like* outside the PDO parameters."""
     first_pdo, last_pdo = 0x1400, 0x1BFF
     own = one.value if isinstance(one.value, list) else []
     kept: list[Value] = []

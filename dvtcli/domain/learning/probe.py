@@ -1,4 +1,4 @@
-"""A probe: SDO downloads to one PDO that is off, and what the device answered. Does not know what an answer means."""
+"""A probe: SDO downloads to one disabled PDO, and the device's answer."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Stand(StrEnum):
 
 
 class ProbeCondition(StrEnum):
-    """What must hold around a probe."""
+    """Precondition of a probe."""
 
     ANYWHERE = "anywhere"
     #: an enabled PDO, so PRE-OPERATIONAL and a CAN-ID that is neither used nor heard
@@ -42,7 +42,7 @@ class ProbeCondition(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ProbeWrite:
-    """One SDO download."""
+    """An SDO download."""
 
     index: int
     sub_index: int
@@ -50,12 +50,12 @@ class ProbeWrite:
 
     @property
     def place(self) -> tuple[int, int]:
-        """Its index and sub-index."""
+        """Index and sub-index."""
         return self.index, self.sub_index
 
     @property
     def label(self) -> str:
-        """Its place as `1A03:01`."""
+        """Index and sub-index as `1A03:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
     def __str__(self) -> str:
@@ -65,10 +65,10 @@ class ProbeWrite:
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """What is asked of *pdo*, None for the device: the last of *writes*, after the others were accepted, from *stand*.
+    """A probe of *pdo*, None for the device: the last of *writes*, after the others were accepted, from *stand*.
 
-    *name* is unique in a run, *sense* says for people what is found out. *check* is the name of the check that a
-    simulated device makes there, "" for none.
+    *name* is unique in a run, *sense* describes the question for people. *check* is the name of the simulated device's
+    check for the same write, "" for none.
     """
 
     pdo: Pdo | None
@@ -81,25 +81,25 @@ class Probe:
 
     @property
     def label(self) -> str:
-        """What is asked: a PDO, else an object."""
+        """The probed PDO, else the object."""
         return self.pdo.label if self.pdo is not None else self.asked.label
 
     @property
     def asked(self) -> ProbeWrite:
-        """The download that the device's answer is about."""
+        """The download that the device's answer refers to."""
         return self.writes[-1]
 
     @property
     def entry_bits(self) -> int:
-        """How many bits the mapping entry maps that is asked about."""
+        """Mapped bits of the probed mapping entry."""
         return int.from_bytes(self.asked.data, "little") & 0xFF
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeAnswer:
-    """What the device answered to *probe*: an abort code, 0 for accepted, None where it has no answer (*why* says).
+    """The device's answer to *probe*: an abort code, 0 for accepted, None for no answer (reason: *why*).
 
-    *held* is what the object held afterwards, None where it could not be read.
+    *held* is the object's value afterwards, None if unreadable.
     """
 
     probe: Probe
@@ -114,7 +114,7 @@ class ProbeAnswer:
 
     @property
     def kept(self) -> bool:
-        """Whether the device took the value, and holds it."""
+        """Whether the device accepted and kept the value."""
         return self.accepted and self.held == self.probe.asked.data
 
     @property
@@ -135,7 +135,7 @@ def _number(data: bytes | None) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """What a device may refuse to map an object for, besides its length: *access*, and what *kind* of number it is."""
+    """Reasons besides length to refuse to map an object: its *access* and its *kind* of number."""
 
     access: str
     kind: str
@@ -143,16 +143,16 @@ class Features:
 
 @dataclass(frozen=True, slots=True)
 class ProbedPdo:
-    """The PDO that is asked, with what was read of it and what it may be asked with.
+    """The probed PDO: values read from it and values to probe it with.
 
-    *parameters* are the bytes of each sub-index of its communication parameter that can be read, *entries* the raw
-    words of sub-indices 1… of its mapping that can be read. *spare* are two CAN-IDs that nobody uses, none where it
-    must not be enabled. *fits* are objects that its file says may be mapped in this direction, *by_access* those of
-    each access type that are marked mappable, one of each length, *unmappable* those that are not; *features* are
-    access and kind of each of them. *absent* is an index that the device does not
-    have. *more*: there are further entries, which must not be written, since they do not take back what they hold.
-    *other_way* is an object that only PDOs of the other direction map, if no file tells accesses. *limits* are the
-    lowest and the highest value that its file gives its parameters and entries, by index and sub-index.
+    *parameters* are the bytes of each readable sub-index of its communication parameter, *entries* the raw
+    words of the readable sub-indices 1… of its mapping. *spare* are two unused CAN-IDs, none if the PDO
+    must not be enabled. *fits* are objects that the file says may be mapped in this direction, *by_access* those of
+    each access type that are marked mappable, one of each length, *unmappable* objects that are not; *features* are
+    access and kind of each object. *absent* is an index that the device does not
+    have. *more*: further entries exist and must not be written, since they do not accept their old value again.
+    *other_way* is an object that only PDOs of the other direction map, if no file gives access types. *limits* are the
+    lowest and the highest value of parameters and entries in the file, by index and sub-index.
     """
 
     pdo: Pdo
@@ -171,10 +171,10 @@ class ProbedPdo:
 
     @property
     def off(self) -> CobId:
-        """Its COB-ID with bit 31 set: what it holds while it is asked."""
+        """The COB-ID with bit 31 set: its value during probes."""
         return self.held.communication.cob_id.disabled()
 
     @property
     def objects(self) -> list[PdoMappingEntry]:
-        """Objects that its file says may be mapped, of each length and access."""
+        """Objects that the file says may be mapped, of each length and access."""
         return [*self.fits, *(entry for entries in self.by_access.values() for entry in entries)]

@@ -1,7 +1,6 @@
-"""The probes: which downloads tell what a device takes. Data, and how one answer leads to the next question.
+"""The probes: downloads that show a device's limits, and how one answer leads to the next question.
 
-Knows nothing of how probes are made, nor what is concluded in the end (`conclusions`). Sources of the questions: CiA
-301, 7.5.2.35 to 7.5.2.38, and what public stacks answer differently.
+Sources: CiA 301, 7.5.2.35 to 7.5.2.38, and differences between public stacks.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ _SHORT = 10
 
 
 def next_time(answers: Mapping[str, ProbeAnswer], name: str) -> int | None:
-    """The time that is to be asked next; None where the highest is known, or cannot be found."""
+    """The time to probe next; None if the highest time is known, or cannot be found."""
     values = {
         int(one.rpartition(" ")[2]): answer
         for one, answer in answers.items()
@@ -55,13 +54,13 @@ _WHOLE = ("map ", "access ")
 
 @dataclass(frozen=True, slots=True)
 class KnownAnswers:
-    """What was answered so far, by the names of the probes of one *subject*."""
+    """Answers so far, by the probe names of a *subject*."""
 
     subject: ProbedPdo
     answers: Mapping[str, ProbeAnswer]
 
     def accepted(self, name: str) -> bool:
-        """Whether the probe *name* was made, and accepted, then or when it was asked again."""
+        """Whether the probe *name* or its repetition was accepted."""
         return any(
             probe_name in self.answers and self.answers[probe_name].accepted for probe_name in (name, name + AGAIN)
         )
@@ -72,12 +71,12 @@ class KnownAnswers:
 
     @property
     def fits(self) -> tuple[PdoMappingEntry, ...]:
-        """Objects that the device was seen to map in this direction, the shortest first."""
+        """Objects that the device mapped in this direction, the shortest first."""
         return tuple(fit for fit in self.subject.fits if self.accepted(fit_name(fit)))
 
     @property
     def mapped(self) -> dict[PdoMappingEntry, ProbeAnswer]:
-        """Every object that the device was asked to map as a whole, with its last answer."""
+        """Every object probed as a whole, with its last answer."""
         found: dict[PdoMappingEntry, ProbeAnswer] = {}
         for name, answer in self.answers.items():
             if name.startswith(_WHOLE) and answer.code is not None:
@@ -85,9 +84,9 @@ class KnownAnswers:
         return found
 
     def refused_for(self, feature: Callable[[PdoMappingEntry], object]) -> list[ProbeAnswer]:
-        """Refusals that *feature* alone explains: an object that is like one that was taken in all others.
+        """Refusals explained by *feature* alone: all other features of the object were accepted together.
 
-        Features are length, access and kind. None of an object whose feature another object was taken with.
+        Features are length, access and kind. An object whose *feature* was accepted for another object does not count.
         """
         asked = self.mapped
         taken = [entry for entry, answer in asked.items() if answer.accepted]
@@ -106,29 +105,29 @@ class KnownAnswers:
         return entry.bits
 
     def access(self, entry: PdoMappingEntry) -> str:
-        """The access type of an object by its file, "" if no file tells it."""
+        """The access type of an object in its file, "" if unknown."""
         features = self.subject.features.get(entry)
         return "" if features is None else features.access
 
     def kind(self, entry: PdoMappingEntry) -> str:
-        """What kind of number an object is by its file, "" if no file tells it."""
+        """The kind of number of an object in its file, "" if unknown."""
         features = self.subject.features.get(entry)
         return "" if features is None else features.kind
 
     @property
     def max_entries(self) -> int:
-        """The highest entry that the device took, 0 for none."""
+        """The highest accepted entry, 0 for none."""
         taken = [number for number in range(1, 65) if self.accepted(f"entry {number}")]
         return max(taken, default=int(bool(self.fits)))
 
 
 def fit_name(fit: PdoMappingEntry) -> str:
-    """What the probe is called that maps *fit*."""
+    """Name of the probe that maps *fit*."""
     return f"map {fit}"
 
 
 def next_probes(known: KnownAnswers) -> list[Probe]:
-    """What is to be asked now, by what was answered so far; empty where everything was."""
+    """The next probes after the answers so far; empty if all were answered."""
     asked = known.answers.keys()
     for stage in _STAGES:
         found = [probe for probe in stage(known) if probe.name not in asked]
@@ -167,7 +166,7 @@ def _probe(
 
 
 def _objects(known: KnownAnswers) -> Iterator[Probe]:
-    """Which objects it maps; of each length and kind, others only until one is taken."""
+    """Probe mappable objects: one accepted object of each length and kind."""
     taken = {(fit.bits, known.kind(fit)) for fit in known.fits}
     for fit in known.subject.fits:
         if fit_name(fit) in known.answers or (fit.bits, known.kind(fit)) not in taken:
@@ -188,7 +187,7 @@ def _objects(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _like_one_that_is_taken(known: KnownAnswers, entries: Sequence[PdoMappingEntry]) -> PdoMappingEntry:
-    """Of *entries* one of a length and kind that the device maps, so that a refusal has one cause; else the first."""
+    """An entry of a length and kind that the device maps, so that a refusal has one cause; else the first."""
     alike = {(fit.bits, known.kind(fit)) for fit in known.fits}
     lengths = {fit.bits for fit in known.fits}
     best = [entry for entry in entries if (entry.bits, known.kind(entry)) in alike]
@@ -196,7 +195,7 @@ def _like_one_that_is_taken(known: KnownAnswers, entries: Sequence[PdoMappingEnt
 
 
 def _contradictions(known: KnownAnswers) -> Iterator[Probe]:
-    """Objects that were refused though each of their length, access and kind was taken: they are asked again."""
+    """Repeat probes of refused objects whose length, access and kind were each accepted elsewhere."""
     asked = known.mapped
     taken = [entry for entry, answer in asked.items() if answer.accepted]
     features = (known.length, known.access, known.kind)
@@ -207,7 +206,7 @@ def _contradictions(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _entries(known: KnownAnswers) -> Iterator[Probe]:
-    """What an entry may be, one at a time."""
+    """Probe the legal contents of an entry, one property at a time."""
     if not known.fits:
         return
     fit, subject = known.fits[0], known.subject
@@ -242,7 +241,7 @@ def _entries(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _how_many(known: KnownAnswers) -> Iterator[Probe]:
-    """How many entries there are: the last one that can be read, and where that is refused all before it."""
+    """Probe the number of entries: the last readable entry, and if refused all before it."""
     if not known.fits:
         return
     word, last = known.fits[0].raw, len(known.subject.entries)
@@ -264,7 +263,7 @@ def _how_many(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _counts(known: KnownAnswers) -> Iterator[Probe]:
-    """What a count may cover."""
+    """Probe the entries that a count may cover."""
     if not known.fits:
         return
     fit, most = known.fits[0], known.max_entries
@@ -305,7 +304,7 @@ def _counts(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _while_counted(known: KnownAnswers) -> Iterator[Probe]:
-    """What is taken of a mapping whose count is not 0."""
+    """Probe writes to a mapping while its count is not 0."""
     if not known.fits:
         return
     fit = known.fits[0]
@@ -322,7 +321,7 @@ def _while_counted(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _other(known: KnownAnswers) -> int | None:
-    """Another entry than the one that the PDO has when it is filled, one that the device takes."""
+    """An accepted entry other than the filled PDO's entry."""
     words = [fit.raw for fit in known.fits[1:]]
     words += [index << 16 | bits for index, bits in DUMMY_BITS.items() if known.accepted(f"dummy {index}")]
     return words[0] if words else None
@@ -343,7 +342,7 @@ def _cob_ids(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _rtr_allowed(known: KnownAnswers) -> list[ProbeWrite]:
-    """What lets a remote frame ask for the PDO, where the device has that and it is not so already."""
+    """A write that allows remote requests for the PDO, if the device supports them and forbids them now."""
     off = known.subject.off
     if off.rtr_allowed or not known.accepted("bit 30 clear"):
         return []
@@ -351,7 +350,7 @@ def _rtr_allowed(known: KnownAnswers) -> list[ProbeWrite]:
 
 
 def _parameters(known: KnownAnswers) -> Iterator[Probe]:
-    """What the communication parameters may be while the PDO is off."""
+    """Probe communication parameters while the PDO is disabled."""
     parameters = known.subject.parameters
     if TRANSMISSION_TYPE in parameters:
         for value in TYPES:
@@ -377,7 +376,7 @@ def _parameters(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _highest(known: KnownAnswers, sub_index: int, name: str, check: str) -> Iterator[Probe]:
-    """Search for the highest time that is taken."""
+    """Search for the highest accepted time."""
     value = next_time(known.answers, name)
     if value is not None:
         write = _parameter(known, sub_index, value)
@@ -385,7 +384,7 @@ def _highest(known: KnownAnswers, sub_index: int, name: str, check: str) -> Iter
 
 
 def _while_on(known: KnownAnswers) -> Iterator[Probe]:
-    """What is taken while the PDO is enabled, and whether an empty one may be."""
+    """Probe writes while the PDO is enabled, and whether an empty PDO may be enabled."""
     if not known.subject.spare or not known.fits:
         return
     first, second = known.subject.spare
@@ -418,7 +417,7 @@ def _while_on(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _another_value(known: KnownAnswers, sub_index: int) -> int | None:
-    """A value of the parameter that the device took while the PDO was off, other than the one it has."""
+    """A value accepted while the PDO was disabled, other than its present value."""
     if sub_index not in known.subject.parameters:
         return None
     held = int.from_bytes(known.subject.parameters[sub_index], "little")
@@ -430,7 +429,7 @@ def _another_value(known: KnownAnswers, sub_index: int) -> int | None:
 
 
 def _isolated(known: KnownAnswers) -> Iterator[Probe]:
-    """CAN-IDs that mean something to others: nobody else may be there."""
+    """Probe restricted CAN-IDs: no other node may be on the bus."""
     if not known.accepted("enable"):
         return
     bits = known.subject.off.raw & _NO_RTR
@@ -446,7 +445,7 @@ def _isolated(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _again(known: KnownAnswers) -> Iterator[Probe]:
-    """What was refused in OPERATIONAL, in PRE-OPERATIONAL: only together the two answers say what the state is for."""
+    """Repeat probes refused in OPERATIONAL in PRE-OPERATIONAL: only both answers show the role of the state."""
     for probe in while_operational(known.subject):
         if known.refused(probe.name):
             name = probe.name.replace(IN_OPERATIONAL, IN_PRE_OPERATIONAL)

@@ -1,7 +1,7 @@
-"""A device's object dictionary as far as `learn` read it, for one that no file describes. Pure; reads nothing.
+"""Object dictionary of a device without a file, as far as `learn` read it. Pure; reads nothing.
 
-An object that is mapped is there, mappable, and as long as it reads; its access is what its PDOs' direction says. What
-was not read is not there: most of the device.
+A mapped object exists, is mappable, and has the length that was read; its access follows from its PDOs' direction.
+Objects that were not read, most of the device, are missing.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ TO_READ = tuple((index, sub) for index in _NAMES for sub in (range(1, 5) if inde
 
 @dataclass(frozen=True, slots=True)
 class ReadDevice:
-    """What was read of node *node_id*: *values* of `TO_READ`, *pdos*, *entries* of the PDOs that were asked.
+    """Data read from node *node_id*: *values* of `TO_READ`, *pdos*, *entries* of the probed PDOs.
 
-    *mapped* are objects that each direction was seen to map, with *lengths* in bits as they read. *bit_rate* is the
-    bus's (bit/s), None where nobody knows it.
+    *mapped* are objects mapped in each direction, with *lengths* in bits as read. *bit_rate* is the
+    bus's (bit/s), None if unknown.
     """
 
     node_id: int
@@ -52,7 +52,7 @@ class ReadDevice:
 
 
 def described(read: ReadDevice) -> ObjectDictionary:
-    """The object dictionary that says what was *read*."""
+    """The object dictionary for the data *read*."""
     entries = [*_standard(read), *_parameters(read), *_mapped(read)]
     objects: dict[int, dict[int, OdEntry]] = {}
     for entry in entries:
@@ -90,7 +90,7 @@ def _standard(read: ReadDevice) -> Iterator[OdEntry]:
 
 
 def _parameters(read: ReadDevice) -> Iterator[OdEntry]:
-    """The PDOs, with what they held as defaults."""
+    """PDO parameters, with the values read as defaults."""
     most = {way: max((len(e) for p, e in read.entries.items() if p.direction is way), default=0) for way in Direction}
     for pdo, config in read.pdos.items():
         index, own = pdo.communication_index, config.communication
@@ -110,7 +110,7 @@ def _parameters(read: ReadDevice) -> Iterator[OdEntry]:
 
 
 def _mapping(pdo: Pdo, config: PdoConfig, entries: tuple[int, ...], most: int) -> Iterator[OdEntry]:
-    """As many entries as could be read; of a PDO that was not asked, as many as the one that was."""
+    """Mapping entries as far as readable; a PDO that was not probed gets as many as the probed PDO."""
     index = pdo.mapping_index
     words = list(entries) or [entry.raw for entry in config.mapping]
     words += [0] * (most - len(words) if not entries else 0)
@@ -120,7 +120,7 @@ def _mapping(pdo: Pdo, config: PdoConfig, entries: tuple[int, ...], most: int) -
 
 
 def _type(index: int, sub_index: int) -> tuple[DataType, Access]:
-    """What CiA 301 says of a parameter of a PDO."""
+    """Type and access of a PDO parameter in CiA 301. Raises ValueError if it is not a PDO parameter."""
     known = standard_entry(index, sub_index)
     if known is None:
         raise ValueError(f"{index:04X}:{sub_index:02X} is no parameter of a PDO")
@@ -128,7 +128,7 @@ def _type(index: int, sub_index: int) -> tuple[DataType, Access]:
 
 
 def _mapped(read: ReadDevice) -> Iterator[OdEntry]:
-    """Objects that a PDO maps, or was seen to map."""
+    """Objects that a PDO maps or accepted in a probe."""
     ways: dict[tuple[int, int], set[Direction]] = {}
     bits: dict[tuple[int, int], int] = {}
     for way, entries in read.mapped.items():
@@ -144,7 +144,7 @@ def _mapped(read: ReadDevice) -> Iterator[OdEntry]:
 
 
 def _of_length(mapped: int, read: int | None) -> DataType | None:
-    """The unsigned type of an object of which *mapped* bits are mapped, and that reads *read* bits."""
+    """The unsigned type for an object with *mapped* bits mapped and *read* bits read."""
     if mapped == 1 and read in (None, 8):
         return BOOLEAN
     wanted = read or mapped
@@ -167,7 +167,7 @@ def _held(
     data: bytes,
     node_id: int = 0,
 ) -> OdEntry:
-    """An entry whose default is what it held; a COB-ID of the predefined connection set of *node_id* follows that."""
+    """An entry whose default is *data*; a default COB-ID of *node_id* becomes relative to the node-ID."""
     if node_id:
         cob_id = CobId.from_raw(int.from_bytes(data, "little"))
         function = cob_id.can_id - node_id

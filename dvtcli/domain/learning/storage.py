@@ -1,7 +1,6 @@
-"""How a device says that it saves (0x1010, 0x1011), what is asked of it, and what its answers mean. Pure; asks nobody.
+"""A device's store capability (0x1010, 0x1011): probes, and conclusions from the answers. Pure; sends nothing.
 
-Source: CiA 301, 7.5.2.13 and 7.5.2.14. Nothing is concluded that was not read or answered: whether what was saved is
-there after a reset, nobody knows who does not reset.
+Source: CiA 301, 7.5.2.13 and 7.5.2.14. Without a reset it stays unknown whether the values were saved.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ WRONG_SIGNATURE, SAVE = "wrong signature", "save"
 
 @dataclass(frozen=True, slots=True)
 class Storage:
-    """What 0x1010 and 0x1011 read, by sub-index: *save* and *load*; empty where the device has no such object.
+    """Values of 0x1010 and 0x1011 by sub-index: *save* and *load*; empty if the device lacks the object.
 
-    *unreadable* is the abort code of 0x1010:01 where it is there and cannot be read.
+    *unreadable* is the abort code of 0x1010:01 if it exists but cannot be read.
     """
 
     save: Mapping[int, int] = field(default_factory=dict)
@@ -34,7 +33,7 @@ class Storage:
 
     @property
     def wears(self) -> str:
-        """What every write may do to the device's memory, in words; empty where it saves on command only."""
+        """Risk of wear for the device's memory at every write, in words; empty if it saves on command only."""
         if self.unreadable:
             return f"0x1010:01 cannot be read ({abort_text(self.unreadable)}), so it may save each write by itself"
         if not self.save:
@@ -46,12 +45,12 @@ class Storage:
         return f"{place} is {self.save[by_itself[0]]}: it saves by itself, so each write wears its memory"
 
     def chosen(self, preferred: Iterable[int]) -> int | None:
-        """The sub-index of 0x1010 that takes the signature, of those *preferred* the first; None where none does."""
+        """Sub-index of 0x1010 that accepts the signature, *preferred* ones first; None if no sub-index does."""
         able = [sub for sub, said in self.save.items() if said & _ON_COMMAND]
         return next((sub for sub in (*preferred, *able) if sub in able), None)
 
     def probes(self, preferred: Iterable[int]) -> list[Probe]:
-        """What is asked, each once: a wrong signature, then the right one. None where no sub-index takes it."""
+        """The probes, each sent once: a wrong signature, then the right one. Empty if no sub-index saves on command."""
         sub = self.chosen(preferred)
         if sub is None:
             return []
@@ -65,14 +64,14 @@ class Storage:
 
 
 def not_asked(storage: Storage, why: str) -> list[ProbeAnswer]:
-    """The same questions where they are not asked, each with *why*."""
+    """The same probes, skipped, each with the reason *why*."""
     return [ProbeAnswer(probe, None, why=why) for probe in storage.probes(())]
 
 
 def storage_for_profile(
     storage: Storage, answers: Sequence[ProbeAnswer], preferred: Iterable[int], seconds: float
 ) -> Iterator[Learnt]:
-    """Which sub-indices of 0x1010 save: what the profile has *preferred* stays in its order. *seconds* it took."""
+    """Sub-indices of 0x1010 that save, *preferred* ones in their order; the store took *seconds*."""
     if not storage.save and not storage.unreadable:
         yield Learnt("store.sub_indices", [], "0x1010:01 is not there")
         return
@@ -84,7 +83,7 @@ def storage_for_profile(
 
 
 def storage_for_family(storage: Storage, answers: Sequence[ProbeAnswer]) -> Iterator[Learnt]:
-    """What a simulated device reads there, and how it answers signatures."""
+    """Capability values of a simulated device, and its answers to signatures."""
     for key, index, said in (("store_capability", STORE, storage.save), ("restore_capability", RESTORE, storage.load)):
         if said:
             evidence = ", ".join(f"0x{index:04X}:{sub:02X} is {value}" for sub, value in said.items())
