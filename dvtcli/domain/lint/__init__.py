@@ -1,4 +1,4 @@
-"""What is odd about a described device: rules over an object dictionary, as `eds check` asks them.
+"""Rules of `eds check` over an object dictionary.
 
-Kept empty of imports: the file's reader takes `lint_rule` from here, and nothing else before a file is checked.
+Kept empty of imports: the file's reader imports `lint_rule` from here, and nothing else before a file is checked.
 """

@@ -1,7 +1,4 @@
-"""The PDOs as a file says that they come up: what is described, what is held, and what is missing.
-
-Knows defaults only, and judges nothing. Reads no device (`device.read_pdos` does).
-"""
+"""The PDOs in a file at power-on: described parameters, default values, and missing parts."""
 
 from __future__ import annotations
 
@@ -19,10 +16,10 @@ _WORD = 0xFFFF_FFFF
 
 @dataclass(frozen=True, slots=True)
 class DefaultPdo:
-    """One PDO at power-on: *config* is what is known of it, with an unknown COB-ID as disabled.
+    """A PDO at power-on: *config* is its known configuration, an unknown COB-ID counting as disabled.
 
-    *cob_id* and *count* are the raw values, None where the file has none; *entries* the raw words by sub-index up to
-    the count, None where one is not described or has no value. The config's mapping ends before the first such.
+    *cob_id* and *count* are the raw values, None if the file has none; *entries* the raw words by sub-index up to
+    the count, None for an entry without description or value. The config's mapping ends before the first None.
     """
 
     pdo: Pdo
@@ -35,7 +32,7 @@ class DefaultPdo:
 
 
 def default_pdos(dictionary: ObjectDictionary, node_id: int) -> tuple[DefaultPdo, ...]:
-    """Every PDO of which *dictionary* has a parameter, as node *node_id* comes up; TPDOs first, each by number."""
+    """Every PDO with a parameter in *dictionary*, as at power-on of node *node_id*; TPDOs first, each by number."""
     pdos = {pdo for pdo in map(Pdo.at, dictionary) if pdo is not None}
     ordered = sorted(pdos, key=lambda pdo: (not pdo.is_tpdo, pdo.number))
     return tuple(_default_pdo(dictionary, pdo, node_id) for pdo in ordered)

@@ -1,7 +1,4 @@
-"""What the rules about a described device look at, and where a finding is in it.
-
-Knows objects, not lines: whoever read the file finds a `Spot` in it.
-"""
+"""The subject of the rules about a described device, and the place of a finding."""
 
 from __future__ import annotations
 
@@ -21,11 +18,11 @@ OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Where something is: an object or a sub-index of it, or a *section* (lower case).
+    """Place of a finding: an object, a sub-index, or a *section* (lower case).
 
-    *key* (lower case) narrows it; of several, with `|` between them, the first that there is.
+    *key* (lower case) narrows it; of several keys, separated by `|`, the first existing key counts.
 
-    An empty one is the file as a whole.
+    An empty spot is the whole file.
     """
 
     index: int | None = None
@@ -35,7 +32,7 @@ class Spot:
 
     @property
     def object(self) -> str:
-        """The object as it is printed, empty for none."""
+        """The object as printed, empty for none."""
         return "" if self.index is None else object_text(self.index, self.sub_index)
 
 
@@ -57,10 +54,10 @@ def at(entry: OdEntry, key: str = "") -> Spot:
 
 @dataclass(frozen=True)
 class DescribedDevice:
-    """A device as a file describes it: the *dictionary*, and the *node_id* (1..127) its values are looked at for.
+    """A device described by a file: its *dictionary*, with values for *node_id* (1..127).
 
-    *configured*: the file is a DCF, so that what it sets counts, and not only what the device has by default. With
-    *any_node* nobody says which node-ID it has. PDOs are judged as on a device of that *profile*.
+    *configured*: the file is a DCF, so that its configured values count, not only the defaults. *any_node*: the
+    node-ID is unknown. PDOs are judged as on a device of *profile*.
     """
 
     dictionary: ObjectDictionary
@@ -71,7 +68,7 @@ class DescribedDevice:
 
     @property
     def node_ids(self) -> range:
-        """Every node-ID that it may have."""
+        """Every possible node-ID."""
         return range(1, 128) if self.any_node else range(self.node_id, self.node_id + 1)
 
     @cached_property
@@ -86,16 +83,16 @@ class DescribedDevice:
 
     @cached_property
     def pdos(self) -> tuple[DefaultPdo, ...]:
-        """Every PDO of which anything is described, TPDOs first."""
+        """Every PDO with any description, TPDOs first."""
         return default_pdos(self.dictionary, self.node_id)
 
     @cached_property
     def judged(self) -> tuple[Finding, ...]:
-        """What `map` says of its PDOs."""
+        """Findings of the `map` rules about the PDOs."""
         return tuple(judged(self.dictionary, self.pdos, self.node_id, self.profile))
 
     def number(self, index: int, sub_index: int = 0) -> int | None:
-        """What an object holds at power-on, as an unsigned number; None where the file does not say."""
+        """Value of an object at power-on, as an unsigned number; None if the file does not give it."""
         entry = self.dictionary.entry(index, sub_index)
         data = None if entry is None else entry.initial(self.node_id)
         return None if data is None else int.from_bytes(data, "little")

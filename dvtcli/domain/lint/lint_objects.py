@@ -1,4 +1,4 @@
-"""Rules about the shape of objects: sub-index 0, arrays, names, flags. Does not know what an object is for."""
+"""Rules about the structure of objects: sub-index 0, arrays, names, flags."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FLAGS = 0b11
 
 @check("highest-sub-index", WARNING, "sub-index 0 is not the highest sub-index in the file", _SHAPE)
 def highest_sub_index(device: DescribedDevice) -> Found:
-    """Who reads the object by it misses some, or asks for what is not there."""
+    """A wrong count hides sub-indices from readers, or makes them read missing ones."""
     for found in _of_many(device):
         first, stated = found.entries.get(0), device.number(found.index, 0)
         # One that can be written counts what the object holds, not what it could: errors, mapped objects.
@@ -39,7 +39,7 @@ def highest_sub_index(device: DescribedDevice) -> Found:
 
 @check("no-sub-index-0", WARNING, "an ARRAY or RECORD without sub-index 0", _SHAPE)
 def no_sub_index_0(device: DescribedDevice) -> Found:
-    """How many there are cannot be read."""
+    """Without sub-index 0 the number of entries cannot be read."""
     for found in _of_many(device):
         if 0 not in found.entries:
             yield Spot(found.index), "no sub-index 00"
@@ -47,7 +47,7 @@ def no_sub_index_0(device: DescribedDevice) -> Found:
 
 @check("sub-index-0-type", WARNING, "sub-index 0 of an ARRAY or RECORD is no UNSIGNED8", _SHAPE)
 def sub_index_0_type(device: DescribedDevice) -> Found:
-    """Who reads it takes a byte."""
+    """Readers expect a byte."""
     for found in _of_many(device):
         first = found.entries.get(0)
         if first is not None and first.data_type not in (None, U8):
@@ -56,7 +56,7 @@ def sub_index_0_type(device: DescribedDevice) -> Found:
 
 @check("mixed-array", NOTE, "the elements of an ARRAY are of several data types", _SHAPE)
 def mixed_array(device: DescribedDevice) -> Found:
-    """That would be a RECORD."""
+    """Entries of different types make a RECORD."""
     for found in _of_many(device):
         kinds = {entry.data_type.name for sub, entry in found.entries.items() if sub and entry.data_type is not None}
         if found.object_type == ObjectType.ARRAY and len(kinds) > 1:
@@ -65,7 +65,7 @@ def mixed_array(device: DescribedDevice) -> Found:
 
 @check("array-gap", NOTE, "an ARRAY has a gap between its sub-indices", _SHAPE)
 def array_gap(device: DescribedDevice) -> Found:
-    """Who goes through it meets an abort."""
+    """A reader of all entries gets an abort at the gap."""
     for found in _of_many(device):
         held = found.entries.keys() - {_STRUCTURE}
         missing = [sub for sub in range(1, max(held)) if sub not in held] if held else []
@@ -75,7 +75,7 @@ def array_gap(device: DescribedDevice) -> Found:
 
 @check("long-name", NOTE, "ParameterName has more than 241 characters", _NAMES)
 def long_name(device: DescribedDevice) -> Found:
-    """Some readers cut it."""
+    """Some tools cut long names."""
     for entry in device.entries:
         if len(entry.name) > _LONGEST_NAME:
             yield at(entry, "parametername"), f"the name has {len(entry.name)} characters; {_LONGEST_NAME} are allowed"
@@ -83,7 +83,7 @@ def long_name(device: DescribedDevice) -> Found:
 
 @check("same-name", NOTE, "two sub-indices of one object have the same name", _NAMES)
 def same_name(device: DescribedDevice) -> Found:
-    """Neither can be found by it."""
+    """Neither entry can be found by its name."""
     for found in device.objects:
         names = Counter(normalised(entry.name) for entry in found.entries.values())
         for entry in found.entries.values():
@@ -93,14 +93,14 @@ def same_name(device: DescribedDevice) -> Found:
 
 @check("object-flags", NOTE, "ObjFlags has bits without a meaning", "CiA 306, 4.6.3: ObjFlags")
 def object_flags(device: DescribedDevice) -> Found:
-    """Bit 0 refuses a write of the whole configuration, bit 1 a read of it."""
+    """Bit 0 excludes an object from a download of the whole configuration, bit 1 from an upload."""
     for entry in device.entries:
         if entry.object_flags & ~_FLAGS:
             yield at(entry, "objflags"), f"ObjFlags 0x{entry.object_flags:X}: bits above 1 have no meaning"
 
 
 def _of_many(device: DescribedDevice) -> list[OdObject]:
-    """The objects that are an ARRAY or a RECORD and have something."""
+    """ARRAYs and RECORDs with entries."""
     return [found for found in device.objects if found.object_type in OF_MANY and found.entries]
 
 
@@ -145,7 +145,7 @@ def mappable_count(device: DescribedDevice) -> Found:
 
 @check("mappable-constant", NOTE, "PDOMapping=1 on what never changes (const)", _SOURCE)
 def mappable_constant(device: DescribedDevice) -> Found:
-    """It would take room in every frame."""
+    """A constant would take space in every frame."""
     for entry in device.entries:
         if entry.pdo_mapping and entry.access is Access.CONST:
             yield at(entry, "pdomapping"), "PDOMapping=1, and the object is const"
@@ -154,7 +154,7 @@ def mappable_constant(device: DescribedDevice) -> Found:
 @check("process-access", NOTE, "AccessType rwr or rww, which are about PDOs, on what no PDO may carry",
        "CiA 306, 4.6.3: AccessType")  # fmt: skip
 def process_access(device: DescribedDevice) -> Found:
-    """One of AccessType and PDOMapping is wrong."""
+    """Either AccessType or PDOMapping is wrong."""
     for entry in device.entries:
         if entry.access in (Access.RWR, Access.RWW) and entry.pdo_mapping is False:
             yield at(entry, "accesstype"), f"AccessType={entry.access}, but PDOMapping=0"
@@ -179,7 +179,7 @@ _SIGNED = (0x1010, 0x1011)
 
 @check("default-outside-limits", ERROR, "DefaultValue is below LowLimit or above HighLimit", _LIMITS)
 def default_outside_limits(device: DescribedDevice) -> Found:
-    """The object would come up with what may not be written to it."""
+    """The device would come up with an illegal value."""
     for entry in device.entries:
         if entry.default is not None and (text := _outside(entry, entry.default, relative=entry.default_relative)):
             yield at(entry, "defaultvalue"), f"DefaultValue {text}"
@@ -187,7 +187,7 @@ def default_outside_limits(device: DescribedDevice) -> Found:
 
 @check("value-outside-limits", ERROR, "ParameterValue is below LowLimit or above HighLimit", _LIMITS)
 def value_outside_limits(device: DescribedDevice) -> Found:
-    """The device would refuse what the file sets."""
+    """The device would refuse the file's value."""
     for entry in device.entries:
         if entry.value is None or not entry.access.writable or entry.index in _SIGNED:
             continue
@@ -198,7 +198,7 @@ def value_outside_limits(device: DescribedDevice) -> Found:
 @check("value-of-read-only", NOTE, "ParameterValue is not the default of an object that cannot be written",
        "CiA 306, 5: ParameterValue")  # fmt: skip
 def value_of_read_only(device: DescribedDevice) -> Found:
-    """No tool can bring it into the device."""
+    """No tool can write the value to the device."""
     for entry in device.entries:
         if entry.value is None or entry.default is None or entry.access.writable:
             continue
@@ -209,7 +209,7 @@ def value_of_read_only(device: DescribedDevice) -> Found:
 
 @check("one-limit", NOTE, "only one of LowLimit and HighLimit is given", _LIMITS)
 def one_limit(device: DescribedDevice) -> Found:
-    """The other one is the data type's."""
+    """The missing limit is the data type's."""
     for entry in device.entries:
         if (entry.low is None) != (entry.high is None):
             given, missing = ("lowlimit", "HighLimit") if entry.high is None else ("highlimit", "LowLimit")
@@ -219,7 +219,7 @@ def one_limit(device: DescribedDevice) -> Found:
 @check("node-id-overflow", WARNING, "a value with $NODEID does not fit the data type for every node-ID",
        "CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def node_id_overflow(device: DescribedDevice) -> Found:
-    """It would wrap round on nodes with a high number."""
+    """The value would overflow on nodes with a high node-ID."""
     for entry in device.entries:
         for data, relative, key in (
             (entry.default, entry.default_relative, "DefaultValue"),
@@ -231,14 +231,14 @@ def node_id_overflow(device: DescribedDevice) -> Found:
 
 @check("constant-without-value", NOTE, "a const object has no DefaultValue", "CiA 306, 4.6.3: AccessType const")
 def constant_without_value(device: DescribedDevice) -> Found:
-    """The file could say what it always holds."""
+    """The file could give the constant's value."""
     for entry in device.entries:
         if entry.access is Access.CONST and entry.default is None and entry.value is None:
             yield at(entry), "const, and no DefaultValue says what it holds"
 
 
 def _outside(entry: OdEntry, data: bytes, *, relative: bool) -> str:
-    """What is wrong with *data* against the limits, empty where nothing is, or where they leave no choice."""
+    """Violation of the limits by *data*, empty for none, or if the limits leave no choice."""
     if not leave_a_choice(entry, entry.low, entry.high):
         return ""
     if entry.data_type is None or entry.data_type.kind not in (Kind.INTEGER, Kind.UNSIGNED, Kind.REAL, Kind.BOOLEAN):
@@ -257,7 +257,7 @@ def _outside(entry: OdEntry, data: bytes, *, relative: bool) -> str:
 
 
 def _shown(value: float) -> str:
-    """A whole number beyond a few as the field writes it, too: `512 (0x200)`."""
+    """A whole number above 9 with its hexadecimal form: `512 (0x200)`."""
     return f"{value} (0x{value:X})" if isinstance(value, int) and value > 9 else str(value)
 
 

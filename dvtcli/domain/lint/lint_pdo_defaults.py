@@ -1,7 +1,4 @@
-"""What the rules of `map` say of the PDOs that a file comes up with.
-
-The decisions are those of `rules`; here stands which of them a file is held against, and how bad that is in a file.
-"""
+"""Findings of the `map` rules about the PDOs at power-on, with their severity for a file."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ _DECLARED: dict[str, Rule] = {
 def _judged(
     name: str, severity: Severity, sense: str, of: str = "", meant: Severity = ERROR
 ) -> RuleCheck[DescribedDevice, Spot]:
-    """What the rule *of* `map` (by default of the same name) says, where it means it as strongly as *meant*."""
+    """A check that reports the `map` rule *of* (default: the same name) from severity *meant* on."""
     rule = LintRule(name, severity, f"a PDO of the file {sense}", _DECLARED[of or name].source)
     return RuleCheck(rule, partial(_look, of or name, meant))
 

@@ -1,6 +1,6 @@
-"""Rules about the PDOs that a file describes: that both halves are there, counts, what they come up with.
+"""Rules about the PDOs in a file: both halves present, counts, values at power-on.
 
-What `map` decides is asked there (`lint_pdo_defaults`): here stands what only a file can have wrong.
+Rules shared with `map` are in `lint_pdo_defaults`; here are only errors that a file can have.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _NO_RTR = 1 << 30
 
 @check("half-pdo", ERROR, "a PDO has a communication parameter and no mapping, or the reverse", _COMMUNICATION)
 def half_pdo(device: DescribedDevice) -> Found:
-    """Nobody can use it: half of what makes a PDO is missing."""
+    """Half of the PDO's parameters are missing, so the PDO is unusable."""
     for pdo in device.pdos:
         if pdo.has_communication and not pdo.has_mapping:
             yield Spot(pdo.pdo.communication_index), f"{pdo.pdo.label} has no mapping {pdo.pdo.mapping_index:04X}"
@@ -33,21 +33,21 @@ def half_pdo(device: DescribedDevice) -> Found:
 
 @check("no-cob-id", ERROR, "a communication parameter without sub-index 01, the COB-ID", _COMMUNICATION)
 def no_cob_id(device: DescribedDevice) -> Found:
-    """It can be neither enabled nor disabled."""
+    """The PDO can be neither enabled nor disabled."""
     yield from _without(device, 1, "COB-ID")
 
 
 @check("no-transmission-type", WARNING, "a communication parameter without sub-index 02, the transmission type",
        _COMMUNICATION)  # fmt: skip
 def no_transmission_type(device: DescribedDevice) -> Found:
-    """The standard has it mandatory; RPDOs of small devices are seen without."""
+    """The standard requires a transmission type; RPDOs of small devices often lack it."""
     yield from _without(device, 2, "transmission type")
 
 
 @check("unknown-cob-id", NOTE, "a COB-ID without a default: nobody knows whether the PDO comes up enabled",
        _COMMUNICATION)  # fmt: skip
 def unknown_cob_id(device: DescribedDevice) -> Found:
-    """Tools take it for disabled, or for 0."""
+    """Tools assume disabled, or 0."""
     for pdo in device.pdos:
         index = pdo.pdo.communication_index
         if pdo.cob_id is None and device.dictionary.entry(index, 1) is not None:
@@ -57,7 +57,7 @@ def unknown_cob_id(device: DescribedDevice) -> Found:
 @check("base-cob-id", WARNING, "a COB-ID is a base of the pre-defined connection set, without the node-ID",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def base_cob_id(device: DescribedDevice) -> Found:
-    """All nodes of the file have the same, whether the PDO is on or off. A DCF is for one node."""
+    """All nodes of the file would share the CAN-ID, enabled or not. A DCF is exempt: it is for one node."""
     for pdo in () if device.configured else device.pdos:
         index, own = pdo.pdo.communication_index, pdo.pdo.default_can_id(0)
         entry = device.dictionary.entry(index, 1)
@@ -71,7 +71,7 @@ def base_cob_id(device: DescribedDevice) -> Found:
 @check("count-over-entries", ERROR, "the count of a mapping is above the entries that are described, or above 64",
        _MAPPING)  # fmt: skip
 def count_over_entries(device: DescribedDevice) -> Found:
-    """The device would have to map what it has not."""
+    """The device would have to map missing entries."""
     for pdo in device.pdos:
         if not pdo.has_mapping or pdo.count is None or is_mpdo(pdo.count):
             continue
@@ -91,7 +91,7 @@ def unknown_count(device: DescribedDevice) -> Found:
 
 @check("mapped-twice", NOTE, "a TPDO carries the same object twice", _MAPPING)
 def mapped_twice(device: DescribedDevice) -> Found:
-    """It takes room in every frame. Of RPDOs `double-target` says it."""
+    """The object takes space twice in every frame. For RPDOs see `double-target`."""
     for pdo in device.pdos:
         seen: dict[tuple[int, int], int] = {}
         for number, entry in enumerate(pdo.config.mapping if pdo.pdo.is_tpdo else (), 1):
@@ -103,7 +103,7 @@ def mapped_twice(device: DescribedDevice) -> Found:
 
 @check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it is shown and never written", _MAPPING)
 def mpdo(device: DescribedDevice) -> Found:
-    """What it carries stands in its frames."""
+    """The contents of a multiplexed PDO are given in its frames."""
     for pdo in device.pdos:
         if pdo.config.mpdo is not None:
             yield _count(pdo), f"{pdo.pdo.label} is a multiplexed PDO (count 0x{pdo.config.mpdo:02X})"
@@ -111,7 +111,7 @@ def mpdo(device: DescribedDevice) -> Found:
 
 @check("empty-entry", ERROR, "the count of a mapping goes over an entry that is 0", _MAPPING)
 def empty_entry(device: DescribedDevice) -> Found:
-    """A device that checks its mapping cannot come up with it."""
+    """A device that checks its mapping cannot come up with an empty entry."""
     for one, number, word in _counted(device):
         if word == 0:
             spot = Spot(one.pdo.mapping_index, number, HELD)
@@ -120,7 +120,7 @@ def empty_entry(device: DescribedDevice) -> Found:
 
 @check("unknown-entry", WARNING, "the count of a mapping goes over an entry without a default", _MAPPING)
 def unknown_entry(device: DescribedDevice) -> Found:
-    """What the PDO carries is not known from the file."""
+    """The PDO's contents are unknown from the file."""
     for one, number, word in _counted(device):
         entry = device.dictionary.entry(one.pdo.mapping_index, number)
         if word is None and entry is not None:
@@ -132,7 +132,7 @@ def unknown_entry(device: DescribedDevice) -> Found:
 
 @check("enabled-and-empty", NOTE, "a PDO comes up enabled and maps nothing", f"ours: {_MAPPING}")
 def enabled_and_empty(device: DescribedDevice) -> Found:
-    """Frames without data, and it cannot be put back once it was changed."""
+    """Frames would have no data, and the PDO could not be rolled back after a change."""
     for pdo in device.pdos:
         if pdo.cob_id is not None and pdo.config.enabled and pdo.count == 0:
             spot = Spot(pdo.pdo.communication_index, 1, HELD)
@@ -141,7 +141,7 @@ def enabled_and_empty(device: DescribedDevice) -> Found:
 
 @check("fixed-pdo", NOTE, "a mapping of which only a part can be written", f"{_MAPPING}; CiA 306, AccessType")
 def partly_fixed(device: DescribedDevice) -> Found:
-    """A count that is fixed and entries that are not, or the reverse: nothing can be mapped, or only by fillers."""
+    """A fixed count with writable entries, or the reverse: mapping is impossible, or only with fillers."""
     for pdo in device.pdos:
         if not pdo.has_mapping:
             continue
@@ -154,7 +154,7 @@ def partly_fixed(device: DescribedDevice) -> Found:
 
 @check("cob-id-fixed", NOTE, "the COB-ID of a PDO cannot be written: it can never be mapped anew", _COMMUNICATION)
 def cob_id_fixed(device: DescribedDevice) -> Found:
-    """The sequence begins with disabling it (bit 31)."""
+    """The mapping sequence begins with disabling the PDO (bit 31)."""
     for pdo in device.pdos:
         entry = device.dictionary.entry(pdo.pdo.communication_index, 1)
         if entry is not None and not entry.access.writable:
@@ -167,7 +167,7 @@ def cob_id_fixed(device: DescribedDevice) -> Found:
 @check("synchronous-without-sync", WARNING, "a PDO comes up synchronous on a device without 0x1005",
        "CiA 301, 7.5.2.5 and 7.5.2.35")  # fmt: skip
 def synchronous_without_sync(device: DescribedDevice) -> Found:
-    """It waits for a SYNC that the device does not know."""
+    """The PDO waits for a SYNC that the device does not support."""
     if _SYNC in device.dictionary:
         return
     for pdo in device.pdos:
@@ -190,7 +190,7 @@ def timer_below_inhibit(device: DescribedDevice) -> Found:
 @check("default-cob-id", NOTE, "PDO 1 to 4 comes up with another CAN-ID than the pre-defined connection set's",
        "CiA 301, 7.3.5")  # fmt: skip
 def default_cob_id(device: DescribedDevice) -> Found:
-    """Masters that count on the set do not hear it."""
+    """Masters that rely on the pre-defined connection set do not receive the PDO."""
     for pdo in device.pdos:
         expected = pdo.pdo.default_can_id(device.node_id)
         held = pdo.config.communication.cob_id
@@ -204,7 +204,7 @@ def default_cob_id(device: DescribedDevice) -> Found:
 
 @check("pdo-count", WARNING, "NrOfRXPDO or NrOfTXPDO is not the number of PDOs in the file", "CiA 306, DeviceInfo")
 def pdo_count(device: DescribedDevice) -> Found:
-    """Masters size their tables by it."""
+    """Masters size their tables by the PDO count."""
     info = device.dictionary.info
     for tpdo, key, stated in ((False, "NrOfRXPDO", info.rpdo_count), (True, "NrOfTXPDO", info.tpdo_count)):
         described = sum(pdo.pdo.is_tpdo is tpdo for pdo in device.pdos)

@@ -1,6 +1,6 @@
-"""How a rule about a device's file is declared: once, where it is checked.
+"""Declaration of a rule about a device's file, at its check function.
 
-Knows no rule and no file. A rule of `map` is another thing (`rules.rule`): that one judges a change.
+Rules of `map` (`rules.rule`) judge a change instead.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 
 
 class LintRule(NamedTuple):
-    """One rule: its *name*, how bad it is where it speaks, what it says then (*sense*), and who says so (*source*).
+    """A rule: its *name*, *severity*, finding text (*sense*) and *source*.
 
-    An error: the file contradicts itself or the standard, and who believes it does the wrong thing. A warning: most
-    likely not meant, or against the standard, and tools get along with it. A note: worth knowing.
+    Error: the file contradicts itself or the standard, and readers that trust it do the wrong thing. Warning: probably
+    unintended, or against the standard, but tools cope. Note: worth knowing.
     """
 
     name: str
@@ -35,7 +35,7 @@ Look = Callable[[Subject], Iterable[tuple[Place, str]]]
 
 @dataclass(frozen=True, slots=True)
 class RuleCheck(Generic[Subject, Place]):
-    """A rule with what checks it: *look* takes the subject and yields a place and a text for each thing found."""
+    """A rule with its check: *look* takes the subject and yields a place and a text for each finding."""
 
     rule: LintRule
     look: Look[Subject, Place]
@@ -49,5 +49,5 @@ def check(
 
 
 def checks_of(*modules: ModuleType) -> list[RuleCheck[Any, Any]]:
-    """Every check that *modules* declare, in the order they stand there."""
+    """Every check declared in *modules*, in source order."""
     return [value for module in modules for value in vars(module).values() if isinstance(value, RuleCheck)]

@@ -1,7 +1,4 @@
-"""Rules about the communication objects of CiA 301: which there must be, and their types and access.
-
-Does not know PDOs beyond the shape of their parameters (`lint_pdos`).
-"""
+"""Rules about the communication objects of CiA 301: mandatory objects, types and access."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ def mandatory_object(device: DescribedDevice) -> Found:
 
 @check("vendor-id-object", ERROR, "0x1018 has no sub-index 01, the vendor-ID", "CiA 301, 7.5.2.21")
 def vendor_id_object(device: DescribedDevice) -> Found:
-    """The other parts of the identity may be left out."""
+    """Only the other parts of the identity are optional."""
     if 0x1018 in device.dictionary and 1 not in device.dictionary[0x1018].entries:
         yield Spot(0x1018), "no sub-index 01: the vendor-ID must be there"
 
@@ -48,7 +45,7 @@ def standard_kind(device: DescribedDevice) -> Found:
 @check("standard-access", WARNING, "an object of 0x1000 to 0x1BFF cannot be read, or can be written where CiA 301 "
        "has it fixed", "CiA 301, 7.5.2")  # fmt: skip
 def standard_access(device: DescribedDevice) -> Found:
-    """That a device fixes what may be written is its right, and said of PDOs by `fixed-pdo`."""
+    """A device may make a writable object read-only; for PDOs see `fixed-pdo`."""
     for entry in device.entries:
         standard = standard_entry(entry.index, entry.sub_index)
         if standard is None or standard.access is None:
@@ -60,7 +57,7 @@ def standard_access(device: DescribedDevice) -> Found:
 @check("standard-object-type", WARNING, "an object of 0x1000 to 0x1BFF is of one entry where CiA 301 has sub-indices, "
        "or the reverse", "CiA 301, 7.5.2")  # fmt: skip
 def standard_shape(device: DescribedDevice) -> Found:
-    """Whoever reads its sub-index 0 gets something else than meant."""
+    """A reader of sub-index 0 gets an unexpected value."""
     for found in device.objects:
         standard = standard_object_type(found.index)
         if standard is not None and (found.object_type in OF_MANY) is not (standard in OF_MANY):
@@ -70,7 +67,7 @@ def standard_shape(device: DescribedDevice) -> Found:
 @check("array-or-record", NOTE, "an object of 0x1000 to 0x1BFF is an ARRAY where CiA 301 has a RECORD, or the reverse",
        "CiA 301, 7.5.2")  # fmt: skip
 def array_or_record(device: DescribedDevice) -> Found:
-    """Some libraries write nothing to a mapping that is an ARRAY."""
+    """Some libraries cannot write a mapping that is an ARRAY."""
     for found in device.objects:
         standard = standard_object_type(found.index)
         if standard in OF_MANY and found.object_type in OF_MANY and standard != found.object_type:
@@ -79,7 +76,7 @@ def array_or_record(device: DescribedDevice) -> Found:
 
 @check("reserved-index", WARNING, "an index that CiA 301 reserves", "CiA 301, 7.4.1 and 7.5.2")
 def reserved_index(device: DescribedDevice) -> Found:
-    """A later version of the standard may put something else there."""
+    """A later version of the standard may use the index."""
     for index in device.dictionary:
         if reserved(index):
             yield Spot(index), "the index is reserved"
@@ -88,7 +85,7 @@ def reserved_index(device: DescribedDevice) -> Found:
 @check("no-error-control", WARNING, "neither heartbeat (0x1017) nor guarding (0x100C and 0x100D)",
        "CiA 301, 7.2.8.2.2")  # fmt: skip
 def no_error_control(device: DescribedDevice) -> Found:
-    """Nobody can see that the node is gone."""
+    """A lost node would go unnoticed."""
     if device.dictionary and _HEARTBEAT not in device.dictionary and _GUARD_TIME not in device.dictionary:
         yield Spot(section="optionalobjects"), "neither 1017 (heartbeat) nor 100C and 100D (guarding) is described"
 
@@ -128,7 +125,7 @@ _FIRST_PROFILE_INDEX, _LAST_PROFILE_INDEX = 0x6000, 0x67FF
 @check("service-can-id", WARNING, "SYNC, TIME or EMCY comes up with a CAN-ID that CiA 301 restricts",
        "CiA 301, 7.3.5")  # fmt: skip
 def service_can_id(device: DescribedDevice) -> Found:
-    """It would meet NMT, SDO or heartbeat."""
+    """The CAN-ID would collide with NMT, SDO or heartbeat."""
     for index, service in _SERVICES.items():
         number = device.number(index)
         if number is None:
@@ -142,7 +139,7 @@ def service_can_id(device: DescribedDevice) -> Found:
 @check("sync-without-period", WARNING, "the device produces SYNC (0x1005, bit 30) and has no period (0x1006)",
        "CiA 301, 7.5.2.5 and 7.5.2.6")  # fmt: skip
 def sync_without_period(device: DescribedDevice) -> Found:
-    """It would never send one."""
+    """The device would never send a SYNC."""
     number = device.number(_SYNC)
     if number is not None and number >> 30 & 1 and not device.number(_PERIOD):
         yield Spot(_SYNC, 0, HELD), "produces SYNC (bit 30), and 1006 (period) is missing or 0"
@@ -170,7 +167,7 @@ def sdo_can_id(device: DescribedDevice) -> Found:
 @check("fixed-cob-id", NOTE, "a COB-ID that comes up enabled is not relative to the node-ID: every node has the same",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def fixed_cob_id(device: DescribedDevice) -> Found:
-    """Two of these devices on one bus meet. A DCF is for one node."""
+    """Two of these devices on one bus collide. A DCF is exempt: it is for one node."""
     if device.configured:
         return
     for entry in device.entries:
@@ -183,7 +180,7 @@ def fixed_cob_id(device: DescribedDevice) -> Found:
 @check("store-without-restore", NOTE, "store (0x1010) without restore (0x1011), or the reverse",
        "CiA 301, 7.5.2.13 and 7.5.2.14")  # fmt: skip
 def store_without_restore(device: DescribedDevice) -> Found:
-    """There is no way back to the defaults."""
+    """Restoring the defaults is impossible."""
     for there, missing in ((0x1010, 0x1011), (0x1011, 0x1010)):
         if there in device.dictionary and missing not in device.dictionary:
             yield Spot(there), f"without {missing:04X}"

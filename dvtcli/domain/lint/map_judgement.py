@@ -1,7 +1,4 @@
-"""What `map` would say if it were asked to make each PDO as a file has it.
-
-Asks `rules` and decides nothing itself. Does not know which of the answers count for a file (`lint_pdo_defaults`).
-"""
+"""Findings of `map` if each PDO were set up as in the file."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from dvtcli.domain.services import SDO_CHANNEL_INDICES, taken_by_services
 def judged(
     dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int, profile: DeviceProfile
 ) -> Iterator[Finding]:
-    """The errors and warnings about each of *pdos* on node *node_id* of that *profile*, made one after the other."""
+    """Errors and warnings about each of *pdos* on node *node_id* of *profile*, set up one after the other."""
     sync, emcy = (_cob_id(dictionary, index, 0, node_id) for index in (0x1005, 0x1014))
     places = ((index, sub) for index in dictionary if index in SDO_CHANNEL_INDICES for sub in (1, 2))
     channels = {place: held for place in places if (held := _cob_id(dictionary, *place, node_id)) is not None}
@@ -49,7 +46,7 @@ def _cob_id(dictionary: ObjectDictionary, index: int, sub_index: int, node_id: i
 
 
 def blank(config: PdoConfig) -> PdoConfig:
-    """The same PDO disabled and empty, its type not as wanted either: rules look at what changes only."""
+    """The same PDO disabled and empty, with another transmission type: rules check changes only."""
     held = config.communication
     kind = None if held.transmission_type is None else held.transmission_type ^ 1
     return PdoConfig(replace(held, cob_id=held.cob_id.disabled(), transmission_type=kind), ())
