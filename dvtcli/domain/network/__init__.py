@@ -1,1 +1,1 @@
-"""Several nodes as one: what a whole network should hold."""
+"""Configuration of a whole network: several nodes as a unit."""

@@ -1,7 +1,4 @@
-"""How much of a bus the frames of a network need at worst, and whether each of them is there in time.
-
-Computes. Knows neither where the frames come from nor what is really on the bus.
-"""
+"""Worst-case bus load of a network's frames, and whether each frame meets its deadline. Pure computation."""
 
 from __future__ import annotations
 
@@ -22,9 +19,9 @@ _SETTLES = 8
 
 @dataclass(frozen=True, slots=True)
 class StreamNeed:
-    """A *stream* on the bus: the *share* (0 and up) that it takes, and when it is there at the latest (*response_us*).
+    """A *stream* on the bus: its *share* (0 and up), and its worst-case response time (*response_us*).
 
-    Both are None where nothing limits them.
+    Both are None if unbounded.
     """
 
     stream: Stream
@@ -33,13 +30,13 @@ class StreamNeed:
 
     @property
     def is_late(self) -> bool:
-        """Whether it may be there after its deadline; also where nobody can say when it is there."""
+        """Whether the frame may miss its deadline; also if its response time is unbounded."""
         deadline = self.stream.deadline_us
         return deadline is not None and (self.response_us is None or self.response_us > deadline)
 
     @property
     def least_share(self) -> Fraction | None:
-        """Its share where no bit is stuffed."""
+        """The share without stuff bits."""
         frame = self.stream.frame
         if self.share is None:
             return None
@@ -50,7 +47,7 @@ class StreamNeed:
 
 @dataclass(frozen=True, slots=True)
 class BusNeed:
-    """What all streams need of a bus of *bit_rate* bit/s, in the order in which they go; *assumed* to find them."""
+    """Bus needs of all streams at *bit_rate* bit/s, by priority; *assumed* are the assumptions."""
 
     bit_rate: int
     needs: tuple[StreamNeed, ...]
@@ -58,39 +55,39 @@ class BusNeed:
 
     @property
     def limited(self) -> Fraction:
-        """The share of all that has a limit."""
+        """The share of all bounded streams."""
         return sum((need.share for need in self.needs if need.share is not None), Fraction(0))
 
     @property
     def least(self) -> Fraction:
-        """The same where no bit is stuffed."""
+        """The share of all bounded streams without stuff bits."""
         return sum((need.least_share for need in self.needs if need.least_share is not None), Fraction(0))
 
     @property
     def unlimited(self) -> tuple[Stream, ...]:
-        """What may come as often as it likes."""
+        """Streams without a frequency limit."""
         return tuple(need.stream for need in self.needs if need.share is None)
 
     @property
     def total(self) -> Fraction | None:
-        """The worst-case load (0 and up); None where anything has no limit."""
+        """The worst-case load (0 and up); None if any stream is unbounded."""
         return None if self.unlimited else self.limited
 
     @property
     def late(self) -> tuple[StreamNeed, ...]:
-        """What may be there too late."""
+        """Streams that may miss their deadline."""
         return tuple(need for need in self.needs if need.is_late)
 
     @property
     def fits(self) -> bool:
-        """Whether everything is there in time."""
+        """Whether all deadlines are met."""
         return not self.unlimited and not self.late
 
 
 def bus_need(found: Streams, bit_rate: int) -> BusNeed:
-    """What the streams that were *found* need of a bus of *bit_rate* bit/s.
+    """Bus needs of the streams *found* at *bit_rate* bit/s.
 
-    What SYNC makes be sent is as late as SYNC may be, beyond its shortest time on the wire: its jitter.
+    Synchronous frames inherit the jitter of SYNC: its delay beyond its shortest time on the wire.
     """
     streams = sorted(found.streams, key=lambda stream: stream.frame.arbitration)
     times = _times(streams, bit_rate)
@@ -110,7 +107,7 @@ def _times(streams: list[Stream], bit_rate: int) -> list[Fraction | None]:
 
 
 def _sync_jitter(streams: list[Stream], times: list[Fraction | None], bit_rate: int) -> Fraction | None:
-    """How much later than at its earliest SYNC may be heard, in µs; None where there is none, or no bound."""
+    """Jitter of SYNC in µs: latest minus earliest reception; None without SYNC, or if unbounded."""
     late = [
         time - Fraction(1_000_000 * least_frame_bits(one.frame.data_bytes, extended=one.frame.extended), bit_rate)
         for one, time in zip(streams, times, strict=True)
@@ -120,7 +117,7 @@ def _sync_jitter(streams: list[Stream], times: list[Fraction | None], bit_rate: 
 
 
 def fitting_bit_rates(found: Streams) -> tuple[int, ...]:
-    """The bit rates of CiA 301 at which everything of *found* is there in time."""
+    """The bit rates of CiA 301 at which all streams of *found* meet their deadlines."""
     return tuple(rate for rate in BIT_RATES if bus_need(found, rate).fits)
 
 
@@ -130,7 +127,7 @@ _CLOCKS, _AT_ENDS = 1.05, 2
 
 
 def most_frames(streams: Iterable[Stream], seconds: float) -> int | None:
-    """How many frames of *streams* can be heard within *seconds*; None where nothing limits one of them."""
+    """Maximum number of frames of *streams* within *seconds*; None if a stream is unbounded."""
     most = 0
     for stream in streams:
         if not stream.frame.period_us:

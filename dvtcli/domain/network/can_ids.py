@@ -1,4 +1,4 @@
-"""Which CAN-ID the TPDO of a link gets. Knows no node, only what is in use."""
+"""Choose the CAN-ID for the TPDO of a link."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _PREDEFINED = range(0x181, 0x580)
 
 
 def may_keep(cob_id: CobId, used: Collection[int]) -> bool:
-    """Whether a TPDO may send with the CAN-ID of *cob_id* while others use those in *used*."""
+    """Whether a TPDO may use the CAN-ID of *cob_id* while others use *used*."""
     if not cob_id.fits_frame or cob_id.can_id in used:
         return False
     return cob_id.extended or not (restricted_use(cob_id.can_id) or cob_id.can_id in _SERVICES)
 
 
 def free_can_id(producer: Endpoint, used: Collection[int]) -> int | None:
-    """The CAN-ID for *producer* that none of *used* is: its own of the pre-defined set, else the next free one.
+    """An unused CAN-ID for *producer*: its default in the pre-defined set, else the next free CAN-ID.
 
-    None where all are in use. 0x680…0x6DF come before the defaults of other PDOs.
+    None if all are in use. 0x680…0x6DF come before the defaults of other PDOs.
     """
     default = producer.pdo.default_can_id(producer.node_id)
     candidates = chain(() if default is None else (default,), FREE_POOL, _PREDEFINED)

@@ -1,7 +1,7 @@
-"""A concise DCF (CiA 302-3, 0x1F22): what a manager downloads to a node each time that it boots. Knows no node.
+"""A concise DCF (CiA 302-3, 0x1F22): a manager's downloads to a node at each boot.
 
-A number of entries (u32), then of each its index (u16), sub-index (u8), length (u32) and data, all least significant
-byte first. Files of this form are what other tools write for a master.
+A number of entries (u32), then for each its index (u16), sub-index (u8), length (u32) and data, least significant
+byte first. Other tools write files of this form for a master.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _FIRST = (0x1017, 0x1029)
 
 
 def concise_of(plan: NodePlan, mapped: Collection[Pdo]) -> tuple[ConciseEntry, ...]:
-    """The downloads for what *plan* wants of a device as new; of *mapped* PDOs the mapping is written in any case."""
+    """Downloads that configure a new device as in *plan*; the mapping of *mapped* PDOs is always written."""
     changed = {change.pdo: change.before for change in plan.plan.changes if isinstance(change, PdoChange)}
     values = [step for change in plan.plan.changes if isinstance(change, ValueChange) for step in change.steps]
     first = sorted((step for step in values if step.index in _FIRST), key=lambda step: (step.index, step.sub_index))
@@ -77,9 +77,9 @@ _SAME = "the same values, downloaded in another order or in other steps"
 
 
 def download_lines(place: str, before: bytes | None, after: bytes | None) -> Iterator[str]:
-    """Of the object *place*, as it is printed: how what a manager downloads *after* differs from *before*, in lines.
+    """Differences between the downloads *before* and *after* of the object *place*, as printed, in lines.
 
-    None where it holds no download, or either side is none.
+    Empty if the object holds no downloads, or if either value is invalid.
     """
     if place[:4] != f"{CONCISE_DCF:04X}" or before is None or after is None or before == after:
         return
@@ -113,7 +113,7 @@ _COUNT, _HEAD = 4, 7
 
 @dataclass(frozen=True, slots=True)
 class ConciseEntry:
-    """One download: *data* to the object at *index* and *sub_index*."""
+    """A download: *data* to the object at *index* and *sub_index*."""
 
     index: int
     sub_index: int
@@ -121,12 +121,12 @@ class ConciseEntry:
 
     @property
     def object(self) -> str:
-        """The object as it is printed and typed: `1A00:01`."""
+        """The object as printed and typed: `1A00:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
 
 def concise_entries(data: bytes) -> tuple[ConciseEntry, ...]:
-    """Its entries in the order in which they are downloaded; ValueError where *data* is none."""
+    """The entries in download order. Raises ValueError if *data* is not a concise DCF."""
     wanted, at = int.from_bytes(data[:_COUNT], "little"), _COUNT
     if len(data) < _COUNT:
         raise ValueError(f"{len(data)} bytes are too few for its number of entries")
@@ -144,9 +144,9 @@ def concise_entries(data: bytes) -> tuple[ConciseEntry, ...]:
 
 
 def read_concise_dcf(data: bytes) -> dict[tuple[int, int], bytes]:
-    """What it leaves in each object, by index and sub-index; ValueError where *data* is none.
+    """Final value of each object, by index and sub-index. Raises ValueError if *data* is not a concise DCF.
 
-    Of several entries for one object the last one counts, since they are downloaded one after the other.
+    The last of several entries for one object counts, since they are downloaded in order.
     """
     return {(entry.index, entry.sub_index): entry.data for entry in concise_entries(data)}
 

@@ -1,4 +1,4 @@
-"""Whether consumers of a network are mapped for what its producers send. Knows configurations, and reads nothing."""
+"""Check that consumers of a network are mapped for their producers' frames. Pure; reads nothing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Id = tuple[int, bool]
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """The TPDO *pdo* of *plan*'s node as it will be, and whether the plan *changes* it."""
+    """The TPDO *pdo* of *plan*'s node in its final state, and whether the plan *changes* it."""
 
     plan: NodePlan
     pdo: Pdo
@@ -34,7 +34,7 @@ class Sent:
 
 
 def sent_by_id(plans: Iterable[NodePlan]) -> dict[Id, list[Sent]]:
-    """The TPDOs that *plans* are about and that will be enabled, by what they are sent with."""
+    """TPDOs in *plans* with an enabled final state, by CAN-ID."""
     found: dict[Id, list[Sent]] = {}
     for plan in plans:
         changed = _changed(plan)
@@ -46,7 +46,7 @@ def sent_by_id(plans: Iterable[NodePlan]) -> dict[Id, list[Sent]]:
 
 
 def by_id(pdos: Iterable[Producer]) -> dict[Id, list[Producer]]:
-    """Enabled *pdos* by what they are sent with, or heard."""
+    """Enabled *pdos* by CAN-ID."""
     found: dict[Id, list[Producer]] = {}
     for pdo in pdos:
         if pdo.cob_id.valid:
@@ -55,9 +55,9 @@ def by_id(pdos: Iterable[Producer]) -> dict[Id, list[Producer]]:
 
 
 def length_findings(consumer: NodePlan, sent: Mapping[Id, Iterable[Sent]]) -> Iterator[Finding]:
-    """A warning for each RPDO of *consumer* that is mapped for another length than a TPDO of another node, *sent*.
+    """A warning for each RPDO of *consumer* whose length differs from another node's TPDO in *sent*.
 
-    Looked at are PDOs that the plans are about, and of them pairs of which one side changes.
+    Covers PDOs in the plans, and pairs of which a side changes.
     """
     changed = _changed(consumer)
     for rpdo, takes in _ends(consumer).items():
@@ -71,7 +71,7 @@ def length_findings(consumer: NodePlan, sent: Mapping[Id, Iterable[Sent]]) -> It
 
 
 def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
-    """The TPDOs that *plan* switches off or gives another CAN-ID, each with the COB-ID that it gives up."""
+    """TPDOs that *plan* disables or moves to another CAN-ID, with the old COB-ID."""
     changes = (change for change in plan.plan.changes if isinstance(change, PdoChange) and change.pdo.is_tpdo)
     held = {change.pdo: change.before.communication.cob_id for change in changes if change.before.enabled}
     return {pdo: cob_id for pdo, cob_id in held.items() if not _same_id(cob_id, _ends(plan)[pdo].communication.cob_id)}
@@ -80,9 +80,9 @@ def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
 def left_findings(
     plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Container[Id], heard: Mapping[Id, Iterable[Producer]]
 ) -> Iterator[Finding]:
-    """A warning for each RPDO of *heard* that goes on hearing what a TPDO of *moved* gave up, and nothing of *sent* is.
+    """A warning for each RPDO in *heard* that keeps the old CAN-ID of a TPDO in *moved*, unless in *sent*.
 
-    Both are what nodes send and hear once *plan*, and those of the other nodes, are carried out.
+    *sent* and *heard* are the state after *plan* and the plans of the other nodes are carried out.
     """
     for pdo, gone in moved.items():
         for producer in heard.get(_id(gone), ()) if _id(gone) not in sent else ():
@@ -93,9 +93,9 @@ def left_findings(
 
 
 def changed_length(change: PdoChange, node_id: int, pdo: Pdo, held: PdoConfig) -> Finding | None:
-    """A warning if *change* leaves its PDO another length than *pdo* of the node with *node_id*, its other end, *held*.
+    """A warning if *change* makes the PDO's length differ from *held*, its counterpart *pdo* of node *node_id*.
 
-    If neither the mapping nor the CAN-ID is another one, nothing is said.
+    None if neither the mapping nor the CAN-ID changes.
     """
     after, before = change.after, change.before
     ids = after.communication.cob_id, held.communication.cob_id
@@ -120,7 +120,7 @@ def _finding(at: Pdo, rpdo: str, takes: PdoConfig, tpdo: str, sends: PdoConfig) 
 
 
 def _ends(plan: NodePlan) -> Mapping[Pdo, PdoConfig]:
-    """The PDOs that *plan* is about, as they will be."""
+    """Final state of the PDOs in *plan*."""
     changes = {change.pdo: change.after for change in plan.plan.changes if isinstance(change, PdoChange)}
     return {**plan.wanted, **changes}
 

@@ -1,6 +1,6 @@
-"""Which frames a network sends at most, how often, and until when each has to be there: what a load is computed from.
+"""Streams of a network: frames, maximum frequency, and deadlines, as the input for the bus load.
 
-Knows configurations. Computes no time on the wire, reads no node. What cannot be known is an assumption, in words.
+Based on configurations; unknown quantities become assumptions, in words.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from dvtcli.domain.several import join_some, plural
 
 
 def without_producer(state: NetworkState) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
-    """The enabled RPDOs whose frames no node sends, one for each COB-ID."""
+    """Enabled RPDOs without a producer, one for each COB-ID."""
     seen: set[Identifier] = set()
     sent = {identifier_of(config) for _, _, config in state.enabled(is_tpdo=True)}
     for node, pdo, config in state.enabled(is_tpdo=False):
@@ -52,7 +52,7 @@ def without_producer(state: NetworkState) -> Iterator[tuple[NodeState, Pdo, PdoC
 
 
 def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf, sync_us: int | None) -> Iterator[str]:
-    """What was taken for granted, and what is not counted."""
+    """Assumptions, and streams that are not counted, in words."""
     streams = list(streams)
     if emcys := sum(stream.kind == "emcy" and stream.assumed for stream in streams):
         whose = "node sends" if emcys == 1 else "nodes send"
@@ -100,7 +100,7 @@ _HEARTBEAT = 0x700
 
 
 def streams_of(state: NetworkState, what_if: WhatIf | None = None) -> Streams:
-    """What the nodes of *state*, and its master, send at most."""
+    """Streams of the nodes in *state* and its master, at their maximum."""
     what_if = what_if or WhatIf()
     sync_us = what_if.sync_us or min(state.sync_periods_us, default=None)
     found = [*_syncs(state, what_if), *_times(state)]
@@ -147,7 +147,7 @@ def _times(state: NetworkState) -> Iterator[Stream]:
 def _tpdos(
     takes: Mapping[Identifier, Sequence[PdoConfig]], node: NodeState, sync_us: int | None, what_if: WhatIf
 ) -> Iterator[Stream]:
-    """The TPDOs of *node*; *takes* are all enabled RPDOs by what they wait for."""
+    """Streams of the TPDOs of *node*; *takes* are all enabled RPDOs by CAN-ID."""
     for pdo, config in sorted(node.pdos.items()):
         kind = config.communication.transmission_type
         if not pdo.is_tpdo or not config.enabled or kind in ON_RTR:
@@ -164,14 +164,14 @@ def _tpdos(
 
 
 def data_bytes(config: PdoConfig) -> int:
-    """How many bytes a PDO has on the wire; 8 where it cannot be told."""
+    """Bytes of a PDO on the wire; 8 if unknown."""
     if config.mpdo is not None or config.inconsistency:
         return _LONGEST_BYTES
     return min(byte_length(config.bits), _LONGEST_BYTES)
 
 
 def _period(kind: int | None, inhibit_us: int, timer_us: int, sync_us: int | None) -> tuple[Time | None, str]:
-    """How often a TPDO of this transmission type comes at most, and why."""
+    """Minimum period of a TPDO by its transmission type, and the reason."""
     if kind is not None and kind in SYNCHRONOUS:
         times = max(kind, 1)
         words = f"SYNC, every {times}" if times > 1 else "SYNC"
@@ -184,7 +184,7 @@ def _period(kind: int | None, inhibit_us: int, timer_us: int, sync_us: int | Non
 
 
 def _waits(consumers: Sequence[PdoConfig], period_us: Time) -> Iterator[Time]:
-    """How much later than its period the consumers take it: their event timer (an RPDO's deadline), without that."""
+    """Consumers' event timers (RPDO deadlines) in excess of the period, in µs."""
     for heard in consumers:
         patience_us = (heard.communication.event_timer or 0) * _MS
         if patience_us > period_us:
@@ -204,7 +204,7 @@ def _error_control(state: NetworkState, node: NodeState) -> Iterator[Stream]:
 
 
 def _heartbeat(state: NetworkState, node_id: int, every_ms: int) -> Stream:
-    """Whoever watches it waits so much longer than its period: until then it has to be there."""
+    """Stream of a heartbeat; its deadline is the period, or less if a consumer waits less beyond the period."""
     watches = (node.watched.get(node_id, 0) - every_ms for node in state.nodes)
     deadline_ms = min([every_ms, *(left for left in watches if left > 0)])
     frame = _frame((_HEARTBEAT + node_id, False), 1, every_ms * _MS)
@@ -224,7 +224,7 @@ def _emcy(node: NodeState, what_if: WhatIf) -> Iterator[Stream]:
 
 
 def _master(state: NetworkState, sync_us: int | None) -> Iterator[Stream]:
-    """What a master sends: its heartbeat, and each SYNC what synchronous RPDOs without another producer take."""
+    """Streams of a master: its heartbeat, and with each SYNC the synchronous RPDOs without another producer."""
     master = state.master
     if master is not None and master.node_id and master.node_id <= 127 and master.heartbeat_producer_ms:
         yield _heartbeat(state, master.node_id, master.heartbeat_producer_ms)

@@ -1,7 +1,4 @@
-"""What was heard on a bus in a while: how often each CAN-ID came, who gave commands, what nodes said of themselves.
-
-Pure: frames are handed in. Judges nothing, and knows no configuration.
-"""
+"""Traffic received on a bus for a while: frequency of each CAN-ID, commands, node states. Pure."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ _MOST_TIMES = 1000
 
 @dataclass(slots=True)
 class HeardId:
-    """The frames of one CAN-ID: how many came, how long they were, and the first of the times (s) and contents."""
+    """Frames of a CAN-ID: count, lengths, and the first times (s) and contents."""
 
     frames: int = 0
     lengths: set[int] = field(default_factory=set)
@@ -34,13 +31,13 @@ class HeardId:
 
     @property
     def gaps_s(self) -> list[float]:
-        """The times between them; none where the bus gives no times."""
+        """Gaps between the frames in seconds; empty if the bus gives no times."""
         return [after - before for before, after in pairwise(self.times_s)]
 
 
 @dataclass(slots=True)
 class HeardTraffic:
-    """Frames that others sent within *seconds*, and how many error frames there were."""
+    """Frames of other nodes within *seconds*, and the number of error frames."""
 
     seconds: float = 0.0
     error_frames: int = 0
@@ -60,7 +57,7 @@ class HeardTraffic:
     emergencies: defaultdict[int, Counter[int]] = field(default_factory=lambda: defaultdict(Counter))
 
     def add(self, frame: Frame) -> None:
-        """One more came."""
+        """Count *frame*."""
         self.frames += 1
         if frame.remote:
             return
@@ -101,7 +98,7 @@ class HeardTraffic:
             self.states[node_id].append(NmtState(state))
 
     def count(self, identifier: Identifier) -> int:
-        """How many frames of a CAN-ID came."""
+        """Number of frames of a CAN-ID."""
         heard = self.by_id.get(identifier)
         return 0 if heard is None else heard.frames
 

@@ -1,4 +1,4 @@
-"""How long a consumer waits for the heartbeat of a producer. Reads no node."""
+"""Consumer heartbeat times. Pure."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ LONGEST_MS = 0xFFFF
 
 
 def watch_time_ms(producer_ms: int, multiplier: float = MISSED) -> int | None:
-    """After how many ms a heartbeat that is sent every *producer_ms* (1..65535) is late; None where none is longer.
+    """Consumer time in ms for a heartbeat sent every *producer_ms* (1..65535); None if no longer time is possible.
 
-    That is *multiplier* (1 and up) times its time.
+    The time is *multiplier* (1 and up) times the producer's.
     """
     time_ms = min(int(multiplier * producer_ms), LONGEST_MS)
     return time_ms if time_ms > producer_ms else None
 
 
 def watched_ms(slots: Mapping[int, int], producer: int) -> int:
-    """How long the entries of 0x1016 in *slots*, by sub-index, wait for node *producer*; 0 where none watches it.
+    """Consumer time in ms of the entries of 0x1016 in *slots*, by sub-index, for node *producer*; 0 for none.
 
     Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below.
     """
@@ -39,9 +39,9 @@ def watched_ms(slots: Mapping[int, int], producer: int) -> int:
 
 
 def slot_for(slots: Mapping[int, int], producer: int) -> int | None:
-    """The sub-index of 0x1016 that watches node *producer*, else a free one, else None.
+    """The sub-index of 0x1016 that watches node *producer*, else a free sub-index, else None.
 
-    An entry is free where its node-ID or its time is 0 (CiA 301, 7.5.2.17).
+    An entry is free if its node-ID or its time is 0 (CiA 301, 7.5.2.17).
     """
     used = {sub_index: value for sub_index, value in slots.items() if value & 0xFFFF and value >> 16 & 0xFF}
     own = (sub_index for sub_index, value in used.items() if value >> 16 & 0xFF == producer)

@@ -1,7 +1,4 @@
-"""How an RPDO hears a TPDO: each object of the consumer at the bits of the producer that it takes.
-
-Places objects. Knows no CAN-ID and no heartbeat, and reads no node.
-"""
+"""Map an RPDO for a TPDO: place each consumer object at the producer's bits for it. Pure."""
 
 from __future__ import annotations
 
@@ -26,17 +23,17 @@ Configs = Mapping[int, Mapping[Pdo, PdoConfig]]
 
 @dataclass(frozen=True, slots=True)
 class FoundLinks:
-    """The *links* that there are, and what hears a frame that it is *unlike*: consumer and producer."""
+    """The *links* found, and RPDOs whose layout is *unlike* the TPDO's: consumer and producer."""
 
     links: tuple[LinkWish, ...]
     unlike: tuple[tuple[Endpoint, Endpoint], ...] = ()
 
 
 def found_links(held: Configs, watches: Callable[[int, int], bool]) -> FoundLinks:
-    """The links of nodes that hold *held*, by node-ID: one CAN-ID, both sides enabled, layouts that agree.
+    """Links between nodes with configurations *held*, by node-ID: same CAN-ID, both enabled, matching layouts.
 
-    *watches* says whether a consumer (its node-ID first) waits for the heartbeat of a producer; a link where one does
-    not is one without. A CAN-ID that several nodes send makes none.
+    *watches* tells whether a consumer (its node-ID first) monitors a producer's heartbeat; a link with a consumer that
+    does not is a link without heartbeat. A CAN-ID sent by several nodes makes no link.
     """
     consumers: dict[Endpoint, list[Endpoint]] = {}
     unlike: list[tuple[Endpoint, Endpoint]] = []
@@ -88,7 +85,7 @@ MOVES = frozenset({"link-command", "link-target"})
 
 @dataclass(frozen=True, slots=True)
 class LinkSide:
-    """One end of a link: its PDO as it is wanted, and what is known of its device."""
+    """An end of a link: its PDO's final configuration, and its device's profile and dictionary."""
 
     end: Endpoint
     config: PdoConfig
@@ -99,33 +96,34 @@ class LinkSide:
         return f"{self.end.node_id}:{self.end.pdo}"
 
     def name(self, entry: PdoMappingEntry) -> str:
-        """The object with its name where one is known: `6041:00 "Statusword"`."""
+        """The object with its name if known: `6041:00 "Statusword"`."""
         known = self.dictionary.display_name(entry.index, entry.sub_index) if self.dictionary else ""
         return f'{entry.object} "{known}"' if known else entry.object
 
     def type(self, entry: PdoMappingEntry) -> DataType | None:
-        """Its data type, None where no file tells it."""
+        """The entry's data type, None if no file gives it."""
         described = self.described(entry)
         return None if described is None else described.data_type
 
     def described(self, entry: PdoMappingEntry) -> OdEntry | None:
-        """What the device's file says of it, None where there is none."""
+        """The entry's description in the device's file, None without description."""
         return self.dictionary.entry(entry.index, entry.sub_index) if self.dictionary else None
 
 
 @dataclass(frozen=True, slots=True)
 class Linked:
-    """What the consumer has to map, and what there is to say of it; with an error among *findings* it maps nothing."""
+    """Mapping for the consumer, and findings; empty if an error is among *findings*."""
 
     mapping: tuple[PdoMappingEntry, ...]
     findings: tuple[Finding, ...] = ()
 
 
 def linked(producer: LinkSide, consumer: LinkSide) -> Linked:
-    """The mapping with which *consumer* hears *producer*.
+    """The mapping with which *consumer* receives *producer*.
 
-    A mapping that has the producer's length, and no object across two of the producer's, stays. Else each object gets
-    the one place of its length and type, in the order of the frame where that tells them apart; dummies skip the rest.
+    A mapping stays if it has the producer's length and no object spans two of the producer's. Otherwise each object
+    gets
+    the only place of its length and type, in frame order if ambiguous; dummies skip the rest.
     """
     refused = tuple(_refused(producer, consumer))
     if refused:
@@ -137,14 +135,14 @@ def linked(producer: LinkSide, consumer: LinkSide) -> Linked:
 
 
 def agrees(sent: Sequence[PdoMappingEntry], heard: Sequence[PdoMappingEntry]) -> bool:
-    """Whether an RPDO that maps *heard* hears *sent* as it is meant: one length, no object across two of those sent."""
+    """Whether an RPDO with mapping *heard* fits *sent*: same length, no object across two sent objects."""
     if not sent or total_bits(sent) != total_bits(heard):
         return False
     return all(_over(sent, start, entry.bits) is not None for start, entry in _starts(heard) if not entry.is_dummy)
 
 
 def object_remarks(side: LinkSide) -> Iterator[Finding]:
-    """What the device's file says against objects that *side* maps already: rules judge only what changes."""
+    """Errors in the device's file about objects that *side* maps already: the rules judge only changes."""
     config = side.config
     proposal = Proposal(side.end.node_id, side.end.pdo, config, config, {}, side.profile, side.dictionary)
     for number, entry in enumerate(config.mapping, 1):
@@ -164,7 +162,7 @@ def _starts(mapping: Sequence[PdoMappingEntry]) -> Iterator[tuple[int, PdoMappin
 
 
 def _over(sent: Sequence[PdoMappingEntry], start: int, bits: int) -> PdoMappingEntry | None:
-    """The entry of *sent* that all of *bits* from *start* on belong to."""
+    """The entry of *sent* that contains all *bits* from *start* on."""
     spans = ((first, entry) for first, entry in _starts(sent))
     return next((one for first, one in spans if first <= start and start + bits <= first + one.bits), None)
 
@@ -196,7 +194,7 @@ def _not_whole(config: PdoConfig) -> str:
 
 
 def _placed(producer: LinkSide, consumer: LinkSide) -> tuple[tuple[PdoMappingEntry, ...], tuple[Finding, ...]]:
-    """The consumer's objects at places of the producer, dummies between them; or why there is no such mapping."""
+    """The consumer's objects at places of the producer with dummies between, or the reason against such a mapping."""
     sent = producer.config.mapping
     objects = [entry for entry in consumer.config.mapping if not entry.is_dummy]
 
@@ -220,7 +218,7 @@ def _placed(producer: LinkSide, consumer: LinkSide) -> tuple[tuple[PdoMappingEnt
 
 
 def _is_alike(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, heard: PdoMappingEntry) -> bool:
-    """Whether both have one length and, as far as files tell, one type."""
+    """Whether both have the same length and, if known, the same type."""
     types = producer.type(sent), consumer.type(heard)
     return sent.bits == heard.bits and (None in types or types[0] == types[1])
 
@@ -228,9 +226,9 @@ def _is_alike(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, hea
 def _places(
     wanted: int, offered: int, fits: Callable[[int, int], bool]
 ) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-    """The first and the last way in which *wanted* objects find places among *offered*; None where there is none.
+    """First and last possible assignment of *wanted* objects to places among *offered*; None if impossible.
 
-    In the order of the frame where that goes, else each at the only place that fits it. One way is both.
+    In frame order if possible, else each object at the only place that fits. A unique assignment is returned twice.
     """
     first = _in_order(range(wanted), range(offered), fits)
     last = _in_order(range(wanted)[::-1], range(offered)[::-1], fits)
@@ -242,7 +240,7 @@ def _places(
 
 
 def _in_order(wanted: range, offered: range, fits: Callable[[int, int], bool]) -> tuple[int, ...] | None:
-    """The earliest places, as *offered* counts, that fit the *wanted* one behind the other."""
+    """The earliest places in *offered* order that fit the *wanted* objects one after the other."""
     found: list[int] = []
     places = iter(offered)
     for number in wanted:
@@ -279,7 +277,7 @@ def _ambiguous(producer: LinkSide, consumer: LinkSide, heard: PdoMappingEntry, s
 def _filled(
     producer: LinkSide, consumer: LinkSide, placed: dict[int, PdoMappingEntry]
 ) -> tuple[tuple[PdoMappingEntry, ...], tuple[Finding, ...]]:
-    """The objects that were *placed* at entries of the producer, by number, with dummies for the others."""
+    """The mapping of objects *placed* at the producer's entries, by number, with dummies for the other entries."""
     usable = known_dummies(consumer.dictionary, consumer.profile)
     mapping: list[PdoMappingEntry] = []
     skipped = 0
@@ -298,7 +296,7 @@ def _filled(
 
 
 def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappingEntry]) -> Iterator[Finding]:
-    """Objects that hear one of another type, or a part of one, and those that move a machine by what is no command."""
+    """Warnings for objects that receive another type or a part of an object, and for commands fed by other values."""
     for start, heard in _starts(mapping):
         sent = None if heard.is_dummy else _over(producer.config.mapping, start, heard.bits)
         if sent is None:
@@ -316,7 +314,7 @@ def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappin
 def _command_remarks(
     producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, heard: PdoMappingEntry
 ) -> Iterator[Finding]:
-    """What goes to a command, a target or an output and is none itself."""
+    """A warning if an object other than a command feeds a command, a setpoint or an output."""
     if commanded_by_other(heard.index, consumer.described(heard), sent.index, producer.described(sent)):
         text = f"{producer.name(sent)} of {producer} goes to {consumer.name(heard)} of {consumer}"
         if is_controlword(heard.index):

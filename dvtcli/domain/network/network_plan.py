@@ -1,7 +1,4 @@
-"""What is to be written to the nodes of a network, as one value: shown, saved, compared, carried out and undone.
-
-Knows no file format, and reads no node.
-"""
+"""Pending writes to the nodes of a network as a value, to show, save, compare, apply and undo."""
 
 from __future__ import annotations
 
@@ -18,10 +15,10 @@ Identity = dict[str, int | None]
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """An *object* (or a PDO) that a file says something of and that is not written, with *why*.
+    """An *object* (or a PDO) in a file that is not written, with the reason *why*.
 
-    *held* is what the node holds of it, *said* what the file says; None where that is not known. With *remains* it is a
-    setting in which the two differ.
+    *held* is the node's value, *said* the file's; None if unknown. *remains*: a setting that differs between
+    the two.
     """
 
     object: str
@@ -33,9 +30,9 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Lacked:
-    """A PDO (*pdo*), or a single *object* (`2999:01`), that a file sets and the device *node_id* has not: *finding*.
+    """A PDO (*pdo*) or an *object* (`2999:01`) in a file that device *node_id* lacks: *finding*.
 
-    *complaint* is where the file says it, None where no file does; *abort* the SDO abort code that the device gave.
+    *complaint* is its place in the file, None without a file; *abort* the device's SDO abort code.
     """
 
     node_id: int
@@ -47,18 +44,19 @@ class Lacked:
 
     @property
     def label(self) -> str:
-        """What it is called."""
+        """Name of the PDO or object."""
         return self.object if self.pdo is None else self.pdo.label
 
 
 @dataclass(frozen=True, slots=True)
 class NodePlan:
-    """One node's part: *plan* goes from what was read of the device of this *identity* (0x1018) to what is wanted.
+    """A node's part: *plan* leads from present to intended values of the device of this *identity* (0x1018).
 
-    *name* is the node's in the file, *line* where it stands (0: nowhere), *title* what the device calls itself.
-    *wanted* and *values* are everything that the file says of PDOs and single objects, also what is so already;
-    *pruned* are PDOs that go off since the file does not name them; *store* is what is stored once all nodes are
-    verified, as `store` takes it, empty for nothing.
+    *name* is the node's name in the file, *line* its line (0: none), *title* the device's own name.
+    *wanted* and *values* are all PDOs and single objects in the file, also equal ones;
+    *pruned* are PDOs to disable since the file does not name them; *store* is the argument of `store` once all nodes
+    are
+    verified, empty for nothing.
     """
 
     name: str
@@ -105,13 +103,13 @@ class NodePlan:
 
     @property
     def is_asked_nothing(self) -> bool:
-        """Whether the file names the node, and nothing that it should hold."""
+        """Whether the file names the node without any configuration."""
         said = self.wanted or self.values or self.left_out or self.also_equal or self.lacks
         return self.is_read and not (said or len(self.plan))
 
     @property
     def stores(self) -> bool:
-        """Whether it stores once all nodes are verified: where it should, and there is something to store."""
+        """Whether the node stores after all nodes are verified: requested, and with something to store."""
         return bool(self.store) and bool(len(self.plan) or self.unstored)
 
     @property
@@ -121,7 +119,7 @@ class NodePlan:
 
     @property
     def holds(self) -> tuple[Change, ...]:
-        """What the file says and is so already, each as a change to what it is."""
+        """Equal parts of the file, each as a change without effect."""
         held: list[Change] = [ValueChange(Step(*place, data, data, "write")) for place, data in self.values.items()]
         held += [plan_pdo(pdo, config, config) for pdo, config in self.wanted.items()]
         changed = {change.label for change in self.plan.changes}
@@ -129,18 +127,18 @@ class NodePlan:
 
     @property
     def also_holds(self) -> tuple[Change, ...]:
-        """The settings that it holds as the file says and that are not written, each as a change to what it is."""
+        """Equal settings that are never written, each as a change without effect."""
         return tuple(ValueChange(Step(*place, data, data, "compare")) for place, data in self.also_held.items())
 
     @property
     def unchanged(self) -> int:
-        """How many PDOs and single objects of the file are as wanted."""
+        """Number of PDOs and single objects equal to the file."""
         return len(self.holds)
 
 
 @dataclass(frozen=True, slots=True)
 class NetworkPlan:
-    """Every node of a network, in order of node-ID; *file* is what says what is wanted."""
+    """All nodes of a network, in order of node-ID; *file* is the source of the configuration."""
 
     file: str
     nodes: tuple[NodePlan, ...]
@@ -174,10 +172,10 @@ class NetworkPlan:
 
     @property
     def unread(self) -> tuple[int, ...]:
-        """Node-IDs of those that were not read, since their stamps were trusted."""
+        """Node-IDs that were not read because their stamps were trusted."""
         return tuple(node.node_id for node in self.nodes if not node.is_read)
 
     @property
     def writes(self) -> int:
-        """How many SDO downloads it takes."""
+        """Number of SDO downloads."""
         return sum(len(node.plan) for node in self.nodes)

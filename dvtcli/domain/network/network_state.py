@@ -1,7 +1,4 @@
-"""What the nodes of a network hold, as values: PDOs and the standard's objects, wherever they were read.
-
-Reads no node and no file, and judges nothing.
-"""
+"""State of a network's nodes as values: PDOs and standard objects, from devices or files. Pure."""
 
 from __future__ import annotations
 
@@ -31,13 +28,13 @@ _FRAME = 1 << 29
 
 @dataclass(frozen=True, slots=True)
 class NodeState:
-    """One node: its *pdos*, and the *numbers* that other objects hold, those that it has and tells.
+    """A node: its *pdos*, and the *numbers* in other objects that exist and are readable.
 
-    *name* is the node's in a file, *title* what the device calls itself; *mark* is where the file speaks of it. *asked*
-    is the identity that somebody wants of it, by the names of `Identity`. *downloads* are what it, a manager, downloads
-    to other nodes by node-ID (0x1F22). *guessed* are the PDOs whose mapping nobody said of this very node, each with
-    whose it is instead, in words. *said* is what the rules of a change found in the plan that makes it so; *places* are
-    the objects that a file speaks of, each with its place there.
+    *name* is the node's name in a file, *title* the device's own name; *mark* is its place in the file. *asked*
+    is the requested identity, by the names of `Identity`. *downloads* are a manager's downloads
+    to other nodes by node-ID (0x1F22). *guessed* are PDOs whose mapping was taken from another source, named in
+    words. *said* are the findings about the plan that leads to this state; *places* are
+    the objects in a file, each with its place.
     """
 
     node_id: int
@@ -56,11 +53,11 @@ class NodeState:
     places: Mapping[Place, Mark] = field(default_factory=dict)
 
     def number(self, index: int, sub_index: int = 0) -> int | None:
-        """What an object holds, None where the node has none or does not tell it."""
+        """Value of an object, None if missing or unreadable."""
         return self.numbers.get((index, sub_index))
 
     def holds(self, index: int, sub_index: int) -> int | None:
-        """The same of any object that is known of it, a PDO's parameters among them."""
+        """Value of any known object, including PDO parameters."""
         pdo = Pdo.at(index)
         config = None if pdo is None else self.pdos.get(pdo)
         if pdo is None or config is None:
@@ -69,17 +66,17 @@ class NodeState:
 
     @property
     def produces_sync(self) -> bool:
-        """Whether it sends SYNC: bit 30 of 0x1005, and a period in 0x1006."""
+        """Whether the node produces SYNC: bit 30 of 0x1005, and a period in 0x1006."""
         return bool((self.number(SYNC_COB_ID) or 0) & PRODUCES and self.number(SYNC_PERIOD))
 
     @property
     def heartbeat_ms(self) -> int:
-        """How often it sends a heartbeat; 0 for never."""
+        """Heartbeat period in ms; 0 for none."""
         return self.number(PRODUCER_HEARTBEAT) or 0
 
     @property
     def is_guarded(self) -> bool:
-        """Whether 0x100C times 0x100D, its life time, is not 0."""
+        """Whether the life time, 0x100C times 0x100D, is not 0."""
         return bool((self.number(GUARD_TIME) or 0) * (self.number(LIFE_TIME_FACTOR) or 0))
 
     @property
@@ -89,13 +86,13 @@ class NodeState:
 
     @property
     def watched(self) -> dict[int, int]:
-        """Whose heartbeat it waits for, by node-ID, and how long, in ms (CiA 301, 7.5.2.17)."""
+        """Monitored producers by node-ID, with the consumer time in ms (CiA 301, 7.5.2.17)."""
         used = (value for value in self.slots.values() if value & 0xFFFF and 1 <= value >> 16 & 0xFF <= 127)
         return {value >> 16 & 0xFF: value & 0xFFFF for value in used}
 
     @property
     def emcy(self) -> Identifier | None:
-        """The CAN-ID of its EMCY, and whether that has 29 bits; None where it has none, or it is off."""
+        """CAN-ID of the node's EMCY, and whether it has 29 bits; None if missing or disabled."""
         held = self.number(EMCY_COB_ID)
         return None if held is None or held & OFF else _identifier(held)
 
@@ -109,13 +106,13 @@ class NodeState:
 
     @property
     def sync(self) -> Identifier:
-        """The CAN-ID of SYNC as it has it, 0x080 unless it says another one."""
+        """CAN-ID of SYNC in this node, 0x080 by default."""
         held = self.number(SYNC_COB_ID)
         return (0x080, False) if held is None else _identifier(held)
 
     @property
     def time(self) -> Identifier:
-        """The CAN-ID of the time stamp as it has it, 0x100 unless it says another one."""
+        """CAN-ID of the time stamp in this node, 0x100 by default."""
         held = self.number(TIME_COB_ID)
         return (0x100, False) if held is None else _identifier(held)
 
@@ -130,7 +127,7 @@ def _communication(config: PdoConfig, sub_index: int) -> int | None:
 
 
 def _mapping(config: PdoConfig, sub_index: int) -> int | None:
-    """An entry of a mapping, or how many there are; None where nobody knows, or it is beyond them."""
+    """An entry of a mapping, or the count; None if unknown, or beyond the count."""
     if not config.has_mapping:
         return None
     if sub_index == 0:
@@ -155,10 +152,10 @@ def identifier_of(config: PdoConfig) -> Identifier:
 
 @dataclass(frozen=True, slots=True)
 class NetworkState:
-    """The nodes in order of node-ID, the master where a file names one, and the links that a file asks for.
+    """Nodes in order of node-ID, the master if a file names it, and the links requested in a file.
 
-    *file* is what says so, empty where nodes were read. *untold* are nodes that are part of it and of which nothing
-    is known.
+    *file* is the source, empty if nodes were read. *untold* are nodes of the network without known
+    contents.
     """
 
     nodes: tuple[NodeState, ...] = ()
@@ -168,29 +165,29 @@ class NetworkState:
     untold: tuple[int, ...] = ()
 
     def node(self, node_id: int) -> NodeState | None:
-        """The node with *node_id*, None where there is none."""
+        """The node with *node_id*, None if missing."""
         return next((node for node in self.nodes if node.node_id == node_id), None)
 
     def enabled(self, *, is_tpdo: bool) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
-        """Every PDO of one direction that is enabled."""
+        """Every enabled PDO of one direction."""
         for node in self.nodes:
             for pdo, config in sorted(node.pdos.items()):
                 if pdo.is_tpdo is is_tpdo and config.enabled:
                     yield node, pdo, config
 
     def producers(self, identifier: Identifier) -> list[tuple[Endpoint, PdoConfig]]:
-        """The enabled TPDOs that send *identifier*."""
+        """The enabled TPDOs with *identifier*."""
         enabled = self.enabled(is_tpdo=True)
         return [(Endpoint(node.node_id, pdo), sent) for node, pdo, sent in enabled if identifier_of(sent) == identifier]
 
     @property
     def bit_rate(self) -> int | None:
-        """The bus's bit rate in bit/s as the file says it of its master, else None."""
+        """The bus's bit rate in bit/s in the file's master section, else None."""
         return None if self.master is None else self.master.bit_rate
 
     @property
     def sync_periods_us(self) -> tuple[int, ...]:
-        """The periods of all that produce SYNC, the master among them."""
+        """Periods in µs of all SYNC producers, including the master."""
         told = [node.number(SYNC_PERIOD) or 0 for node in self.nodes if node.produces_sync]
         if self.master is not None and self.master.sync_period_us:
             told.append(self.master.sync_period_us)

@@ -1,7 +1,4 @@
-"""The order in which a network is changed: no RPDO ever hears frames of a layout that it is not mapped for.
-
-Splits plans. Does not know who carries them out, nor whether they are legal.
-"""
+"""Order of a network's changes: no RPDO ever receives frames of a layout that it is not mapped for."""
 
 from __future__ import annotations
 
@@ -13,12 +10,12 @@ from dvtcli.domain.plan import STAMP, Change, Plan, ValueChange, disables, needs
 
 
 def phases(plans: Iterable[Plan]) -> tuple[tuple[Plan, ...], ...]:
-    """What *plans*, one a node, come to in five phases; each is complete on every node before the next one begins.
+    """Split *plans*, one per node, into five phases; each is complete on every node before the next phase begins.
 
-    First every TPDO that changes is disabled, then every RPDO; then everything is written; then RPDOs are enabled, and
-    at last TPDOs. The writes are the same as in *plans*. Backwards, phase by phase, the order holds as well.
+    First every changing TPDO is disabled, then every RPDO; then everything is written; then RPDOs are enabled, and
+    finally TPDOs. The writes are the same as in *plans*. Backwards, phase by phase, the order holds as well.
 
-    A stamp goes ahead of everything else of its node, and the new one behind it: a device may clear it meanwhile.
+    A stamp is cleared before all other writes of its node, and the new stamp set last: a device may clear it meanwhile.
     """
     split = [(plan.node_id, [part for change in _ordered(plan) for part in _parts(change)]) for plan in plans]
     found = []
@@ -32,7 +29,7 @@ _FIRST, _WRITE, _LAST = 0, 2, 4
 
 
 def _ordered(plan: Plan) -> Iterator[Change]:
-    """The changes of *plan*, those that end a stamp first and those that set one last."""
+    """The changes of *plan*: clear stamps first, set stamps last."""
     yield from (part for change in plan.changes for part in _stamps(change) if not any(part.step.after))
     yield from (change for change in plan.changes if not _is_stamp(change))
     yield from (part for change in plan.changes for part in _stamps(change) if any(part.step.after))
@@ -47,7 +44,7 @@ def _stamps(change: Change) -> tuple[ValueChange, ...]:
 
 
 def _parts(change: Change) -> Iterator[tuple[int, Change]]:
-    """The parts of *change* that write something, each with the number of its phase."""
+    """The parts of *change* with writes, each with its phase number."""
     if isinstance(change, ValueChange):
         yield (_LAST if any(change.step.after) else _FIRST) if _is_stamp(change) else _WRITE, change
         return

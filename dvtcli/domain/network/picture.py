@@ -1,6 +1,6 @@
-"""A network as it is drawn: its nodes, PDOs, links, frames, findings and differences as one plain value.
+"""A network for drawing: nodes, PDOs, links, frames, findings and differences as one plain value.
 
-Reads nothing and draws nothing. Texts are as devices and files have them: who draws makes them safe.
+Texts come unescaped from devices and files: the drawing code must make them safe.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dvtcli.domain.scaling import Scaling
 
 @dataclass(frozen=True, slots=True)
 class PictureField:
-    """What lies in *bits* bits of a frame from *start_bit* on: an *object* (`6041:00`), or a dummy that skips them."""
+    """Contents of *bits* bits of a frame from *start_bit* on: an *object* (`6041:00`), or a dummy that skips them."""
 
     start_bit: int
     bits: int
@@ -30,12 +30,12 @@ class PictureField:
 
     @property
     def end_bit(self) -> int:
-        """The first bit behind it."""
+        """The first bit behind the field."""
         return self.start_bit + self.bits
 
     @property
     def label(self) -> str:
-        """What it is called for short: of a sub-index its own name, which says more than that of the whole object."""
+        """Short name: a sub-index's own name, since the object's name says less."""
         if self.is_dummy:
             return "skipped"
         return self.name.rpartition(".")[2].strip() or self.name or self.object
@@ -43,7 +43,7 @@ class PictureField:
 
 @dataclass(frozen=True, slots=True)
 class PicturePdo:
-    """A PDO as it is set, what its frame holds, and its *partners*: who hears a TPDO, whom an RPDO hears."""
+    """A PDO with its configuration, fields, and *partners*: receivers of a TPDO, or senders to an RPDO."""
 
     end: Endpoint
     config: PdoConfig
@@ -52,20 +52,20 @@ class PicturePdo:
 
     @property
     def identifier(self) -> Identifier:
-        """Its CAN-ID, and whether that has 29 bits."""
+        """The CAN-ID, and whether it has 29 bits."""
         return identifier_of(self.config)
 
     @property
     def is_tpdo(self) -> bool:
-        """Whether its node sends it."""
+        """Whether the PDO is a TPDO."""
         return self.end.pdo.is_tpdo
 
 
 @dataclass(frozen=True, slots=True)
 class PictureNode:
-    """A node: its *name* in a file, the *title* of its device, what else is to be told (*facts*), and its PDOs.
+    """A node: *name* in a file, device *title*, other information (*facts*), and PDOs.
 
-    Of one that is not *told* only what a file says is known.
+    If not *is_told*, only the file's information is known.
     """
 
     node_id: int
@@ -77,17 +77,17 @@ class PictureNode:
 
     @property
     def label(self) -> str:
-        """What it is called: its name, else its device's, else its number."""
+        """The node's name, else its device's, else its number."""
         return self.name or self.title or f"node {self.node_id}"
 
     def enabled(self, *, is_tpdo: bool) -> tuple[PicturePdo, ...]:
-        """Its PDOs of one direction that are on."""
+        """Enabled PDOs of one direction."""
         return tuple(pdo for pdo in self.pdos if pdo.is_tpdo is is_tpdo and pdo.config.enabled)
 
 
 @dataclass(frozen=True, slots=True)
 class PictureLink:
-    """An RPDO that hears a TPDO; *fits* says whether both sides have one layout."""
+    """An RPDO that receives a TPDO; *fits* tells whether both have the same layout."""
 
     producer: Endpoint
     consumer: Endpoint
@@ -97,10 +97,10 @@ class PictureLink:
 
 @dataclass(frozen=True, slots=True)
 class PictureFrame:
-    """What is sent with a CAN-ID: *what*, by which *node*, how often and why, its *share* of the bus, and its times.
+    """A frame by CAN-ID: *what* it is, its *node*, its period and the reason, its *share* of the bus, and its times.
 
-    Times are in µs. *share* and *response_us* are None where nothing limits them; *is_computed* is False for what was
-    only heard. *heard_hz* and *heard_share* are what was measured, None where nobody listened.
+    Times are in µs. *share* and *response_us* are None if unbounded; *is_computed* is False for frames
+    that were only received. *heard_hz* and *heard_share* are measurements, None without recording.
     """
 
     identifier: Identifier
@@ -120,13 +120,13 @@ class PictureFrame:
 
     @property
     def has_no_limit(self) -> bool:
-        """Whether nothing says how often it comes at most."""
+        """Whether the frame's frequency is unlimited."""
         return self.is_computed and self.share is None
 
 
 @dataclass(frozen=True, slots=True)
 class PictureFinding:
-    """What a rule of `check` says: `error`, `warning` or `note`, about which node, in which line of a file."""
+    """A finding of `check`: `error`, `warning` or `note`, with node and line in a file."""
 
     severity: str
     rule: str
@@ -137,7 +137,7 @@ class PictureFinding:
 
 @dataclass(frozen=True, slots=True)
 class PictureDifference:
-    """What of a node is not as the file says: *what* (`TPDO1`, `0x1017:00`), its *key*, how it *was* and *will* be."""
+    """A difference between node and file: *what* (`TPDO1`, `0x1017:00`), its *key*, how it *was* and *will* be."""
 
     node: int
     what: str
@@ -148,9 +148,9 @@ class PictureDifference:
 
 @dataclass(frozen=True, slots=True)
 class PictureLoad:
-    """What the frames need of a bus of *bit_rate* bit/s at worst; *total* is None where something has no limit.
+    """Worst-case bus load at *bit_rate* bit/s; *total* is None if any frame is unlimited.
 
-    *measured* is what was heard of it, *seconds* how long; *fitting* are the bit rates at which all is in time.
+    *measured* is the measured load, *seconds* its duration; *fitting* are the bit rates that meet all deadlines.
     """
 
     bit_rate: int
@@ -166,10 +166,10 @@ class PictureLoad:
 
 @dataclass(frozen=True, slots=True)
 class NetworkPicture:
-    """A network to be drawn; *source* says where it comes from.
+    """A network for drawing; *source* names its origin.
 
-    *compared* is the file that nodes were compared with, empty for none; *differences* are what differs then, None
-    where that could not be found out, with the *exit_code* that tells why; *notes* is what else there is to say.
+    *compared* is the file that nodes were compared with, empty for none; *differences* are the differences found, None
+    if the comparison failed, with *exit_code* as the reason; *notes* are further remarks.
     """
 
     title: str
@@ -185,7 +185,7 @@ class NetworkPicture:
     exit_code: int = 0
 
     def node(self, node_id: int) -> PictureNode | None:
-        """The node with *node_id*, None where there is none."""
+        """The node with *node_id*, None if missing."""
         return next((node for node in self.nodes if node.node_id == node_id), None)
 
     @property

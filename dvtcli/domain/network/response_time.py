@@ -1,8 +1,7 @@
-"""How long a CAN frame takes at worst from when it should be sent to its last bit: exact, in whole numbers.
+"""Worst-case response time of CAN frames, from the request to the last bit: exact, in whole numbers.
 
 The revised analysis of Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis: refuted,
-revisited and revised" (Real-Time Systems 35, 2007), which looks at every instance in the busy period, with jitter.
-Knows frames, priorities and times; not what a frame means, nor where its period comes from.
+revisited and revised" (Real-Time Systems 35, 2007), with every instance in the busy period and with jitter.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ _US_A_SECOND = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class TimedFrame:
-    """A frame that comes again and again, at most once each *period_us* (µs); None where nothing limits it.
+    """A recurring frame, at most once per *period_us* (µs); None if unlimited.
 
-    *jitter_us* is how much later than its period says it may be handed to the controller. *data_bytes* is 0..8.
+    *jitter_us* is the maximum delay of its hand-over to the controller. *data_bytes* is 0..8.
     """
 
     can_id: int
@@ -37,21 +36,21 @@ class TimedFrame:
 
     @property
     def bits(self) -> int:
-        """Its bits on the wire at most, with the 3 between two frames."""
+        """Maximum bits on the wire, including 3 bits of interframe space."""
         return most_frame_bits(self.data_bytes, extended=self.extended, remote=self.remote)
 
     @property
     def arbitration(self) -> int:
-        """Who goes first: the lower number."""
+        """Priority: the lower number wins."""
         return arbitration(self.can_id, extended=self.extended, remote=self.remote)
 
 
 def response_times(frames: Sequence[TimedFrame], bit_rate: int, blocking_bits: int = 0) -> list[Fraction | None]:
-    """The worst-case response time of each of *frames* in µs, in their order; None where there is no bound.
+    """The worst-case response time of each of *frames* in µs, in their order; None if unbounded.
 
-    *bit_rate* is in bit/s. *blocking_bits* is the longest of frames of lower priority than all of these, which may be
-    on the wire just when one becomes ready. There is no bound where a frame itself, or one that goes before it, comes
-    as often as it likes, or where these ask for more than the wire has. The time ends with the 3 bits after the frame.
+    *bit_rate* is in bit/s. *blocking_bits* is the longest frame of lower priority than all of these, which may
+    occupy the wire when a frame becomes ready. A response time is unbounded if the frame itself, or a frame of higher
+    priority, is unlimited, or if they exceed the wire's capacity. The time includes the 3 bits after the frame.
     """
     found: list[Fraction | None] = [None] * len(frames)
     order = sorted(range(len(frames)), key=lambda number: frames[number].arbitration)
@@ -82,18 +81,18 @@ def _longest_behind(bits: list[int], at_least: int) -> list[int]:
 
 
 def utilisation(frames: Iterable[TimedFrame], bit_rate: int) -> Fraction:
-    """The share of a wire of *bit_rate* bit/s, 0 and up, that *frames* with a period take at most."""
+    """Maximum share (0 and up) of a wire of *bit_rate* bit/s for those of *frames* with a period."""
     return sum((_rate(frame) * frame.bits for frame in frames), Fraction(0)) / bit_rate
 
 
 def _rate(frame: TimedFrame) -> Fraction:
-    """Frames a second; 0 for one without a period, whose rate nobody knows."""
+    """Frames per second; 0 for an unlimited frame, whose rate is unknown."""
     return Fraction(0) if frame.period_us is None else Fraction(_US_A_SECOND) / frame.period_us
 
 
 @dataclass(frozen=True, slots=True)
 class _Load:
-    """What a frame asks of the wire: its *cost* each *period*, up to *jitter* late, all in units."""
+    """Load of a frame: its *cost* per *period*, up to *jitter* late, all in units."""
 
     cost: int
     period: int
@@ -102,7 +101,7 @@ class _Load:
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """The units in which times are whole numbers: how many of them a µs has (*unit*), and a bit (*bit*)."""
+    """The units in which times are whole numbers: units per µs (*unit*) and per bit (*bit*)."""
 
     unit: int
     bit: int
@@ -115,14 +114,14 @@ class _Wire:
         return cls(bit_rate * finer, _US_A_SECOND * finer)
 
     def load(self, frame: TimedFrame) -> _Load | None:
-        """What *frame* asks of it; None without a period."""
+        """The load of *frame*; None without a period."""
         if frame.period_us is None:
             return None
         return _Load(frame.bits * self.bit, int(frame.period_us * self.unit), int(frame.jitter_us * self.unit))
 
 
 class _Demand:
-    """The demand of the frames that were added: their *share* of the wire, and their costs by period and jitter."""
+    """Total demand of the added frames: their *share* of the wire, and their costs by period and jitter."""
 
     def __init__(self) -> None:
         self.share = Fraction(0)
@@ -130,13 +129,13 @@ class _Demand:
         self._costs: Counter[tuple[int, int]] = Counter()
 
     def add(self, load: _Load) -> None:
-        """Add a frame that goes before all that will be added."""
+        """Add a frame; frames must be added by falling priority."""
         self.share += Fraction(load.cost, load.period)
         self._is_late = self._is_late or load.jitter > 0
         self._costs[load.period, load.jitter] += load.cost
 
     def response(self, own: _Load, blocking: int, bit: int) -> int | None:
-        """The response time of *own*, one of those added, behind the others; None where it has no bound."""
+        """The response time of *own*, already added, after all other added frames; None if unbounded."""
         if self.share == 1 and (blocking or self._is_late):
             return None
         loads = [(cost, period, jitter) for (period, jitter), cost in self._costs.items()]
@@ -155,9 +154,9 @@ class _Demand:
 
 
 def _settled(start: int, always: int, loads: list[tuple[int, int, int]], after: int) -> int:
-    """The first time from *start* on that is enough for *always* and all that *loads* bring until *after* behind it.
+    """The first time from *start* on that suffices for *always* and for all *loads* until *after* behind it.
 
-    A load is cost, period and jitter: it brings its cost once each period begun.
+    A load is cost, period and jitter: it adds its cost once per period begun.
     """
     time = start
     while True:

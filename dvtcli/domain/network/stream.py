@@ -1,4 +1,4 @@
-"""A frame that comes again and again, all those of a network, and what is to count instead. Computes nothing."""
+"""Recurring frames of a network, with assumptions and what-if values."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ NO_LIMIT, NO_SYNC = "any event", "unknown SYNC"
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """A frame that comes again and again: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
+    """A recurring frame: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
 
-    *label* says what it is, *node* whose. *why* says where its period comes from, or why it has none. *deadline_us*
-    counts from when it should be sent; *window_us* from SYNC, where the device has one (0x1007). *assumed*: somebody
-    took the period for granted.
+    *label* names it, *node* is its sender. *why* gives the reason for its period, or for a missing period.
+    *deadline_us*
+    counts from the planned transmission; *window_us* from SYNC, if the device has a window (0x1007). *assumed*: the
+    period is an assumption.
     """
 
     kind: str
@@ -39,18 +40,18 @@ class Stream:
 
     @property
     def is_synchronous(self) -> bool:
-        """Whether SYNC makes it be sent."""
+        """Whether SYNC triggers the frame."""
         return self.kind in ("tpdo", "rpdo") and self.why.startswith("SYNC")
 
     def late(self, jitter_us: Time) -> Stream:
-        """The same, handed over up to *jitter_us* later than its period says."""
+        """The same stream, handed over up to *jitter_us* late."""
         deadline = self.deadline_us if self.window_us is None else self.window_us + jitter_us
         return replace(self, frame=replace(self.frame, jitter_us=jitter_us), deadline_us=deadline)
 
 
 @dataclass(frozen=True, slots=True)
 class WhatIf:
-    """What is to count instead of what the network holds: *sync_us* and *emcy_us* (µs), inhibit times in 100 µs."""
+    """What-if values that replace the network's: *sync_us* and *emcy_us* (µs), inhibit times in 100 µs."""
 
     sync_us: int | None = None
     emcy_us: int | None = None
@@ -59,12 +60,12 @@ class WhatIf:
 
 @dataclass(frozen=True, slots=True)
 class Streams:
-    """Every stream, and what was *assumed* to find them, a sentence each."""
+    """All streams, and the assumptions (*assumed*), each a sentence."""
 
     streams: tuple[Stream, ...]
     assumed: tuple[str, ...]
 
 
 def in_ms(time_us: Time) -> str:
-    """A time as people say it: `2.5 ms`."""
+    """A time in text form: `2.5 ms`."""
     return f"{float(Fraction(time_us) / 1000):g} ms"

@@ -1,7 +1,6 @@
-"""What the nodes of a network should hold, as values: only what somebody said; None and absence leave alone.
+"""Requested configuration of a network's nodes as values; None or a missing entry leaves the value alone.
 
-Objects that are named stay words with their place, since only a node's dictionary knows them. Knows no file format,
-and no node.
+Object names stay words with their place in the file, as only a node's dictionary can resolve them.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ NOWHERE = Mark()
 
 @dataclass(frozen=True, slots=True)
 class FileWord:
-    """A word that is looked up later, as it would be typed at the prompt: `6041:00/16`, `statusword`, `dummy/8`."""
+    """A word of a file, resolved later like prompt input: `6041:00/16`, `statusword`, `dummy/8`."""
 
     text: str
     mark: Mark = field(default=NOWHERE, compare=False)
@@ -42,11 +41,12 @@ class FileWord:
 
 @dataclass(frozen=True, slots=True)
 class PdoWish:
-    """What a PDO should be. Units are those of `PdoRequest`: *inhibit_time* counts 100 µs, *event_timer* 1 ms.
+    """Requested configuration of a PDO. Units as in `PdoRequest`: *inhibit_time* counts 100 µs, *event_timer* 1 ms.
 
     *cob_id* is bits 28..0 or `auto`; *extended* is bit 29, *rtr_allowed* bit 30 clear, *enabled* bit 31 clear.
-    *mapping* is the whole mapping in frame order, () for none at all. *keys* are the places of its keys in the file, by
-    sub-index of the communication parameter, 0 for the mapping.
+    *mapping* is the whole mapping in frame order, () for an empty mapping. *keys* are the places of its keys in the
+    file,
+    by sub-index of the communication parameter, 0 for the mapping.
     """
 
     pdo: Pdo
@@ -64,7 +64,7 @@ class PdoWish:
 
     @property
     def marks(self) -> Iterator[tuple[Place, Mark]]:
-        """The objects that it speaks of, each with its place in the file."""
+        """The requested objects, each with its place in the file."""
         for sub_index, mark in self.keys.items():
             index = self.pdo.communication_index if sub_index else self.pdo.mapping_index
             yield (index, sub_index), mark
@@ -76,7 +76,7 @@ class PdoWish:
 
 @dataclass(frozen=True, slots=True)
 class ObjectWish:
-    """Bytes that a standard object should hold; *key* is what says so."""
+    """Requested bytes of a standard object; *key* is the key in the file."""
 
     key: str
     index: int
@@ -87,7 +87,7 @@ class ObjectWish:
 
 @dataclass(frozen=True, slots=True)
 class ValueWish:
-    """A value, as typed, that an object of any type should hold."""
+    """Requested value, as typed, of an object of any type."""
 
     object: FileWord
     value: FileWord
@@ -104,7 +104,7 @@ class HeartbeatWatch:
 
 @dataclass(frozen=True, slots=True)
 class PinWish:
-    """What *pin* (1 and up) of a group of virtual PDOs is tied to; None for nothing."""
+    """Requested connection of *pin* (1 and up) of a group of virtual PDOs; None for no object."""
 
     group: str
     pin: int
@@ -114,7 +114,7 @@ class PinWish:
 
 @dataclass(frozen=True, slots=True)
 class WantedIdentity:
-    """Numbers of 0x1018 that the node must have before anything is written to it; None is not asked for."""
+    """Numbers of 0x1018 that must match before any write to the node; None is not checked."""
 
     vendor: int | None = None
     product: int | None = None
@@ -124,11 +124,11 @@ class WantedIdentity:
 
 @dataclass(frozen=True, slots=True)
 class NodeWish:
-    """What one node should hold, and how dvtcli goes about it.
+    """Requested configuration of a node, and options for dvtcli.
 
-    *dcf* is the EDS, DCF, XDD or XDC, *store* what of 0x1010 is stored afterwards (False: nothing), *prune* whether
-    enabled PDOs that are not named go off, *stamp* whether 0x1020 gets a date, *physical* what the values of its
-    objects mean: an object, or several, and JSON of what a profile says of them.
+    *dcf* is the EDS, DCF, XDD or XDC, *store* the sub-index of 0x1010 stored afterwards (False: nothing), *prune*
+    disables enabled PDOs that are not named, *stamp* writes a date to 0x1020, *physical* is the scaling of
+    its objects: an object or several, and JSON as in a profile.
     """
 
     name: str
@@ -154,12 +154,12 @@ class NodeWish:
 
     @property
     def asks_nothing(self) -> bool:
-        """Whether it says nothing that the node should hold."""
+        """Whether no configuration is requested for the node."""
         return not (self.pdos or self.objects or self.values or self.watches or self.pins or self.prune or self.stamp)
 
     @property
     def marks(self) -> dict[Place, Mark]:
-        """The objects that it speaks of by their numbers, each with its place in the file."""
+        """The requested objects by number, each with its place in the file."""
         found = {(_IDENTITY, sub_index): mark for sub_index, mark in self.identity_marks.items()}
         found |= {(wish.index, wish.sub_index): wish.mark for wish in self.objects}
         for value in self.values:
@@ -174,7 +174,7 @@ class NodeWish:
 
 @dataclass(frozen=True, slots=True)
 class MasterRole:
-    """Who the master is: nothing of it is written. Times as the file has them; None where it says nothing.
+    """The master's role: never written. Times as in the file; None if not given.
 
     *bit_rate* is the bus's in bit/s.
     """
@@ -196,10 +196,10 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class LinkWish:
-    """One TPDO that several RPDOs hear.
+    """A TPDO with the RPDOs that receive it.
 
-    *heartbeat* is False where the consumers should not watch the producer, and the producer's heartbeat in ms where
-    that is set with it; None for watch where it has one.
+    *heartbeat* is False if the consumers should not monitor the producer, or the producer's heartbeat in ms if
+    set with the link; None to monitor a heartbeat that exists.
     """
 
     producer: Endpoint
@@ -215,7 +215,7 @@ class LinkWish:
 
 @dataclass(frozen=True, slots=True)
 class FileNote:
-    """Something in the file that is no fault and means nothing to dvtcli, at its first place; *times* it is there."""
+    """A remark on a legal but unused part of a file; *mark* is its first place, *times* its frequency."""
 
     text: str
     mark: Mark
@@ -224,9 +224,9 @@ class FileNote:
 
 @dataclass(frozen=True, slots=True)
 class NetworkWish:
-    """The nodes in order of node-ID, and what joins them.
+    """Requested nodes in order of node-ID, and their links.
 
-    *multiplier* is after how many of a producer's heartbeats those that watch it find it late, None for 3.
+    *multiplier* is the number of a producer's heartbeats after which its consumers report a loss, None for 3.
     """
 
     nodes: tuple[NodeWish, ...] = ()
@@ -237,12 +237,12 @@ class NetworkWish:
 
     @property
     def asked_nothing(self) -> tuple[int, ...]:
-        """The node-IDs of which it says nothing that they should hold."""
+        """Node-IDs without any requested configuration."""
         linked = {end.node_id for link in self.links for end in link.ends}
         return tuple(node.node_id for node in self.nodes if node.asks_nothing and node.node_id not in linked)
 
     def mark_of(self, node_id: int | None, place: str) -> Mark:
-        """Find where the file speaks of *place* (`0x1A00:03`, `TPDO1`, `5:tpdo1`), of its PDO, or of the node."""
+        """The place in the file of *place* (`0x1A00:03`, `TPDO1`, `5:tpdo1`), of its PDO, or of the node."""
         found, linked = _PLACE.fullmatch(place), _LINKED.fullmatch(place)
         node_id = int(linked[1]) if linked is not None else node_id
         node = next((node for node in self.nodes if node.node_id == node_id), None)
@@ -261,7 +261,7 @@ class NetworkWish:
         return said if said.line else next(ends, node.mark)
 
     def of(self, ids: Collection[int]) -> NetworkWish:
-        """What it says of the nodes with the node-IDs *ids*, and of links between them."""
+        """The part for the node-IDs *ids*, and the links between them."""
         nodes = tuple(node for node in self.nodes if node.node_id in ids)
         links = tuple(link for link in self.links if all(end.node_id in ids for end in link.ends))
         return replace(self, nodes=nodes, links=links)

@@ -1,4 +1,4 @@
-"""Rules about a manager of the network (NMT master): whom it starts, what it expects, what it downloads."""
+"""Rules about the NMT master: nodes to start, expected identities, downloads."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _managers(network: CheckedNetwork) -> list[NodeState]:
 
 @check("two-managers", ERROR, "two nodes are NMT master (0x1F80)", _BOOT)
 def two_managers(network: CheckedNetwork) -> NetFound:
-    """Each starts and stops the nodes of the other."""
+    """Each master starts and stops the nodes of the other."""
     first, *others = [*_managers(network), None]
     for node in others:
         if node is not None and first is not None:
@@ -46,7 +46,7 @@ def two_managers(network: CheckedNetwork) -> NetFound:
 
 @check("slave-missing", ERROR, "a manager waits for a slave that is not there (0x1F81)", _BOOT)
 def slave_missing(network: CheckedNetwork) -> NetFound:
-    """It may not start the others without it."""
+    """The manager may refuse to start the other nodes without it."""
     for node in _managers(network):
         for (index, slave), value in node.numbers.items():
             if index == SLAVE_ASSIGNMENT and value & _SLAVE and network.state.node(slave) is None:
@@ -55,7 +55,7 @@ def slave_missing(network: CheckedNetwork) -> NetFound:
 
 @check("slave-not-assigned", WARNING, "a node is not assigned to the manager of the network (0x1F81)", _BOOT)
 def slave_not_assigned(network: CheckedNetwork) -> NetFound:
-    """Nobody starts it."""
+    """The manager does not start the node."""
     for manager in _managers(network):
         for node in network.nodes:
             value = manager.number(SLAVE_ASSIGNMENT, node.node_id)
@@ -65,7 +65,7 @@ def slave_not_assigned(network: CheckedNetwork) -> NetFound:
 
 @check("boot-identity", ERROR, "a manager expects another identity of a node (0x1F85 to 0x1F88)", _BOOT)
 def boot_identity(network: CheckedNetwork) -> NetFound:
-    """It refuses to start it."""
+    """The manager refuses to start the node."""
     for manager in _managers(network):
         for (index, slave), expected in manager.numbers.items():
             node, part = network.state.node(slave), _BOOT_IDENTITY.get(index)
@@ -80,7 +80,7 @@ def boot_identity(network: CheckedNetwork) -> NetFound:
 
 @check("boot-device-type", ERROR, "a manager expects another device type of a node (0x1F84)", _BOOT)
 def boot_device_type(network: CheckedNetwork) -> NetFound:
-    """It refuses to start it."""
+    """The manager refuses to start the node."""
     for manager in _managers(network):
         for (index, slave), expected in manager.numbers.items():
             node = network.state.node(slave)
@@ -93,7 +93,7 @@ def boot_device_type(network: CheckedNetwork) -> NetFound:
     "guarded-by-manager", ERROR, "a manager guards a node that sends a heartbeat (guard time in 0x1F81; 0x1F83)", _BOOT
 )
 def guarded_by_manager(network: CheckedNetwork) -> NetFound:
-    """Both use one CAN-ID, and exclude each other."""
+    """Heartbeat and guarding use the same CAN-ID and exclude each other."""
     for manager in _managers(network):
         for node in network.nodes:
             value = manager.number(SLAVE_ASSIGNMENT, node.node_id) or 0
@@ -113,7 +113,7 @@ def nobody_starts(network: CheckedNetwork) -> NetFound:
 
 @check("manager-misses", WARNING, "a manager says that a node of the network is not there (0x1F82)", _BOOT)
 def manager_misses(network: CheckedNetwork) -> NetFound:
-    """It is there; so it has another node-ID, another identity, or came too late for the manager."""
+    """The node answers: it has another node-ID or identity, or booted too late for the manager."""
     for manager in _managers(network):
         for node in network.nodes:
             if node is not manager and manager.number(REQUEST_NMT, node.node_id) == _MISSING:
@@ -123,7 +123,7 @@ def manager_misses(network: CheckedNetwork) -> NetFound:
 @check("boot-time", WARNING, "a manager gives up (0x1F89) before a node that it cannot do without sends its first "
        "heartbeat", _BOOT)  # fmt: skip
 def boot_time(network: CheckedNetwork) -> NetFound:
-    """It starts nobody then."""
+    """The manager then starts no node."""
     for manager in _managers(network):
         patience_ms = manager.number(BOOT_TIME) or 0
         for node in network.nodes:
@@ -135,7 +135,7 @@ def boot_time(network: CheckedNetwork) -> NetFound:
 
 @check("concise-dcf-form", ERROR, "what a manager is to download to a node is no concise DCF (0x1F22)", _DOWNLOAD)
 def concise_dcf_form(network: CheckedNetwork) -> NetFound:
-    """It sets up nothing, or a part."""
+    """The manager configures the node not at all, or only partly."""
     for manager in _managers(network):
         for node_id, data in manager.downloads.items():
             try:
@@ -146,7 +146,7 @@ def concise_dcf_form(network: CheckedNetwork) -> NetFound:
 
 @check("concise-dcf", ERROR, "a manager downloads other values at boot-up than a node is to hold (0x1F22)", _DOWNLOAD)
 def concise_dcf(network: CheckedNetwork) -> NetFound:
-    """What is set up, even what is stored, is gone once the manager boots the node."""
+    """The manager overwrites the configuration, even a stored one, whenever it boots the node."""
     for manager in _managers(network):
         for node_id, data in manager.downloads.items():
             node = network.state.node(node_id)
@@ -157,7 +157,7 @@ def concise_dcf(network: CheckedNetwork) -> NetFound:
 
 
 def _differs(node: NodeState, data: bytes) -> list[str]:
-    """What a concise DCF makes otherwise than *node* is to be; nothing where it is none."""
+    """Differences between a concise DCF and the intended state of *node*; empty if *data* is no concise DCF."""
     try:
         left = read_concise_dcf(data)
     except ValueError:

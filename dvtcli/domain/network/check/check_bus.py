@@ -1,4 +1,4 @@
-"""Rules about the load of the bus: what limits each TPDO, and whether all of it is there in time."""
+"""Rules about the bus load: limits of each TPDO, and deadlines."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _unlimited(network: CheckedNetwork) -> list[NetSpot]:
 @check("unbounded-event-pdo", WARNING, "an event-driven TPDO has neither inhibit time nor event timer: its values "
        "decide how much of the bus it takes", _TIMES)  # fmt: skip
 def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
-    """A noisy value sends as fast as the device can; one robot's took three quarters of its bus."""
+    """A noisy value is sent as fast as the device can: on one robot, such a PDO took three quarters of the bus."""
     spots = frozenset(_unlimited(network))
     for node, pdo, config in network.tpdos:
         if at(node, pdo) not in spots:
@@ -53,7 +53,7 @@ def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
 
 @check("timer-without-inhibit", NOTE, "an event-driven TPDO has an event timer and no inhibit time", _TIMES)
 def timer_without_inhibit(network: CheckedNetwork) -> NetFound:
-    """A device that also sends on each change is limited by nothing; many send by the timer only."""
+    """A device that also sends on each change is unlimited; many devices send by the timer only."""
     for node, pdo, config in network.tpdos:
         held = config.communication
         if held.transmission_type in EVENT_DRIVEN and held.event_timer and not held.inhibit_time:
@@ -72,7 +72,7 @@ def timer_below_inhibit(network: CheckedNetwork) -> NetFound:
 
 @check("bus-overload", ERROR, "the frames that have a limit need more than the whole bus at worst", _ANALYSIS)
 def bus_overload(network: CheckedNetwork) -> NetFound:
-    """What has a low priority is never sent."""
+    """Frames of low priority are never sent."""
     if network.need is not None and network.need.limited > 1:
         yield NetSpot(), _share(network.need)
 
@@ -80,14 +80,14 @@ def bus_overload(network: CheckedNetwork) -> NetFound:
 @check("busy-bus", WARNING, "the frames that have a limit need more than 80 % of the bus at worst",
        "ours; bus monitors advise it for traffic that is not cyclic")  # fmt: skip
 def busy_bus(network: CheckedNetwork) -> NetFound:
-    """What has a low priority waits long."""
+    """Frames of low priority wait long."""
     if network.need is not None and _BUSY < network.need.limited <= 1:
         yield NetSpot(), _share(network.need)
 
 
 @check("too-late", ERROR, "a frame may be there after its deadline", _ANALYSIS)
 def too_late(network: CheckedNetwork) -> NetFound:
-    """The next one is due by then, or a consumer has given up."""
+    """The next frame is due by then, or a consumer has timed out."""
     for need in () if network.need is None else network.need.late:
         stream = need.stream
         is_said = stream.window_us is not None or need.response_us is None
@@ -110,6 +110,6 @@ def _share(need: BusNeed) -> str:
 
 @check("unknown-bit-rate", NOTE, "nobody says the bit rate: load and deadlines are not judged", _ANALYSIS)
 def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
-    """What would be too much for a slow bus, a fast one has room for."""
+    """A load too high for a slow bus may fit a fast bus."""
     if network.bit_rate is None and network.streams.streams:
         yield NetSpot(), "nobody says the bit rate: load and deadlines were not judged; this check takes one (bit/s)"

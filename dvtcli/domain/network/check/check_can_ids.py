@@ -1,4 +1,4 @@
-"""Rules about CAN-IDs: one producer each, and none that another service of the network has."""
+"""Rules about CAN-IDs: one producer each, and no CAN-ID of another service."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SDO = ("SDO answers", "SDO requests")
 
 @check("one-producer", ERROR, "two TPDOs send the same CAN-ID: their frames collide on the wire", _SET)
 def one_producer(network: CheckedNetwork) -> NetFound:
-    """Two frames with one CAN-ID and other data are a bus error."""
+    """Two frames with the same CAN-ID and different data cause a bus error."""
     senders: defaultdict[Identifier, list[tuple[NodeState, Pdo]]] = defaultdict(list)
     for node, pdo, config in network.tpdos:
         senders[identifier_of(config)].append((node, pdo))
@@ -45,7 +45,7 @@ def _of_pdos(network: CheckedNetwork, wanted: str) -> NetFound:
 
 
 def _service(can_id: int) -> str:
-    """What CiA 301 keeps *can_id* for, empty where a PDO may have it."""
+    """The CiA 301 service that reserves *can_id*, empty if a PDO may use it."""
     return "LSS" if can_id in _LSS else restricted_use(can_id) or ""
 
 
@@ -57,7 +57,7 @@ def can_id_of_nmt(network: CheckedNetwork) -> NetFound:
 
 @check("can-id-of-sdo", ERROR, "an enabled PDO has a CAN-ID of some node's SDO", _RESTRICTED)
 def can_id_of_sdo(network: CheckedNetwork) -> NetFound:
-    """It reads as an answer, or a request, of that node."""
+    """The PDO is taken for an SDO request or answer of another node."""
     yield from _of_pdos(network, "SDO answers")
     yield from _of_pdos(network, "SDO requests")
     taken: dict[Identifier, str] = {}
@@ -69,7 +69,7 @@ def can_id_of_sdo(network: CheckedNetwork) -> NetFound:
 
 @check("can-id-of-heartbeat", ERROR, "an enabled PDO has the CAN-ID of some node's heartbeat", _RESTRICTED)
 def can_id_of_heartbeat(network: CheckedNetwork) -> NetFound:
-    """A node that is gone seems to live."""
+    """The PDO hides the loss of a node."""
     yield from _of_pdos(network, "heartbeats")
 
 
@@ -81,20 +81,20 @@ def can_id_of_lss(network: CheckedNetwork) -> NetFound:
 
 @check("can-id-reserved", ERROR, "an enabled PDO has a CAN-ID that CiA 301 reserves", _RESTRICTED)
 def can_id_reserved(network: CheckedNetwork) -> NetFound:
-    """No device has to take it."""
+    """Devices may refuse the CAN-ID."""
     yield from _of_pdos(network, "reserved")
 
 
 @check("can-id-of-sync", ERROR, "an enabled PDO has the CAN-ID of SYNC", "CiA 301, 7.5.2.5")
 def can_id_of_sync(network: CheckedNetwork) -> NetFound:
-    """Each of its frames is a SYNC for every node."""
+    """Each of the PDO's frames is a SYNC for every node."""
     syncs = {node.sync for node in network.nodes} or {(0x080, False)}
     return _enabled_among(network, dict.fromkeys(syncs, "SYNC"))
 
 
 @check("can-id-of-emcy", ERROR, "an enabled PDO has the CAN-ID of a node's EMCY", "CiA 301, 7.5.2.14")
 def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
-    """It reads as an emergency."""
+    """The PDO is taken for an emergency."""
     emcys = {node.emcy: f"EMCY of node {node.node_id}" for node in network.nodes if node.emcy is not None}
     return _enabled_among(network, emcys)
 
@@ -103,13 +103,13 @@ def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
     "can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", "CiA 301, 7.5.2.16"
 )
 def can_id_of_time(network: CheckedNetwork) -> NetFound:
-    """Its data would be a time."""
+    """The PDO's data would be taken for a time."""
     times = {node.time for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES}
     return _enabled_among(network, dict.fromkeys(times, "TIME"))
 
 
 def _enabled_among(network: CheckedNetwork, names: Mapping[Identifier, str]) -> NetFound:
-    """Enabled PDOs that have one of the CAN-IDs in *names*, each with what that is."""
+    """Enabled PDOs with a CAN-ID in *names*, each with the CAN-ID's use."""
     for node, pdo, config in network.enabled:
         if (name := names.get(identifier_of(config))) is not None:
             yield at(node, pdo), f"{config.communication.cob_id} is {name}"
@@ -117,7 +117,7 @@ def _enabled_among(network: CheckedNetwork, names: Mapping[Identifier, str]) -> 
 
 @check("emcy-twice", ERROR, "two nodes send EMCY with the same CAN-ID", "CiA 301, 7.5.2.14")
 def emcy_twice(network: CheckedNetwork) -> NetFound:
-    """Nobody knows whose emergency it is, and the frames collide."""
+    """The producer of an emergency is ambiguous, and the frames collide."""
     owners: dict[Identifier, int] = {}
     for node in network.nodes:
         if node.emcy is not None and (other := owners.setdefault(node.emcy, node.node_id)) != node.node_id:
@@ -126,7 +126,7 @@ def emcy_twice(network: CheckedNetwork) -> NetFound:
 
 @check("emcy-can-id", ERROR, "EMCY has a CAN-ID of SYNC, or one that CiA 301 restricts", "CiA 301, 7.5.2.14 and 7.3.5")
 def emcy_can_id(network: CheckedNetwork) -> NetFound:
-    """It reads as something else."""
+    """The emergency is taken for another service."""
     for node in network.nodes:
         if node.emcy is None or node.emcy[1]:
             continue
@@ -137,7 +137,7 @@ def emcy_can_id(network: CheckedNetwork) -> NetFound:
 
 @check("emcy-of-other", WARNING, "EMCY has the pre-defined CAN-ID of another node's EMCY", _SET)
 def emcy_of_other(network: CheckedNetwork) -> NetFound:
-    """Whoever counts on the set takes it for that node's."""
+    """Devices that rely on the pre-defined connection set take it for the other node's emergency."""
     for node in network.nodes:
         if node.emcy is not None and not node.emcy[1] and 0x081 <= node.emcy[0] <= 0x0FF:
             owner = node.emcy[0] - 0x080
@@ -147,7 +147,7 @@ def emcy_of_other(network: CheckedNetwork) -> NetFound:
 
 @check("sync-can-id", ERROR, "SYNC has a CAN-ID that CiA 301 restricts", "CiA 301, 7.5.2.5 and 7.3.5")
 def sync_can_id(network: CheckedNetwork) -> NetFound:
-    """It reads as something else."""
+    """The SYNC is taken for another service."""
     for node in network.nodes:
         can_id, extended = node.sync
         if not extended and (use := _service(can_id)):
@@ -158,7 +158,7 @@ def sync_can_id(network: CheckedNetwork) -> NetFound:
     "sync-ids-differ", ERROR, "a node waits for SYNC with another CAN-ID than the producer sends", "CiA 301, 7.5.2.5"
 )
 def sync_ids_differ(network: CheckedNetwork) -> NetFound:
-    """Its synchronous PDOs wait for ever."""
+    """The node's synchronous PDOs wait forever."""
     producers = [node for node in network.nodes if node.produces_sync]
     waiting = {node.node_id for node, _, _ in network.synchronous}
     for node in network.nodes:
@@ -171,7 +171,7 @@ def sync_ids_differ(network: CheckedNetwork) -> NetFound:
     "time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", "CiA 301, 7.5.2.16"
 )
 def time_ids_differ(network: CheckedNetwork) -> NetFound:
-    """Its clock is never set."""
+    """The node's clock is never set."""
     producers = [node for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES]
     for node in network.nodes:
         waits = (node.number(TIME_COB_ID) or 0) >> 31
@@ -192,7 +192,7 @@ def two_times(network: CheckedNetwork) -> NetFound:
 
 @check("can-id-of-other", WARNING, "a TPDO has the pre-defined CAN-ID of another node's TPDO", _SET)
 def can_id_of_other(network: CheckedNetwork) -> NetFound:
-    """It collides as soon as that one is enabled where it comes up."""
+    """The CAN-IDs collide as soon as the other PDO is enabled with its default."""
     present = {node.node_id for node in network.nodes}
     for node, pdo, config in network.tpdos:
         can_id, extended = identifier_of(config)
@@ -210,7 +210,7 @@ def can_id_of_other(network: CheckedNetwork) -> NetFound:
 @check("other-formula", WARNING, "PDO 5 to 16 is enabled on a pre-defined CAN-ID of another node-ID (node-ID + 32, 64 "
        "or 96)", "ours: families of gateways that give PDOs 5 to 16 so, and allow node-ID 1 to 32 only")  # fmt: skip
 def other_formula(network: CheckedNetwork) -> NetFound:
-    """Fine while all nodes have node-IDs up to 32; not beside one of those IDs."""
+    """Safe while all node-IDs are at most 32, unless a node has the other ID."""
     present = {node.node_id for node in network.nodes}
     for node, pdo, config in network.enabled:
         can_id, extended = identifier_of(config)
@@ -223,7 +223,7 @@ def other_formula(network: CheckedNetwork) -> NetFound:
 
 @check("node-id-of-master", ERROR, "a node has the node-ID of the master", "CiA 301, 7.3.4: a node-ID is one device's")
 def node_id_of_master(network: CheckedNetwork) -> NetFound:
-    """Both answer, and both send the heartbeat of it."""
+    """Both answer SDO requests and send the same heartbeat."""
     master = network.state.master
     for node in network.nodes:
         if master is not None and master.node_id == node.node_id:

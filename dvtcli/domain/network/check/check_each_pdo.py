@@ -1,7 +1,4 @@
-"""What the rules of `map` say of the PDOs that the nodes of a network hold.
-
-The decisions are those of `rules`; here stands which of them a network is held against.
-"""
+"""Findings of the `map` rules about the PDOs of a network's nodes."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ _DECLARED: dict[str, Rule] = {
 
 
 def _judged(name: str, severity: Severity, sense: str, of: str = "") -> RuleCheck[CheckedNetwork, NetSpot]:
-    """What the rule *of* `map` (by default of the same name) says, where it means it as strongly."""
+    """A check that reports the `map` rule *of* (default: the same name) at the same severity."""
     rule = LintRule(name, severity, f"an enabled PDO {sense}", _DECLARED[of or name].source)
     return RuleCheck(rule, partial(_look, of or name, severity))
 

@@ -1,7 +1,4 @@
-"""Rules about what was heard on a bus beside what its nodes hold: SYNC, other masters, frames from nobody.
-
-They say nothing where nobody listened.
-"""
+"""Rules about frames received on a bus: SYNC, other masters, unknown producers; silent without recorded traffic."""
 
 from __future__ import annotations
 
@@ -65,7 +62,7 @@ def _sync_spot(network: CheckedNetwork) -> NetSpot:
 
 
 def _second_counter(heard: HeardId) -> str:
-    """Why it is plain from their content that two send them."""
+    """Proof of a second producer in the frames' data, in words; empty without proof."""
     if len(heard.lengths) > 1:
         return "some have a counter, some have none"
     counters = [first_byte for first_byte in heard.first_bytes if first_byte is not None]
@@ -75,7 +72,7 @@ def _second_counter(heard: HeardId) -> str:
 
 @check("sync-uneven", WARNING, "SYNC comes at uneven times: two may send it", _SYNC)
 def sync_uneven(network: CheckedNetwork) -> NetFound:
-    """Two producers of one period are heard as a short time and a long one by turns."""
+    """Two producers with the same period cause alternating short and long gaps."""
     for identifier in () if network.traffic is None else sorted(_sync_ids(network.state)):
         heard = network.traffic.by_id.get(identifier) if network.traffic else None
         gaps = [] if heard is None else sorted(heard.gaps_s)
@@ -89,7 +86,7 @@ def sync_uneven(network: CheckedNetwork) -> NetFound:
 
 
 def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
-    """In words, how much more often frames of *kind* came than what is held has room for; empty where they did not."""
+    """Excess of frames of *kind* over the configured maximum, in words; empty without excess."""
     traffic = network.traffic
     if traffic is None:
         return ""
@@ -109,7 +106,7 @@ def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list
 @check("comes-too-often", WARNING, "a TPDO comes more often than what its node holds lets it",
        "CiA 301, 7.5.2.37: inhibit time, event timer; SYNC")  # fmt: skip
 def comes_too_often(network: CheckedNetwork) -> NetFound:
-    """Something else sends on its CAN-ID, or the device does not keep to what it holds."""
+    """Another producer uses the CAN-ID, or the device ignores its configuration."""
     for node, pdo, config in network.tpdos:
         if why := _more(network, "tpdo", identifier_of(config)):
             yield at(node, pdo), why
@@ -117,7 +114,7 @@ def comes_too_often(network: CheckedNetwork) -> NetFound:
 
 @check("other-length", ERROR, "a TPDO was heard with another length than it maps", _SET)
 def other_length(network: CheckedNetwork) -> NetFound:
-    """Something else sends on its CAN-ID."""
+    """Another producer uses the CAN-ID."""
     for node, pdo, config in network.tpdos:
         heard = None if network.traffic is None else network.traffic.by_id.get(identifier_of(config))
         is_known = config.has_mapping and not config.inconsistency and config.mpdo is None
@@ -129,7 +126,7 @@ def other_length(network: CheckedNetwork) -> NetFound:
 @check("not-heard", WARNING, "a TPDO with an event timer was not heard, though its node is OPERATIONAL",
        "CiA 301, 7.5.2.37: event timer")  # fmt: skip
 def not_heard(network: CheckedNetwork) -> NetFound:
-    """Consumers wait for it in vain."""
+    """Consumers wait in vain."""
     traffic = network.traffic
     for node, pdo, config in () if traffic is None else network.tpdos:
         timer = config.communication.event_timer
@@ -152,7 +149,7 @@ def from_nobody(network: CheckedNetwork) -> NetFound:
 
 
 def _known(network: CheckedNetwork) -> set[Identifier]:
-    """CAN-IDs that a node, or a service that every network may have, sends."""
+    """CAN-IDs that a node, or a service allowed in every network, sends."""
     own = {
         identifier
         for node in network.nodes
@@ -166,7 +163,7 @@ def _known(network: CheckedNetwork) -> set[Identifier]:
 @check("other-master", WARNING, "another master talks to the nodes: NMT, LSS or SDO that is not ours",
        "CiA 301, 7.2.8.3.1; 7.2.4.3.1: one SDO client; CiA 305")  # fmt: skip
 def other_master(network: CheckedNetwork) -> NetFound:
-    """What is read or changed here, it may change meanwhile."""
+    """The other master may change values while dvtcli reads or changes them."""
     traffic = network.traffic
     if traffic is None:
         return
@@ -190,7 +187,7 @@ def _often(count: int) -> str:
 
 @check("node-id-twice", ERROR, "two nodes seem to have one node-ID", "CiA 301, 7.3.4: a node-ID is there once")
 def node_id_twice(network: CheckedNetwork) -> NetFound:
-    """Both answer each request, and one of them is set up wrong."""
+    """Both nodes answer each request, and one gets the other's configuration."""
     for node in network.nodes:
         for why in _signs_of_two(network, node.node_id):
             yield at(node), why
@@ -210,7 +207,7 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
 
 @check("heartbeat-not-heard", ERROR, "a node is to send a heartbeat, and none was heard", "CiA 301, 7.5.2.18")
 def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
-    """Who watches it takes it for gone."""
+    """Heartbeat consumers take the node for lost."""
     traffic = network.traffic
     for node in () if traffic is None else network.nodes:
         wait_ms = _PATIENCE * node.heartbeat_ms
@@ -223,7 +220,7 @@ def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
 
 @check("heard-not-read", ERROR, "a node is heard, and does not tell what it holds", "ours")
 def heard_not_read(network: CheckedNetwork) -> NetFound:
-    """What it sends and hears is not looked at."""
+    """The node's PDOs are not checked."""
     for node_id in () if network.traffic is None else sorted(network.traffic.states):
         if network.state.node(node_id) is None:
             yield NetSpot(), f"node {node_id} sends heartbeats, and was not read"
@@ -231,7 +228,7 @@ def heard_not_read(network: CheckedNetwork) -> NetFound:
 
 @check("restarts", WARNING, "a node restarted while the bus was listened to", "CiA 301, 7.2.8.3.3: boot-up")
 def restarts(network: CheckedNetwork) -> NetFound:
-    """What it holds in RAM only is lost."""
+    """Values only in RAM are lost."""
     for node_id, count in () if network.traffic is None else sorted(network.traffic.boot_ups.items()):
         if count:
             yield NetSpot(node_id), f"its boot-up was heard{_often(count)}"
@@ -239,7 +236,7 @@ def restarts(network: CheckedNetwork) -> NetFound:
 
 @check("emergency", WARNING, "a node sent an EMCY while the bus was listened to", "CiA 301, 7.2.7")
 def emergency(network: CheckedNetwork) -> NetFound:
-    """`faults` says what it means."""
+    """`faults` explains the code."""
     from dvtcli.domain.emergency_codes import emergency_text
 
     for node_id, codes in () if network.traffic is None else sorted(network.traffic.emergencies.items()):

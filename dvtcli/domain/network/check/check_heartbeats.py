@@ -1,4 +1,4 @@
-"""Rules about error control: heartbeats, who waits for them and how long, and guarding."""
+"""Rules about error control: heartbeat producers, consumers and their times, and guarding."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _slot(node: NodeState, producer: int) -> int:
 
 
 def _beat_ms(network: CheckedNetwork, node_id: int) -> int | None:
-    """How often a node sends a heartbeat; None where it is none of the network, or nobody knows."""
+    """Heartbeat period of a node in ms; None if the node is not in the network, or unknown."""
     master = network.state.master
     if master is not None and master.node_id == node_id:
         return master.heartbeat_producer_ms
@@ -35,7 +35,7 @@ def _beat_ms(network: CheckedNetwork, node_id: int) -> int | None:
 
 @check("heartbeat-not-sent", ERROR, "a node waits for a heartbeat that its producer does not send", _CONSUMER)
 def heartbeat_not_sent(network: CheckedNetwork) -> NetFound:
-    """Watching begins with the first heartbeat: nobody notices when that node is gone."""
+    """Monitoring begins with the first heartbeat: the loss of the producer goes unnoticed."""
     for node in network.nodes:
         for producer in node.watched:
             if _beat_ms(network, producer) == 0:
@@ -58,7 +58,7 @@ def heartbeat_of_nobody(network: CheckedNetwork) -> NetFound:
 @check("heartbeat-too-short", ERROR, "a heartbeat is late before it is due: the consumer's time is not above the "
        "producer's", _CONSUMER)  # fmt: skip
 def heartbeat_too_short(network: CheckedNetwork) -> NetFound:
-    """It is an error with every heartbeat."""
+    """The consumer reports an error between any two heartbeats."""
     for node in network.nodes:
         for producer, time_ms in node.watched.items():
             beat_ms = _beat_ms(network, producer) or 0
@@ -81,7 +81,7 @@ def heartbeat_margin(network: CheckedNetwork) -> NetFound:
 
 @check("heartbeat-twice", ERROR, "two entries of 0x1016 wait for one node", _CONSUMER)
 def heartbeat_twice(network: CheckedNetwork) -> NetFound:
-    """A device refuses that with 0x06040043."""
+    """A device refuses the second entry with 0x06040043."""
     for node in network.nodes:
         used = Counter(value >> 16 & 0xFF for value in node.slots.values() if value & 0xFFFF and value >> 16 & 0xFF)
         for producer, times in used.items():
@@ -93,7 +93,7 @@ def heartbeat_twice(network: CheckedNetwork) -> NetFound:
     "heartbeat-of-itself", ERROR, "a node waits for its own heartbeat", "CiA 301, 7.5.2.17; a node does not hear itself"
 )
 def heartbeat_of_itself(network: CheckedNetwork) -> NetFound:
-    """It never comes."""
+    """A node never receives its own heartbeat."""
     for node in network.nodes:
         if node.node_id in node.watched:
             yield held(node, CONSUMER_HEARTBEAT, _slot(node, node.node_id)), "it waits for its own heartbeat"
@@ -101,7 +101,7 @@ def heartbeat_of_itself(network: CheckedNetwork) -> NetFound:
 
 @check("heartbeat-node-id", ERROR, "an entry of 0x1016 names a node-ID above 127", _CONSUMER)
 def heartbeat_node_id(network: CheckedNetwork) -> NetFound:
-    """There is none."""
+    """The node-ID does not exist."""
     for node in network.nodes:
         for sub_index, value in node.slots.items():
             if value >> 16 & 0xFF > 127 and value & 0xFFFF:
@@ -112,7 +112,7 @@ def heartbeat_node_id(network: CheckedNetwork) -> NetFound:
     "no-error-control", WARNING, "a node sends no heartbeat and is not guarded", "CiA 301, 7.2.8.3: one is mandatory"
 )
 def no_error_control(network: CheckedNetwork) -> NetFound:
-    """Nobody notices when it is gone."""
+    """A loss of the node goes unnoticed."""
     for node in network.told:
         if not node.heartbeat_ms and not node.is_guarded:
             yield held(node, PRODUCER_HEARTBEAT), "it sends no heartbeat, and is not guarded"
@@ -120,7 +120,7 @@ def no_error_control(network: CheckedNetwork) -> NetFound:
 
 @check("heartbeat-and-guarding", ERROR, "a node sends a heartbeat and is guarded", _GUARDING)
 def heartbeat_and_guarding(network: CheckedNetwork) -> NetFound:
-    """Both use one CAN-ID, and exclude each other."""
+    """Heartbeat and guarding use the same CAN-ID and exclude each other."""
     for node in network.nodes:
         if node.heartbeat_ms and node.is_guarded:
             yield held(node, GUARD_TIME), f"0x1017 is {node.heartbeat_ms} ms, and it is guarded"
@@ -128,7 +128,7 @@ def heartbeat_and_guarding(network: CheckedNetwork) -> NetFound:
 
 @check("half-guarding", WARNING, "one of guard time and life time factor is 0, the other is not", _GUARDING)
 def half_guarding(network: CheckedNetwork) -> NetFound:
-    """It is not guarded."""
+    """Guarding stays off."""
     for node in network.told:
         time, factor = node.number(GUARD_TIME) or 0, node.number(LIFE_TIME_FACTOR) or 0
         if bool(time) != bool(factor):
@@ -137,7 +137,7 @@ def half_guarding(network: CheckedNetwork) -> NetFound:
 
 @check("guarding", NOTE, "a node is guarded, by remote frames", "CiA 301, 7.2.8.3.1: heartbeat is recommended instead")
 def guarding(network: CheckedNetwork) -> NetFound:
-    """Somebody has to ask it all the time."""
+    """A master has to poll the node all the time."""
     for node in network.nodes:
         if node.is_guarded and not node.heartbeat_ms:
             yield held(node, GUARD_TIME), "it is guarded; a heartbeat needs no remote frames"
@@ -160,7 +160,7 @@ def unwatched_link(network: CheckedNetwork) -> NetFound:
 @check("goes-on-after-error", NOTE, "a node that waits for heartbeats stays as it is when one is missing (0x1029:01 is "
        "1)", "CiA 301, 7.5.2.27")  # fmt: skip
 def goes_on_after_error(network: CheckedNetwork) -> NetFound:
-    """Its outputs stay where they are."""
+    """The node's outputs keep their state."""
     for node in network.nodes:
         if node.watched and node.number(ERROR_BEHAVIOUR, 1) == 1:
             yield held(node, ERROR_BEHAVIOUR, 1), "it stays in its state after a communication error"
@@ -168,7 +168,7 @@ def goes_on_after_error(network: CheckedNetwork) -> NetFound:
 
 @check("deadline-below-period", ERROR, "an RPDO gives up before its TPDO is due", "CiA 301, 7.5.2.35: event timer")
 def deadline_below_period(network: CheckedNetwork) -> NetFound:
-    """It is an error each time."""
+    """The consumer reports an error between any two frames."""
     periods = {(stream.node, stream.pdo): _longest_ms(network, stream.node, stream.pdo)
                for stream in network.streams.streams if stream.kind == "tpdo"}  # fmt: skip
     for connection in network.heard:
@@ -179,7 +179,7 @@ def deadline_below_period(network: CheckedNetwork) -> NetFound:
 
 
 def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> float | None:
-    """How long it may be between two frames of a TPDO, in ms; None where nobody knows."""
+    """Maximum time between two frames of a TPDO, in ms; None if unknown."""
     found = next((tpdo for tpdo in network.tpdos if tpdo[0].node_id == node_id and tpdo[1] == pdo), None)
     if found is None:
         return None
@@ -193,7 +193,7 @@ def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> fl
 @check("deadline-without-timer", WARNING, "an RPDO gives up after a time, and its TPDO comes with events only",
        "CiA 301, 7.5.2.35 and 7.5.2.37: event timer")  # fmt: skip
 def deadline_without_timer(network: CheckedNetwork) -> NetFound:
-    """While nothing changes it is an error."""
+    """The consumer reports an error while no value changes."""
     for connection in network.heard:
         sends = connection.sends.communication
         by_event = sends.transmission_type in (254, 255) and not sends.event_timer

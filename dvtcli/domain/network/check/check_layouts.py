@@ -1,4 +1,4 @@
-"""Rules about producers and consumers: who hears whom, and whether both have one layout."""
+"""Rules about producers and consumers: matching CAN-IDs and equal layouts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ONE_ID = "CiA 301, 7.3.5: a PDO has one CAN-ID"
 
 @check("rpdo-without-producer", WARNING, "nobody sends what an enabled RPDO waits for", _ONE_ID)
 def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
-    """A master may send it: where the file names one nothing is said."""
+    """A master may send it: silent if the file names a master."""
     if network.state.master is not None:
         return
     for node, pdo, config in network.rpdos:
@@ -30,7 +30,7 @@ def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
 
 @check("tpdo-without-consumer", NOTE, "nobody hears what an enabled TPDO sends", _ONE_ID)
 def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
-    """A master may hear it: where the file names one nothing is said."""
+    """A master may receive it: silent if the file names a master."""
     heard = {identifier_of(config) for _, _, config in network.rpdos}
     if network.state.master is not None:
         return
@@ -41,7 +41,7 @@ def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
 
 @check("own-tpdo", ERROR, "an RPDO waits for what its own node sends", "a CAN node does not hear itself")
 def own_tpdo(network: CheckedNetwork) -> NetFound:
-    """It hears nothing, or whoever else sends that by mistake."""
+    """The RPDO receives nothing, or frames that another node sends by mistake."""
     for node, pdo, config in network.rpdos:
         for sent in (other for owner, other, sends in network.tpdos
                      if owner is node and identifier_of(sends) == identifier_of(config)):  # fmt: skip
@@ -65,7 +65,7 @@ def frame_format(network: CheckedNetwork) -> NetFound:
     "heard-twice", WARNING, "two enabled RPDOs of a node have one CAN-ID", "ours: devices serve one of both, or both"
 )
 def heard_twice(network: CheckedNetwork) -> NetFound:
-    """Which of them takes the frame is the device's choice."""
+    """The device decides which RPDO receives the frame."""
     seen: dict[tuple[int, Identifier], Pdo] = {}
     for node, pdo, config in network.rpdos:
         other = seen.setdefault((node.node_id, identifier_of(config)), pdo)
@@ -88,7 +88,7 @@ def frame_too_short(network: CheckedNetwork) -> NetFound:
 @check("frame-too-long", WARNING, "a TPDO sends more than an RPDO that hears it maps: the rest is dropped (0x8220)",
        _LENGTHS)  # fmt: skip
 def frame_too_long(network: CheckedNetwork) -> NetFound:
-    """Devices may send an EMCY for it; dummies say that it is meant."""
+    """Devices may send an EMCY for it; dummies show that it is intended."""
     for connection in _whole(network):
         if connection.takes.bits < connection.sends.bits:
             yield (
@@ -99,7 +99,7 @@ def frame_too_long(network: CheckedNetwork) -> NetFound:
 
 @check("layout", ERROR, "an object of an RPDO lies across two objects of the TPDO that it hears", _LAYOUT)
 def layout(network: CheckedNetwork) -> NetFound:
-    """Its value is made of parts of two."""
+    """The received value is composed of parts of two objects."""
     for connection in _whole(network):
         for start, heard in _starts(connection.takes.mapping):
             sent = [entry for first, entry in _starts(connection.sends.mapping)
@@ -111,7 +111,7 @@ def layout(network: CheckedNetwork) -> NetFound:
 
 @check("part-of-object", WARNING, "an object of an RPDO hears some bits of a longer one", _LAYOUT)
 def part_of_object(network: CheckedNetwork) -> NetFound:
-    """Meant for bits of a status word; a mistake for numbers."""
+    """Intended for bits of a status word, a mistake for numbers."""
     for one, heard, sent in _pairs(network):
         if heard.bits < sent.bits:
             yield (
@@ -133,7 +133,7 @@ def data_type(network: CheckedNetwork) -> NetFound:
 
 @check("hears-no-command", WARNING, "a controlword hears what is no command", "CiA 402-2, 8.4: it moves the machine")
 def hears_no_command(network: CheckedNetwork) -> NetFound:
-    """The statusword of one drive enables another one."""
+    """The statusword of one drive enables another drive."""
     yield from _commanded(network, controlwords=True)
 
 
@@ -141,13 +141,13 @@ def hears_no_command(network: CheckedNetwork) -> NetFound:
     "hears-no-target", NOTE, "a target or an output hears what is none", "CiA 401-1, CiA 402-2: it moves the machine"
 )
 def hears_no_target(network: CheckedNetwork) -> NetFound:
-    """Meant for a drive that follows another one, or a lamp that shows a switch."""
+    """Intended for a drive that follows another drive, or a lamp that shows a switch."""
     yield from _commanded(network, controlwords=False)
 
 
 @check("sends-nothing", WARNING, "an enabled TPDO maps nothing", "CiA 301, 7.5.2.38")
 def sends_nothing(network: CheckedNetwork) -> NetFound:
-    """Its frames carry no data, or it is never sent."""
+    """Its frames carry no data, or are never sent."""
     for node, pdo, config in network.tpdos:
         if not config.mapping and config.mpdo is None and not config.inconsistency:
             yield at(node, pdo), "it is enabled and maps nothing"
@@ -155,7 +155,7 @@ def sends_nothing(network: CheckedNetwork) -> NetFound:
 
 @check("takes-nothing", WARNING, "an enabled RPDO maps nothing that is kept", "CiA 301, 7.5.2.36")
 def takes_nothing(network: CheckedNetwork) -> NetFound:
-    """It hears frames for nothing."""
+    """The RPDO receives frames without effect."""
     for node, pdo, config in network.rpdos:
         empty = all(entry.is_dummy for entry in config.mapping)
         if empty and config.mpdo is None and not config.inconsistency:
@@ -164,7 +164,7 @@ def takes_nothing(network: CheckedNetwork) -> NetFound:
 
 @check("no-whole-pdo", ERROR, "an enabled PDO is no whole PDO: a part of it cannot be read", "CiA 301, 7.5.2.35 to 38")
 def no_whole_pdo(network: CheckedNetwork) -> NetFound:
-    """Nobody knows what its frames mean."""
+    """The contents of its frames are unknown."""
     for node, pdo, config in network.enabled:
         if config.inconsistency and node in network.told:
             yield at(node, pdo), config.inconsistency
@@ -172,7 +172,7 @@ def no_whole_pdo(network: CheckedNetwork) -> NetFound:
 
 @check("too-long", ERROR, "an enabled PDO maps more than 64 bits", "CiA 301, 7.5.2.36 and 7.5.2.38")
 def too_long(network: CheckedNetwork) -> NetFound:
-    """No frame holds it."""
+    """The mapping exceeds the length of a frame."""
     for node, pdo, config in network.enabled:
         if config.bits > 64:
             yield at(node, pdo), f"it maps {config.bits} bits"
@@ -192,7 +192,7 @@ def one_object_two_writers(network: CheckedNetwork) -> NetFound:
 @check("synchronous-consumer", NOTE, "an RPDO takes over with SYNC what its TPDO sends with events",
        "CiA 301, 7.5.2.35: transmission type")  # fmt: skip
 def synchronous_consumer(network: CheckedNetwork) -> NetFound:
-    """It is as late as the next SYNC, and what came before that one is lost."""
+    """Values act only at the next SYNC, and earlier frames before that SYNC are lost."""
     for connection in network.heard:
         takes, sends = (
             connection.takes.communication.transmission_type,
@@ -217,7 +217,7 @@ def _commanded(network: CheckedNetwork, *, controlwords: bool) -> NetFound:
 
 
 def _sides(one: PdoConnection) -> tuple[LinkSide, LinkSide]:
-    """The producer and the consumer of *one*."""
+    """Producer and consumer of *one*."""
     sender, hearer = one.producer, one.consumer
     return (
         LinkSide(Endpoint(sender.node_id, one.tpdo), one.sends, sender.profile, sender.dictionary),
@@ -226,7 +226,7 @@ def _sides(one: PdoConnection) -> tuple[LinkSide, LinkSide]:
 
 
 def _whole(network: CheckedNetwork) -> Iterator[PdoConnection]:
-    """Those pairs of which both sides are known."""
+    """Connections with known mappings on both sides."""
     for connection in network.heard:
         odd = any(
             side.inconsistency or side.mpdo is not None or not side.mapping
@@ -244,7 +244,7 @@ def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMapp
 
 
 def _pairs(network: CheckedNetwork) -> Iterator[tuple[PdoConnection, PdoMappingEntry, PdoMappingEntry]]:
-    """Each object that hears one object, or a part of one."""
+    """Each received object with the sent object that contains it."""
     for connection in _whole(network):
         for start, heard in _starts(connection.takes.mapping):
             for first, sent in _starts(connection.sends.mapping):

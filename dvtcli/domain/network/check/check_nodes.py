@@ -1,4 +1,4 @@
-"""Rules about the nodes themselves: who they are."""
+"""Rules about the identity of nodes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dvtcli.domain.network.network_state import IDENTITY, IDENTITY_NAMES
 
 @check("identity", ERROR, "a node has another identity (0x1018) than the file asks for", "CiA 301, 7.5.2.19")
 def identity(network: CheckedNetwork) -> NetFound:
-    """It is another device; its EDS would be wrong for it."""
+    """The node is another device, so its EDS does not fit."""
     for node in network.told:
         for sub_index, name in enumerate(IDENTITY_NAMES, 1):
             wanted, has = node.asked.get(name), node.number(IDENTITY, sub_index)
@@ -33,7 +33,7 @@ def eds_identity(network: CheckedNetwork) -> NetFound:
 
 @check("dcf-node-id", WARNING, "a node's DCF was made for another node-ID", "CiA 306, DeviceComissioning: NodeID")
 def dcf_node_id(network: CheckedNetwork) -> NetFound:
-    """Its values may have that node-ID in them."""
+    """The DCF's values may contain the other node-ID."""
     for node in network.told:
         made_for = None if node.dictionary is None else node.dictionary.info.node_id
         if made_for and made_for != node.node_id:

@@ -1,4 +1,4 @@
-"""Rules about SYNC: that it is sent where it is needed, by one, and that what it makes be sent fits."""
+"""Rules about SYNC: required, a single producer, and synchronous PDOs that fit its period."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def sync_not_produced(network: CheckedNetwork) -> NetFound:
 
 @check("sync-from-elsewhere", WARNING, "PDOs are synchronous, no node sends SYNC, and no master is named", _TYPES)
 def sync_from_elsewhere(network: CheckedNetwork) -> NetFound:
-    """Somebody has to who is not known here."""
+    """A device outside the network has to send SYNC."""
     if network.traffic is not None and any(network.traffic.count(node.sync) for node in network.nodes):
         return  # somebody does
     if network.state.master is None:
@@ -55,7 +55,7 @@ def two_syncs(network: CheckedNetwork) -> NetFound:
 
 @check("sync-without-period", ERROR, "a node is to send SYNC, and its period is 0", "CiA 301, 7.5.2.6")
 def sync_without_period(network: CheckedNetwork) -> NetFound:
-    """It sends none."""
+    """The node sends no SYNC."""
     for node in network.told:
         if (node.number(SYNC_COB_ID) or 0) & PRODUCES and not node.number(SYNC_PERIOD):
             yield held(node, SYNC_PERIOD), "0x1005 says that it sends SYNC, 0x1006 is 0"
@@ -63,7 +63,7 @@ def sync_without_period(network: CheckedNetwork) -> NetFound:
 
 @check("sync-window", ERROR, "synchronous PDOs may come after the window for them (0x1007)", "CiA 301, 7.5.2.7")
 def sync_window(network: CheckedNetwork) -> NetFound:
-    """What comes later is to be dropped."""
+    """Frames after the window are discarded."""
     for need in () if network.need is None else network.need.needs:
         stream = need.stream
         if stream.window_us is None or stream.node is None or not need.is_late:
@@ -77,7 +77,7 @@ def sync_window(network: CheckedNetwork) -> NetFound:
 @check("window-over-period", WARNING, "the window for synchronous PDOs (0x1007) is not below the period of SYNC",
        "CiA 301, 7.5.2.6 and 7.5.2.7")  # fmt: skip
 def window_over_period(network: CheckedNetwork) -> NetFound:
-    """It limits nothing."""
+    """The window limits nothing."""
     period = min(network.state.sync_periods_us, default=None)
     for node in network.nodes:
         window = node.number(SYNC_WINDOW)
@@ -98,7 +98,7 @@ def sync_start_without_counter(network: CheckedNetwork) -> NetFound:
 
 @check("sync-start-over-counter", ERROR, "a TPDO waits for a value that the SYNC counter never has", _COUNTER)
 def sync_start_over_counter(network: CheckedNetwork) -> NetFound:
-    """It is never sent."""
+    """The PDO is never sent."""
     highest = max((node.number(SYNC_OVERFLOW) or 0 for node in network.nodes if node.produces_sync), default=0)
     for node, pdo, config in network.synchronous:
         start = config.communication.sync_start_value or 0
@@ -108,7 +108,7 @@ def sync_start_over_counter(network: CheckedNetwork) -> NetFound:
 
 @check("sync-counters-differ", WARNING, "a node counts SYNC up to another number than its producer", _COUNTER)
 def sync_counters_differ(network: CheckedNetwork) -> NetFound:
-    """It sees jumps of the counter, and may send an EMCY for each."""
+    """The node sees jumps of the counter, and may send an EMCY for each."""
     producer = next((node for node in network.nodes if node.produces_sync), None)
     wanted = 0 if producer is None else producer.number(SYNC_OVERFLOW) or 0
     for node in network.nodes:
@@ -119,7 +119,7 @@ def sync_counters_differ(network: CheckedNetwork) -> NetFound:
 
 @check("synchronous-without-sync", WARNING, "a node with synchronous PDOs has no 0x1005", "CiA 301, 7.5.2.5")
 def synchronous_without_sync(network: CheckedNetwork) -> NetFound:
-    """Whether it hears SYNC nobody can tell."""
+    """It stays unknown whether the node receives SYNC."""
     for node in network.told:
         mine = [pdo for other, pdo, _ in network.synchronous if other is node]
         if mine and node.number(SYNC_COB_ID) is None:
@@ -128,7 +128,7 @@ def synchronous_without_sync(network: CheckedNetwork) -> NetFound:
 
 @check("reserved-type", ERROR, "an enabled PDO has a reserved transmission type", _TYPES)
 def reserved_type(network: CheckedNetwork) -> NetFound:
-    """241 to 251, and of RPDOs 252 and 253 as well."""
+    """241 to 251 are reserved, and 252 and 253 for RPDOs."""
     for node, pdo, config in network.enabled:
         kind = config.communication.transmission_type
         if kind is not None and 241 <= kind <= (251 if pdo.is_tpdo else 253):
@@ -137,7 +137,7 @@ def reserved_type(network: CheckedNetwork) -> NetFound:
 
 @check("sent-on-request", NOTE, "a TPDO is sent on request (RTR) only", "CiA 301, 7.2.2.5; CiA recommends against RTR")
 def sent_on_request(network: CheckedNetwork) -> NetFound:
-    """Somebody has to ask for it, which many controllers cannot."""
+    """A master has to request it (RTR), a function that many controllers lack."""
     for node, pdo, config in network.tpdos:
         if config.communication.transmission_type in (252, 253):
             yield at(node, pdo), "it is sent when somebody asks for it (RTR)"

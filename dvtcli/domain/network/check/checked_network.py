@@ -1,4 +1,4 @@
-"""What the rules of `check` look at, and where a finding is in it. Judges nothing."""
+"""The subject of the rules of `check`, and the place of a finding."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from dvtcli.domain.services import taken_by_services
 
 
 def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
-    """Tell what `map` would say of each PDO that is enabled, or that a file names, made one after the other."""
+    """Findings of `map` for each PDO that is enabled, or named in a file, set up one after the other."""
     before: dict[Pdo, PdoConfig] = {}
     emcy = node.number(EMCY_COB_ID)
     for pdo, config in sorted(node.pdos.items()):
@@ -42,7 +42,7 @@ def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
 
 @dataclass(frozen=True, slots=True)
 class NetSpot:
-    """Where something is: a node, one of its PDOs, or an object of it; an empty one is the network as a whole."""
+    """Place of a finding: a node, a PDO, or an object; empty for the whole network."""
 
     node_id: int | None = None
     pdo: Pdo | None = None
@@ -51,7 +51,7 @@ class NetSpot:
 
     @property
     def object(self) -> str:
-        """The object as it is printed, empty for none."""
+        """The object as printed, empty for none."""
         return "" if self.index is None else f"{self.index:04X}:{self.sub_index:02X}"
 
 
@@ -61,7 +61,7 @@ NetFound = Iterator[tuple[NetSpot, str]]
 
 @dataclass(frozen=True, slots=True)
 class PdoConnection:
-    """One RPDO that hears one TPDO: consumer first."""
+    """An RPDO that receives a TPDO: consumer first."""
 
     consumer: NodeState
     rpdo: Pdo
@@ -72,7 +72,7 @@ class PdoConnection:
 
     @property
     def spot(self) -> NetSpot:
-        """Where it is: at the consumer."""
+        """The place of the connection: the consumer."""
         return NetSpot(self.consumer.node_id, self.rpdo)
 
     @property
@@ -83,10 +83,10 @@ class PdoConnection:
 
 @dataclass(frozen=True)
 class CheckedNetwork:
-    """A network of *state* on a bus of *bit_rate* bit/s, None if nobody says it: no rule assumes one.
+    """A network of *state* on a bus of *bit_rate* bit/s, None if unknown: no rule assumes a bit rate.
 
-    *traffic* is what was heard there, None where nobody listened. *present* are the nodes on the bus where the network
-    of a file is held against it, else None.
+    *traffic* are the recorded frames, None without recording. *present* are the nodes on the bus if the network
+    of a file is compared with it, else None.
     """
 
     state: NetworkState
@@ -101,22 +101,22 @@ class CheckedNetwork:
 
     @cached_property
     def told(self) -> tuple[NodeState, ...]:
-        """The nodes of which it is known what they have, and what they lack."""
+        """Nodes with known contents."""
         return tuple(node for node in self.nodes if node.node_id not in self.state.untold)
 
     @cached_property
     def judged(self) -> tuple[tuple[int, Pdo, Finding], ...]:
-        """What the rules of `map` say of each enabled PDO."""
+        """Findings of the `map` rules about each enabled PDO."""
         return tuple((node.node_id, *found) for node in self.told for found in judged_pdos(node))
 
     @cached_property
     def streams(self) -> Streams:
-        """Every frame that is sent, and how often at most."""
+        """All streams and their maximum frequency."""
         return streams_of(self.state)
 
     @cached_property
     def need(self) -> BusNeed | None:
-        """What all frames need of the bus, None if its bit rate is not known."""
+        """Bus needs of all streams, None if the bit rate is unknown."""
         return None if self.bit_rate is None else bus_need(self.streams, self.bit_rate)
 
     @cached_property
@@ -136,7 +136,7 @@ class CheckedNetwork:
 
     @cached_property
     def heard(self) -> tuple[PdoConnection, ...]:
-        """Every RPDO with each TPDO of another node that it hears."""
+        """Every RPDO with each TPDO of another node that it receives."""
         sent: dict[Identifier, list[tuple[NodeState, Pdo, PdoConfig]]] = {}
         for tpdo in self.tpdos:
             sent.setdefault(identifier_of(tpdo[2]), []).append(tpdo)
@@ -149,17 +149,17 @@ class CheckedNetwork:
 
     @cached_property
     def synchronous(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:
-        """Every enabled PDO that SYNC makes be sent, or taken over."""
+        """Every enabled synchronous PDO."""
         return tuple(row for row in self.enabled if row[2].communication.transmission_type in SYNCHRONOUS)
 
     @cached_property
     def sent(self) -> frozenset[Identifier]:
-        """Every CAN-ID that a TPDO sends."""
+        """Every CAN-ID of a TPDO."""
         return frozenset(identifier_of(config) for _, _, config in self.tpdos)
 
 
 def mark_of(state: NetworkState, spot: NetSpot) -> Mark:
-    """Where the file of *state* speaks of the object at *spot*, else of its PDO, else of the node."""
+    """Place in the file of *state* of the object at *spot*, else of its PDO, else of the node."""
     node = None if spot.node_id is None else state.node(spot.node_id)
     if node is None:
         return NOWHERE
@@ -169,7 +169,7 @@ def mark_of(state: NetworkState, spot: NetSpot) -> Mark:
 
 
 def at(node: NodeState, pdo: Pdo | None = None) -> NetSpot:
-    """The spot of *node*, or of one of its PDOs."""
+    """The spot of *node* or its *pdo*."""
     return NetSpot(node.node_id, pdo)
 
 

@@ -1,4 +1,4 @@
-"""All rules of `check`, and asking them."""
+"""All rules of `check`, and their evaluation."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ NETWORK_RULES: tuple[LintRule, ...] = tuple(check.rule for check in CHECKS)
 
 
 def network_findings(network: CheckedNetwork, wanted: Collection[str]) -> Iterator[tuple[LintRule, NetSpot, str]]:
-    """Everything that the rules named in *wanted* say of *network*."""
+    """All findings of the rules named in *wanted* about *network*."""
     for check in CHECKS:
         if check.rule.name in wanted:
             yield from ((check.rule, spot, text) for spot, text in check.look(network))
