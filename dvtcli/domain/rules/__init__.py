@@ -1,7 +1,7 @@
-"""What is legal: every rule that is checked before the first write.
+"""Rules that check a change before the first write.
 
-A rule looks at one `Proposal` and yields findings; it judges only what the change touches, so that a device
-with an odd factory setting can still be changed elsewhere. Knows no transport and never writes.
+A rule looks at one `Proposal` and yields findings; it judges only changed parts, so that a device
+with an odd factory setting can still be changed elsewhere. Rules never write.
 """
 
 from __future__ import annotations
@@ -30,5 +30,5 @@ def check_pdo(proposal: Proposal) -> tuple[Finding, ...]:
 
 
 def errors_in(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Those of *findings* that stop a change."""
+    """Findings that stop a change."""
     return tuple(finding for finding in findings if finding.severity is Severity.ERROR)

@@ -66,7 +66,7 @@ FREE_POOL = range(0x680, 0x6E0)
 
 
 def restricted_use(can_id: int) -> str | None:
-    """What an 11-bit *can_id* is restricted for, or None where a PDO may have it."""
+    """Restricted use of an 11-bit *can_id*, or None if a PDO may have it."""
     for first, last, use in RESTRICTED:
         if first <= can_id <= last:
             return use
@@ -89,9 +89,9 @@ def service_findings(node_id: int, index: int, raw: int) -> Iterator[Finding]:
 
 
 def is_in_use(index: int, raw: int) -> bool:
-    """Whether a service with the COB-ID *raw* at *index* takes its CAN-ID.
+    """Whether a service with the COB-ID *raw* at *index* occupies its CAN-ID.
 
-    Bit 31 switches EMCY and an SDO channel off, and means nothing for SYNC; the time stamp is sent with bit 30.
+    Bit 31 disables EMCY and an SDO channel, and has no meaning for SYNC; the time stamp is sent with bit 30.
     """
     return index == SYNC or bool(raw & PRODUCES if index == TIME else not raw & OFF)
 
@@ -99,7 +99,7 @@ def is_in_use(index: int, raw: int) -> bool:
 def service_taken_findings(
     index: int, sub_index: int, raw: int, taken: Mapping[tuple[int, bool], str]
 ) -> Iterator[Finding]:
-    """An error if what a service is to get as its COB-ID, *raw*, is among the CAN-IDs that are *taken*, by what.
+    """An error if the new COB-ID *raw* of a service is among the CAN-IDs *taken* by others.
 
     Source: CiA 301, 7.3.5; 7.5.2.5 (SYNC), 7.5.2.14 (EMCY), 7.5.2.16 (time stamp), 7.5.2.33 (SDO server).
     """
@@ -111,7 +111,7 @@ def service_taken_findings(
 
 
 def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge the wanted COB-ID; of one that an enabled PDO keeps, tell the errors about who else has its CAN-ID."""
+    """Judge the requested COB-ID; for an unchanged COB-ID of an enabled PDO, report only errors about clashes."""
     now, want = proposal.now.communication.cob_id, proposal.want.communication.cob_id
     yield from cob_id_findings(proposal)
     place, stays = proposal.communication_place(1), now == want
@@ -120,10 +120,10 @@ def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
 
 
 def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge the wanted COB-ID, whoever else has its CAN-ID.
+    """Judge the requested COB-ID, regardless of other users of its CAN-ID.
 
-    Of one that stays while the PDO is not switched off it is an error if its CAN-ID is that of another service: what
-    is reserved, and flags that the family does not want, the device has taken already.
+    For an unchanged COB-ID of a PDO that stays enabled, only the CAN-ID of another service is an error: the device has
+    accepted reserved CAN-IDs, and flags that the family does not want, before.
     """
     now, want = proposal.now.communication.cob_id, proposal.want.communication.cob_id
     place = proposal.communication_place(1)
@@ -231,7 +231,7 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
 
 
 def _producer_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
-    """Another node that sends the same CAN-ID: the frames of both would collide on the wire (CiA 301, 7.3.5)."""
+    """Another node that sends the same CAN-ID: both nodes' frames would collide on the wire (CiA 301, 7.3.5)."""
     for producer in _same_producers(proposal):
         yield error(
             "can-id-clash",
@@ -243,12 +243,12 @@ def _producer_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
 
 
 def _same_producers(proposal: Proposal) -> list[Producer]:
-    """Those that a TPDO clashes with; that a consumer waits for what another node sends is what PDOs are for."""
+    """Producers that clash with a TPDO; an RPDO never clashes with a producer."""
     return _same_senders(proposal) if proposal.pdo.is_tpdo else []
 
 
 def _same_senders(proposal: Proposal) -> list[Producer]:
-    """What other nodes send with the CAN-ID that is wanted."""
+    """TPDOs of other nodes with the requested CAN-ID."""
     want = proposal.want.communication.cob_id
     identifier = (want.can_id, want.extended)
     return [
@@ -270,9 +270,9 @@ def default_owner(can_id: int) -> tuple[Pdo, int] | None:
 
 
 def automatic_can_id(proposal: Proposal) -> int | None:
-    """The CAN-ID that `auto` means: the pre-defined one for PDO 1..4, else the lowest free one, else None.
+    """The CAN-ID for `auto`: the pre-defined one for PDO 1..4, else the lowest free CAN-ID, else None.
 
-    A pre-defined one that another PDO of the node uses is not free, nor, for a TPDO, one that another node sends.
+    A pre-defined CAN-ID used by another PDO of the node is not free, nor, for a TPDO, a CAN-ID sent by another node.
     """
     used: set[int | None] = {cob_id.can_id for cob_id in proposal.other_cob_ids.values() if cob_id.valid}
     used |= {producer.cob_id.can_id for producer in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()

@@ -28,7 +28,7 @@ _LARGEST = {2: 0xFF, 3: 0xFFFF, 5: 0xFFFF, 6: 0xFF}
 
 
 def communication_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge every communication parameter that changes, and each write by what the device's file says of it."""
+    """Judge every changing communication parameter, and each write by the device's file."""
     fits = len(proposal.want.mapping) <= MAX_ENTRIES
     for sub_index, before, after in _changed(proposal):
         place = proposal.communication_place(sub_index)
@@ -69,7 +69,7 @@ def _fits(sub_index: int, value: int) -> bool:
 
 
 def _size_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[Finding]:
-    """What the object's size and the family say of this parameter."""
+    """Judge a parameter by its object's size and the family."""
     place, name = proposal.communication_place(sub_index), _NAMES[sub_index]
     if not _fits(sub_index, value):
         yield error(

@@ -1,4 +1,4 @@
-"""Rules about each write of a PDO's change by what the device's file says of the object (CiA 306, 4.6.3)."""
+"""Rules about each write of a PDO's change according to the device's file (CiA 306, 4.6.3)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NAMES = {
 
 
 def described_step_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge every write that the change takes, also those between that only switch the PDO off; each object once."""
+    """Judge every write of the change, including intermediate disabling writes; each object once."""
     dictionary = proposal.dictionary
     if dictionary is None:
         return
@@ -98,21 +98,21 @@ def _limit_findings(proposal: Proposal, entry: OdEntry, step: Step, where: str) 
 
 
 def leave_a_choice(entry: OdEntry, low: float | None, high: float | None) -> bool:
-    """Whether the limits of *entry* count: real files carry 0..0, reversed ones, and some that its type cannot have."""
+    """Whether the limits of *entry* are usable: real files have 0..0, reversed limits, and limits beyond the type."""
     least, most = (entry.data_type and entry.data_type.limits) or (float("-inf"), float("inf"))
     lowest, highest = least if low is None else low, most if high is None else high
     return least <= lowest < highest <= most
 
 
 def parameter_name(step: Step) -> str:
-    """What the object of *step* is called."""
+    """Name of the object of *step*."""
     if not is_mapping_index(step.index):
         return _NAMES.get(step.sub_index, step.object)
     return f"mapping entry {step.sub_index}" if step.sub_index else "number of mapped objects"
 
 
 def shown(step: Step, value: float) -> str:
-    """A value of the object of *step* as the field writes it."""
+    """A value of the object of *step* in the usual notation."""
     if len(step.after) == 4:
         return f"0x{int(value) & 0xFFFF_FFFF:08X}"
     if not is_mapping_index(step.index) and step.sub_index == INHIBIT_TIME:

@@ -17,7 +17,7 @@ RULES = (
 
 
 def length_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
-    """Judge the length of one *entry* at *place*: by itself, by the family, and by its object's."""
+    """Judge the length of *entry* at *place*: in itself, by the family, and by its object."""
     profile = proposal.profile
     if not 1 <= entry.bits <= MAX_PDO_BITS:
         abort = Abort.NOT_MAPPABLE if entry.bits or not entry.raw else Abort.VALUE_RANGE
@@ -66,7 +66,7 @@ def _against_object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> I
 
 
 def _granularity(proposal: Proposal) -> int:
-    """The profile's, else the EDS's where it is 1 or 8 (real files also hold 0 and 64, which mean nothing)."""
+    """The profile's granularity, else the EDS's if 1 or 8 (real files also hold 0 and 64, without meaning)."""
     if proposal.profile.granularity is not None:
         return proposal.profile.granularity
     stated = proposal.dictionary.info.granularity if proposal.dictionary else None

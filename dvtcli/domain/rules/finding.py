@@ -1,4 +1,4 @@
-"""What a rule says, and what it looks at."""
+"""Findings of rules, and their subject, the `Proposal`."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ NOTE = (Severity.NOTE,)
 
 
 class Rule(NamedTuple):
-    """One rule: its *name*, how strongly it is meant, where it speaks (*sense*), and who says so (*source*).
+    """A rule: its *name*, its severities, its condition (*sense*), and its *source*.
 
-    *aborts* are the SDO abort codes that a device answers where the rule is broken. Strongest severity first.
+    *aborts* are a device's SDO abort codes for a violation. Strongest severity first.
     """
 
     name: str
@@ -33,10 +33,10 @@ class Rule(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing a rule noticed.
+    """A finding of a rule.
 
     *rule* is its short name, *place* an object (`0x1A00:03`) or `FILE:LINE`, *abort* the SDO abort code the
-    device would give, or None. *complaint* is the place of the file that asks for it, None if no file does.
+    device would give, or None. *complaint* is its cause's place in a file, None without a file.
     """
 
     rule: str
@@ -49,7 +49,7 @@ class Finding:
 
     @property
     def pdo(self) -> Pdo | None:
-        """The PDO that its place is part of, or is the end of a link of (`5:rpdo2`); None for none."""
+        """The PDO at the finding's place, or at the end of a link (`5:rpdo2`); None for none."""
         head, _, tail = self.place.partition(":")
         if head.startswith("0x"):
             return Pdo.at(int(head, 16))
@@ -58,7 +58,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Producer:
-    """A TPDO that is enabled on another node than the one that is looked at."""
+    """An enabled TPDO of another node."""
 
     node_id: int
     pdo: Pdo
@@ -67,15 +67,15 @@ class Producer:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """One PDO as it is and as it is wanted, with everything the rules may look at.
+    """A PDO's present and requested configuration, with all data for the rules.
 
-    *others* are the node's other PDOs as they will be, and *cob_ids* their COB-IDs where these are known without the
-    rest (None: *others* tell them); *dictionary* is None without an EDS; *lengths* are
-    object lengths in bits that were learnt by reading the device; *services* tells the CAN-IDs of services, and
-    whether they have 29 bits, each with what it is: SYNC, the node's EMCY, further SDO channels of all known nodes
-    (nothing: the standard's defaults);
-    *elsewhere* tells what the other known nodes send;
-    *absent* has the abort codes with which the device refused uploads of objects that it does not have.
+    *others* are the node's other PDOs in their final state, and *cob_ids* their COB-IDs if known without the
+    rest (None: use *others*); *dictionary* is None without an EDS; *lengths* are
+    object lengths in bits learnt by reading the device; *services* returns the CAN-IDs of services, and
+    whether they have 29 bits, each with its use: SYNC, the node's EMCY, further SDO channels of all known nodes
+    (empty: the standard's defaults);
+    *elsewhere* returns the TPDOs of the other known nodes;
+    *absent* has the abort codes with which the device refused uploads of missing objects.
     """
 
     node_id: int
@@ -93,13 +93,13 @@ class Proposal:
 
     @property
     def other_cob_ids(self) -> Mapping[Pdo, CobId]:
-        """The COB-IDs of the node's other PDOs as they will be."""
+        """The COB-IDs of the node's other PDOs in their final state."""
         if self.cob_ids is not None:
             return self.cob_ids
         return {pdo: config.communication.cob_id for pdo, config in self.others.items()}
 
     def name(self, index: int, sub_index: int) -> str:
-        """The object with its name where one is known: `6041:00 "Statusword"`."""
+        """The object with its name if known: `6041:00 "Statusword"`."""
         known = self.dictionary.display_name(index, sub_index) if self.dictionary else ""
         return f'{index:04X}:{sub_index:02X} "{known}"' if known else f"{index:04X}:{sub_index:02X}"
 
@@ -113,12 +113,12 @@ class Proposal:
 
 
 def finding_of(rule: str, severity: Severity, place: str, text: str) -> Finding:
-    """What a rule found that is declared elsewhere, as those of networks are."""
+    """A finding of a rule declared elsewhere, such as a network rule."""
     return Finding(rule, severity, place, text)
 
 
 def error(rule: str, place: str, text: str, abort: int | None = None, hint: Hint | str | None = None) -> Finding:
-    """A finding that stops the change unless it is forced."""
+    """A finding that stops the change unless forced."""
     return Finding(rule, Severity.ERROR, place, text, abort, hint)
 
 

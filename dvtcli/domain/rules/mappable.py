@@ -40,12 +40,12 @@ RULES = (
 
 
 def enables_nothing(now: PdoConfig, want: PdoConfig) -> bool:
-    """Whether a PDO that is *now* becomes, as *want*, an enabled one that maps nothing; one that is so may stay so."""
+    """Whether a PDO *now* becomes an enabled PDO without mapping in *want*; an existing one may stay."""
     return want.enabled and not want.count and (not now.enabled or disables(now, want) or bool(now.count))
 
 
 def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge the wanted mapping where it changes, and an empty one where the PDO becomes valid."""
+    """Judge the requested mapping if it changes, and an empty mapping if the PDO becomes valid."""
     want = proposal.want
     if proposal.now.mpdo is not None and proposal.now != want:
         yield error(
@@ -75,7 +75,7 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
 
 
 def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
-    """One note for all objects of which no EDS tells anything."""
+    """One note for all objects without EDS."""
     objects = [entry.object for entry in proposal.want.mapping if not entry.is_dummy]
     if proposal.dictionary is None and objects:
         text = f"no EDS: nothing is known beforehand about {join_some(objects)}: an EDS of the device tells"
@@ -83,7 +83,7 @@ def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
 
 
 def _static_findings(proposal: Proposal) -> Iterator[Finding]:
-    """A mapping is static where its sub-indices are read-only; Granularity says nothing about it."""
+    """A mapping with read-only sub-indices is static; Granularity does not tell."""
     dictionary, index = proposal.dictionary, proposal.pdo.mapping_index
     first = 0 if proposal.profile.filler is None else 1  # fillers stand for a count that is read-only
     for sub_index in range(first, len(proposal.want.mapping) + 1):
@@ -133,7 +133,7 @@ def _count_findings(proposal: Proposal) -> Iterator[Finding]:
 
 
 def _entry_sub_indices(proposal: Proposal) -> int | None:
-    """How many entries from the first one on the EDS's mapping parameter has; None where it does not say."""
+    """Number of consecutive entries in the EDS's mapping parameter; None if not in the EDS."""
     dictionary, index = proposal.dictionary, proposal.pdo.mapping_index
     if dictionary is None or index not in dictionary:
         return None
@@ -167,12 +167,12 @@ def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[F
 
 
 def usable_dummies(proposal: Proposal) -> frozenset[int] | None:
-    """The dummy indices the device takes: what neither its file nor its profile denies; None where nothing says."""
+    """Dummy indices that the device accepts: excluded neither by its file nor its profile; None if unknown."""
     return known_dummies(proposal.dictionary, proposal.profile)
 
 
 def known_dummies(dictionary: ObjectDictionary | None, profile: DeviceProfile) -> frozenset[int] | None:
-    """The same of any device that *dictionary* and *profile* describe."""
+    """Dummy indices of any device with *dictionary* and *profile*; None if unknown."""
     stated = dictionary.info.dummies if dictionary else None
     known = profile.dummies
     return stated & known if stated is not None and known is not None else known if stated is None else stated

@@ -1,4 +1,4 @@
-"""Rules about one object that is to be mapped: existence, direction, what its family advises (CiA 306, 4.6.3)."""
+"""Rules about a mapped object: existence, direction, advice of the family (CiA 306, 4.6.3)."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ TAKES_RPDO = frozenset({Access.WO, Access.RWW, Access.RW})
 
 
 def is_taken(profile: DeviceProfile, dictionary: ObjectDictionary, entry: OdEntry, *, tpdo: bool) -> bool:
-    """Whether the rules below let *entry* be mapped into a TPDO, or an RPDO; what they warn of is let be."""
+    """Whether the rules below allow mapping *entry* into a TPDO, or an RPDO; warnings do not count."""
     refused = _of_read_write(profile, entry.access, tpdo=tpdo) is Severity.ERROR
     return _has_access(entry.access, tpdo=tpdo) and not _is_said_unmappable(dictionary, entry) and not refused
 
 
 def _has_access(access: Access, *, tpdo: bool) -> bool:
-    """Whether a TPDO can read it, or an RPDO write it; about rww in a TPDO families differ."""
+    """Whether a TPDO can read it, or an RPDO write it; families differ on rww in a TPDO."""
     return access in (FEEDS_TPDO if tpdo else TAKES_RPDO) or (tpdo and access is Access.RWW)
 
 
 def _is_said_unmappable(dictionary: ObjectDictionary, entry: OdEntry) -> bool:
-    """Where the file says of no object whether it can be mapped, it says nothing of this one either."""
+    """Whether the file excludes *entry* from mapping; a file without any PDOMapping excludes nothing."""
     return not entry.pdo_mapping and (entry.pdo_mapping is not None or dictionary.tells_mappability)
 
 
 def _of_read_write(profile: DeviceProfile, access: Access, *, tpdo: bool) -> Severity | None:
-    """How the family judges an object that the host may write, too."""
+    """The family's severity for an object that the host may also write."""
     return {
         (True, Access.RW): profile.rw_in_tpdo,
         (True, Access.RWW): profile.rww_in_tpdo,
@@ -57,7 +57,7 @@ def _of_read_write(profile: DeviceProfile, access: Access, *, tpdo: bool) -> Sev
 
 
 def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
-    """Judge the object of one *entry* at *place*: by its file, else by whether the device says that it has it."""
+    """Judge the object of *entry* at *place*: by its file, else by the device's answer to an upload."""
     dictionary = proposal.dictionary
     if dictionary is None:
         if entry not in proposal.now.mapping and (abort := proposal.absent.get((entry.index, entry.sub_index))):
@@ -75,7 +75,7 @@ def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> I
 
 
 def _absent_object(proposal: Proposal, place: str, entry: PdoMappingEntry, abort: int) -> Finding:
-    """The finding for an object without a file of which the device refused the upload; it may map it all the same."""
+    """Finding for an object without a file whose upload the device refused; mapping may still work."""
     text = f"0x{entry.index:04X}:{entry.sub_index:02X} cannot be read from node {proposal.node_id}: {abort_text(abort)}"
     return error(
         "object-exists", place, f"{text} (0x{abort:08X})", abort, Hint(Action.GIVE_EDS, why="names its objects")
@@ -83,7 +83,7 @@ def _absent_object(proposal: Proposal, place: str, entry: PdoMappingEntry, abort
 
 
 def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_index: int) -> Finding:
-    """The finding for an object that *dictionary* does not have, with what it has instead."""
+    """Finding for an object missing in *dictionary*, with its existing sub-indices."""
     if index not in dictionary:
         text = f"0x{index:04X} is not in {dictionary.source}"
         return error(
@@ -96,7 +96,7 @@ def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_ind
 
 
 def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> str | None:
-    """A hint where *sub_index*, read as decimal digits, would be an object of *dictionary*."""
+    """A hint if *sub_index*, read as decimal digits, would be an object of *dictionary*."""
     digits = f"{sub_index:X}"
     if digits.isdigit() and dictionary.entry(index, int(digits)) and int(digits) != sub_index:
         return f"sub-indices are hexadecimal: decimal {digits} is {index:04X}:{int(digits):02X}"
@@ -132,7 +132,7 @@ def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, fou
 
 
 def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
-    """What a device family makes of objects that the host may write too (Sevcon 3.3, Trinamic 6.3)."""
+    """Advice of a device family about objects that the host may also write (Sevcon 3.3, Trinamic 6.3)."""
     tpdo, profile = proposal.pdo.is_tpdo, proposal.profile
     name = proposal.name(found.index, found.sub_index)
     if tpdo and (advice := profile.why_not_in_tpdo(found.index)):

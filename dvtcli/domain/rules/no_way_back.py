@@ -1,4 +1,4 @@
-"""What a device takes back of a PDO's present configuration, once it was changed; said before it is."""
+"""Check in advance whether a device accepts a PDO's present configuration again after a change."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _NAMES = {"transmission_type": "transmission type", "inhibit_time": "inhibit tim
 
 
 def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
-    """What a device takes instead where it does not take what *back* wants, and what to say of it; None where it does.
+    """Configuration that the device accepts in place of *back*, with a finding; None if it accepts *back*.
 
-    *back* goes from what is to be set to what is held now. Parameters that are refused stay as they are to be set;
-    then the PDO is off, and then empty.
+    *back* is the roll-back from the new configuration to the present one. Refused parameters keep their new value;
+    next the PDO is disabled, and finally emptied.
     """
     refusals = _refusals(back)
     if not refusals:
@@ -53,7 +53,7 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
 
 
 def _refusals(back: Proposal) -> list[Finding]:
-    """What a device would abort; what only our rules forbid has been there before."""
+    """Findings that a device would abort; rules of dvtcli only do not count, as the configuration existed before."""
     return [finding for finding in errors_in(check_pdo(back)) if finding.abort is not None]
 
 
@@ -69,7 +69,7 @@ def _weaker(back: Proposal) -> Iterator[PdoConfig]:
 
 
 def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
-    """The warning that the device refused what *pdo* was *before*, so that it is *back* now."""
+    """The warning that the device refused to restore *pdo* to *before*, so that it is *back* now."""
     place = f"0x{pdo.communication_index:04X}:01"
     return warning("way-back", place, put_back_text(pdo, before, back))
 
@@ -81,7 +81,7 @@ def put_back_text(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> str:
 
 
 def _state(before: PdoConfig, back: PdoConfig) -> str:
-    """What a PDO is *before*, as far as that matters beside what it is put *back* to."""
+    """Description of a PDO's state *before*, as far as it differs from *back*."""
     if before.inconsistency:
         return "inconsistent"
     words = ["enabled" if before.enabled else "off", *([] if before.count else ["empty"])]
@@ -89,7 +89,7 @@ def _state(before: PdoConfig, back: PdoConfig) -> str:
 
 
 def _parameters(of: PdoConfig, beside: PdoConfig) -> Iterator[str]:
-    """The parameters *of* one in which it is not what it is *beside*."""
+    """Parameters *of* a PDO that differ from *beside*."""
     for field, name in _NAMES.items():
         value = getattr(of.communication, field)
         if value != getattr(beside.communication, field):
@@ -97,12 +97,12 @@ def _parameters(of: PdoConfig, beside: PdoConfig) -> Iterator[str]:
 
 
 def left_as(before: PdoConfig, back: PdoConfig) -> str:
-    """What becomes of a PDO that was *before* and is put *back*, in words."""
+    """Description of a PDO's state *back* that was *before*."""
     off = [] if back.enabled else ["off", *([] if back.count else ["empty"])]
     return " and ".join([*off, *_parameters(back, before)])
 
 
 def restarted_finding(node_id: int) -> Finding:
-    """Return what is said of a node that restarted while it was put back."""
+    """The warning for a node that restarted during its roll-back."""
     text = f"node {node_id} restarted: what else it held in RAM only is lost"
     return warning("restarted-meanwhile", f"node {node_id}", text)

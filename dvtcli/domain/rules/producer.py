@@ -1,4 +1,4 @@
-"""Whether anybody sends what an RPDO waits for. Knows the PDOs it is given; listens to nothing."""
+"""Whether any known node sends an RPDO's CAN-ID. Pure."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ RULES = (
 
 
 def sent_by(pdos: Iterable[PdoConfig]) -> Iterator[tuple[int, bool]]:
-    """CAN-ID, and whether it has 29 bits, of every enabled one of *pdos*, which are TPDOs."""
+    """CAN-ID, and whether it has 29 bits, of every enabled TPDO in *pdos*."""
     return (_identifier(config.communication.cob_id) for config in pdos if config.enabled)
 
 
 def producer_findings(
     changes: Iterable[PdoChange], sent: Collection[tuple[int, bool]], consequence: str
 ) -> Iterator[Finding]:
-    """A warning for each RPDO that *changes* enable or move to a CAN-ID that is none of those *sent* by known nodes.
+    """A warning for each RPDO that *changes* enable or move to a CAN-ID that is not *sent* by a known node.
 
-    *consequence* is what the device does where nothing comes.
+    *consequence* is the device's reaction to missing frames.
     """
     for change in changes:
         before, after = change.before.communication.cob_id, change.after.communication.cob_id

@@ -1,4 +1,4 @@
-"""Rules for a `write` to one object, so that it meets the guards of the command that is meant for it."""
+"""Rules for a `write` to an object, with the guards of the command intended for this object."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _FROZEN = {3: "inhibit time", 6: "SYNC start value"}
 
 @dataclass(frozen=True, slots=True)
 class ParameterWrite:
-    """One raw write to a PDO's communication or mapping parameter."""
+    """A raw write to a PDO's communication or mapping parameter."""
 
     index: int
     sub_index: int
@@ -61,7 +61,7 @@ class ParameterWrite:
 
 
 def with_raw(parameter: PdoCommunicationParameter, sub_index: int, value: int) -> PdoCommunicationParameter:
-    """*parameter* with *value* at *sub_index*; unchanged for a sub-index that is none of its own."""
+    """*parameter* with *value* at *sub_index*; unchanged for an unknown sub-index."""
     if sub_index == 1:
         return replace(parameter, cob_id=CobId.from_raw(value))
     if sub_index not in _FIELDS:
@@ -70,7 +70,7 @@ def with_raw(parameter: PdoCommunicationParameter, sub_index: int, value: int) -
 
 
 def write_findings(dictionary: ObjectDictionary | None, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
-    """What the EDS says of writing *data* to *index*:*sub_index*: existence, access, length, limits."""
+    """Findings of the EDS about writing *data* to *index*:*sub_index*: existence, access, length, limits."""
     return () if dictionary is None else tuple(_write_findings(dictionary, index, sub_index, data))
 
 
@@ -107,12 +107,12 @@ def _write_findings(dictionary: ObjectDictionary, index: int, sub_index: int, da
 
 
 def why_unreadable(index: int) -> str:
-    """Why the object at *index* does not read back what was written, in words that follow its name."""
+    """Why the object at *index* does not read back the written value, in words that follow its name."""
     return "reads back a state" if answers_with_state(index) else "is write-only"
 
 
 def unreadable_finding(index: int, sub_index: int, held: bytes | None = None) -> Finding:
-    """The warning that a value cannot be read back; *held* is what a control word reads back instead."""
+    """The warning that a value cannot be read back; *held* is the value that a control word reads back instead."""
     place = f"0x{index:04X}:{sub_index:02X}"
     why = why_unreadable(index) if held is None else f"is a control word and reads back {value_text(held)}"
     return warning("write-only", place, f"{place} {why}: what was written cannot be read back")
@@ -124,14 +124,14 @@ def parameter_findings(
     write: ParameterWrite,
     entries: Callable[[], tuple[PdoMappingEntry, ...]],
 ) -> tuple[Finding, ...]:
-    """What the PDO rules say of a raw *write*; *entries* tells those that a written count would make active."""
+    """Findings of the PDO rules about a raw *write*; *entries* returns the entries that a written count activates."""
     if write.index < 0x1600 or 0x1800 <= write.index < 0x1A00:
         return tuple(_communication(proposal_for, now, write))
     return tuple(_mapping(proposal_for, now, write, entries))
 
 
 def length_findings(index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
-    """What the standard says of the length of *data* for a PDO's parameter; nothing of a sub-index it does not know."""
+    """Findings of the standard about the length of *data* for a PDO's parameter; none for an unknown sub-index."""
     size = parameter_size(index, sub_index)
     if size is None or len(data) == size:
         return ()
@@ -141,7 +141,7 @@ def length_findings(index: int, sub_index: int, data: bytes) -> tuple[Finding, .
 
 
 def parameter_size(index: int, sub_index: int) -> int | None:
-    """How many bytes a sub-index of a PDO's parameters has (CiA 301, 7.5.2.35 to 38); None where it is none of them."""
+    """Bytes of a sub-index of a PDO's parameters (CiA 301, 7.5.2.35 to 38); None if unknown."""
     if index & 0x200 == 0:
         return _SIZES.get(sub_index)
     return 4 if sub_index else 1

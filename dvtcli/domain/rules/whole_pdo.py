@@ -1,6 +1,6 @@
-"""Rules about PDOs that are not whole: without COB-ID, without mapping, or with a count that their entries do not fill.
+"""Rules about incomplete PDOs: without COB-ID, without mapping, or with a count beyond their entries.
 
-Such a PDO may be disabled, cleared and mapped anew; it is not enabled as it stands.
+Such a PDO may be disabled, cleared and mapped anew, but not enabled unchanged.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RULES = (
 
 
 def whole_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge what the change needs of a PDO that lacks it, and an inconsistent one that it would enable."""
+    """Judge a change that needs missing parts of a PDO, or enables an inconsistent PDO."""
     now, want, label = proposal.now, proposal.want, proposal.pdo.label
     maps = mapping_differs(now, want)
     if not now.has_cob_id and now.communication.cob_id != want.communication.cob_id:
@@ -51,7 +51,7 @@ def whole_findings(proposal: Proposal) -> Iterator[Finding]:
 
 
 def _is_described(proposal: Proposal) -> bool:
-    """Whether the device's file has the COB-ID, so that the PDO may well be enabled."""
+    """Whether the device's file has the COB-ID, so that enabling may work."""
     return (
         proposal.dictionary is not None and proposal.dictionary.entry(proposal.pdo.communication_index, 1) is not None
     )
