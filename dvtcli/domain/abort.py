@@ -1,4 +1,4 @@
-"""SDO abort codes with their meaning (CiA 301, table 22). Does not know what a maker means by one."""
+"""SDO abort codes and their meaning (CiA 301, table 22); manufacturer-specific meanings are not included."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Abort(IntEnum):
-    """The codes that dvtcli itself reasons about."""
+    """Abort codes that dvtcli reacts to."""
 
     TOGGLE_BIT = 0x0503_0000
     TIME_OUT = 0x0504_0000
@@ -76,13 +76,13 @@ _TEXTS = {
 
 
 def abort_text(code: int) -> str:
-    """What an abort *code* means, in words; unknown codes are said to be unknown."""
+    """The meaning of abort *code* in words; "unknown abort code" for codes outside the standard."""
     return _TEXTS.get(code, "unknown abort code")
 
 
 def may_pass(code: int) -> bool:
-    """Whether a refusal with *code* may be over a moment later: of the protocol, the memory or the device's state.
+    """Whether a retry may succeed after *code*: its cause is the protocol, memory or the device's state.
 
-    The others are about what was asked for (CiA 301, table 22): the same again is refused again.
+    All other codes refer to the request (CiA 301, table 22): a retry gets the same refusal.
     """
     return code >> 24 != _ABOUT_THE_REQUEST or code == Abort.HARDWARE

@@ -1,7 +1,6 @@
-"""How long a CAN frame is on the wire: its bits exactly, at least and at most.
+"""Length of a CAN frame on the wire in bits: exact, minimum and maximum.
 
-Pure arithmetic of classical CAN (ISO 11898-1): headers, CRC-15, stuff bits. Does not know bit rates, time, nor what a
-frame means; whose frame goes first is the wire's (`simulator.wire`).
+Pure arithmetic of classical CAN (ISO 11898-1): headers, CRC-15, stuff bits.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ def _crc_table() -> tuple[int, ...]:
 
 
 def _stuff_table() -> tuple[tuple[int, int], ...]:
-    """For each state (the last bit, and how many equal ones there were) and byte: the state behind it, its stuff bits.
+    """State after a byte and its stuff bits, for each state (last bit, number of equal bits) and byte.
 
     A state is `bit * 4 + equal - 1`; the table's index is `state * 256 + byte`.
     """
@@ -49,9 +48,9 @@ _IDLE = 0b100
 
 
 def frame_bits(can_id: int, data: bytes = b"", extended: bool = False, remote: bool = False) -> int:
-    """Bits that a frame takes on the wire: its own, its stuff bits, and the 3 bits between two frames.
+    """Bits of a frame on the wire: its own, its stuff bits, and the 3 bits of interframe space.
 
-    *can_id* has 11 bits, 29 where it is *extended*; *data* has 0..8 bytes. A *remote* frame carries the length of
+    *can_id* has 11 bits, or 29 if *extended*; *data* has 0..8 bytes. A *remote* frame carries the length of
     *data* and no data.
     """
     content, bits = _stuffed_part(can_id, data, extended, remote)
@@ -64,7 +63,7 @@ def frame_bits(can_id: int, data: bytes = b"", extended: bool = False, remote: b
 
 
 def most_frame_bits(data_bytes: int, *, extended: bool = False, remote: bool = False) -> int:
-    """The most bits that a frame with *data_bytes* (0..8) takes on the wire, stuffed as badly as can be.
+    """Maximum bits of a frame with *data_bytes* (0..8) on the wire, with worst-case stuffing.
 
     55 + 10·s, with a 29-bit CAN-ID 80 + 10·s (Davis, Burns, Bril, Lukkien 2007); a *remote* frame has no data.
     """
@@ -72,18 +71,18 @@ def most_frame_bits(data_bytes: int, *, extended: bool = False, remote: bool = F
 
 
 def least_frame_bits(data_bytes: int, *, extended: bool = False, remote: bool = False) -> int:
-    """The bits of the same frame without any stuff bit."""
+    """Bits of a frame with *data_bytes* (0..8) without stuff bits; a *remote* frame has no data."""
     return (67 if extended else 47) + 8 * (0 if remote else data_bytes)
 
 
 def arbitration(can_id: int, *, extended: bool, remote: bool) -> int:
-    """The bits that decide who goes first, as a number: the lower one wins, as 0 is dominant."""
+    """The bits that decide arbitration, as a number: the lower number wins, as 0 is dominant."""
     bits, _ = header(can_id, 0, extended, remote)
     return bits >> 6 if extended else bits >> 6 << 20
 
 
 def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int, int]:
-    """Start of frame (0), arbitration and control field as one number, and how many bits that is."""
+    """Start of frame (0), arbitration and control field as one number, and its length in bits."""
     if extended:
         base, extension = can_id >> 18 & 0x7FF, can_id & 0x3FFFF
         return base << 27 | 0b11 << 25 | extension << 7 | remote << 6 | length, 39
@@ -91,7 +90,7 @@ def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int,
 
 
 def _stuffed_part(can_id: int, data: bytes, extended: bool, remote: bool) -> tuple[int, int]:
-    """The bits from the start of the frame to the end of its CRC as one number, and how many they are."""
+    """The bits from the start of the frame to the end of its CRC as one number, and their count."""
     content, bits = header(can_id, len(data), extended, remote)
     sent = b"" if remote else data
     content, bits = content << 8 * len(sent) | int.from_bytes(sent, "big"), bits + 8 * len(sent)

@@ -1,8 +1,4 @@
-"""COB-ID words of PDO communication parameters.
-
-Knows the 32-bit layout and the pre-defined connection set. Does not know which identifiers are wise to
-use (`rules`) nor any device's policy about bits 30 and 29 (`profile`).
-"""
+"""COB-ID words of PDO communication parameters: the 32-bit layout and the pre-defined connection set."""
 
 from __future__ import annotations
 
@@ -17,11 +13,11 @@ HIGHEST_BASE_CAN_ID = 0x7FF
 
 @dataclass(frozen=True, slots=True)
 class CobId:
-    """A PDO's COB-ID, taken apart (CiA 301, 7.5.2.35 and 7.5.2.37).
+    """A PDO's COB-ID, decoded (CiA 301, 7.5.2.35 and 7.5.2.37).
 
-    *can_id* is bits 28..0 exactly as the device holds them, so that `CobId.from_raw(x).raw == x` for every
-    32-bit x; whether an 11-bit identifier fits is `fits_frame`. *valid* is bit 31 **clear**, *rtr_allowed*
-    bit 30 **clear**, *extended* bit 29 set (29-bit CAN-ID).
+    *can_id* is bits 28..0 exactly as the device holds them: `CobId.from_raw(x).raw == x` for every 32-bit x.
+    `fits_frame` tells whether an 11-bit identifier fits. *valid* is bit 31 **clear**, *rtr_allowed* bit 30
+    **clear**, *extended* bit 29 set (29-bit CAN-ID).
     """
 
     can_id: int
@@ -47,7 +43,7 @@ class CobId:
 
     @property
     def raw(self) -> int:
-        """The 32-bit word as the device stores it."""
+        """The 32-bit word as stored in the device."""
         return (
             self.can_id
             | (0 if self.valid else INVALID_BIT)
@@ -73,5 +69,5 @@ class CobId:
 
 
 def fits(can_id: int, *, extended: bool) -> bool:
-    """Whether a CAN-ID has no more bits than a frame has for it: 11, or 29 in an *extended* one (ISO 11898-1)."""
+    """Whether a CAN-ID fits into 11 bits, or 29 bits if *extended* (ISO 11898-1)."""
     return 0 <= can_id <= (CAN_ID_MASK if extended else HIGHEST_BASE_CAN_ID)

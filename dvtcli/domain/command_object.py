@@ -1,7 +1,4 @@
-"""Objects that tell a machine what to do now: a setting is kept by a store, a command is not.
-
-Knows numbers of the standards, and what a file says can be mapped. Does not know what an object holds.
-"""
+"""Objects that command a machine: a store keeps a setting, but not a command."""
 
 from __future__ import annotations
 
@@ -9,19 +6,19 @@ from dvtcli.domain.object_dictionary import Access, OdEntry
 
 
 def rpdo_may_take(entry: OdEntry) -> bool:
-    """Whether an RPDO can take it (CiA 306, 4.6.3.2); where PDOMapping is left out it is 0, but not for rww."""
+    """Whether an RPDO can write *entry* (CiA 306, 4.6.3.2); a missing PDOMapping means 0, except for rww."""
     if entry.access is Access.RWW:
         return entry.pdo_mapping is not False
     return bool(entry.pdo_mapping) and entry.access in (Access.RW, Access.WO)
 
 
 def pdo_may_carry(entry: OdEntry) -> bool:
-    """Whether an RPDO can take it, or a TPDO send it."""
+    """Whether an RPDO can write *entry*, or a TPDO transmit it."""
     return bool(entry.pdo_mapping) or rpdo_may_take(entry)
 
 
 def may_be_commanded(entry: OdEntry) -> bool:
-    """Whether a PDO can carry it, and a master write it."""
+    """Whether a PDO can carry *entry* and a master write it."""
     return pdo_may_carry(entry) and entry.access.writable
 
 
@@ -42,9 +39,9 @@ _ANSWERS_STATE = frozenset(
 
 
 def is_command(index: int, entry: OdEntry | None) -> bool:
-    """Whether the object at *index*, which a file describes as *entry*, is a command, a target or an output.
+    """Whether the object at *index*, described in a file as *entry*, is a command, a setpoint or an output.
 
-    Of a maker's own objects those are it that a PDO can carry, as far as the file says so.
+    A manufacturer-specific object counts if the file says that a PDO can carry it.
     """
 
     if not 0x6000 <= index <= _LAST:
@@ -54,7 +51,7 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
 
 
 def is_standard_command(index: int, entry: OdEntry | None) -> bool:
-    """As `is_command`, of what a standard says it of; a maker's own object may be a setting as well."""
+    """Like `is_command`, but only for standard objects; a manufacturer-specific object may be a setting."""
     return index >= 0x6000 and is_command(index, entry)
 
 
@@ -64,12 +61,12 @@ def is_controlword(index: int) -> bool:
 
 
 def answers_with_state(index: int) -> bool:
-    """Whether a standard says that the object at *index* reads back something else than was written to it."""
+    """Whether a standard says that the object at *index* reads back another value than was written."""
     return index in _ANSWERS_STATE
 
 
 def is_control_word(index: int, entry: OdEntry | None, names: str) -> bool:
-    """Whether the object at *index*, which a file calls *names*, is a control word: its maker may add a busy bit."""
+    """Whether the object at *index*, named *names* in a file, is a control word: its maker may add a busy bit."""
     if not is_controlword(index) and (index not in _MAKERS or entry is None):
         return False
     from dvtcli.domain.named_process_data import is_named_as_control_word
@@ -78,8 +75,9 @@ def is_control_word(index: int, entry: OdEntry | None, names: str) -> bool:
 
 
 def commanded_by_other(heard: int, hears: OdEntry | None, sent: int, sends: OdEntry | None) -> bool:
-    """Whether the object *heard*, a command, a target or an output by a standard, hears *sent*, which is none.
+    """Whether object *heard*, a standard command or output, receives object *sent*, not a command.
 
-    *hears* and *sends* are what files say of them. An object of the same index is meant; a maker's own is not judged.
+    *hears* and *sends* are their descriptions in files. An object of the same index is intended;
+    manufacturer-specific objects are not judged.
     """
     return heard != sent and is_standard_command(heard, hears) and not is_command(sent, sends)

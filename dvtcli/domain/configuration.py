@@ -1,7 +1,7 @@
-"""Which objects of a device are configuration: what a file or a clone may write, and why nothing else.
+"""Objects of a device that count as configuration: a file or a clone may write them.
 
-Knows CiA 301, 302 and what a file and a profile say of an object. Does not know what an object holds, nor in which
-state a device is: a power stage that is on forbids more.
+Based on CiA 301, 302, the file and the profile, not on values or the device's state: a power stage that is on
+forbids more. Every other object has a reason (`NotWritten`).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _SETTINGS: Mapping[int, frozenset[int]] = {_ENCODER: frozenset({0x6200})}
 
 
 class Acts(Enum):
-    """What an object of a device profile does at once when it is written."""
+    """Immediate effect of a write to an object of a device profile."""
 
     COMMAND = auto()
     OUTPUT = auto()
@@ -59,11 +59,11 @@ class Acts(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DeviceTypes:
-    """The device profiles that a device says it has.
+    """Device profiles that a device claims.
 
-    *said* are the numbers that its 0x1000 tells (`401`), by the node and by its file; 0 alone where there is none, or
-    nobody knows. With *is_several* it has logical devices; *logical* are the numbers of those, from 0, whose own
-    type is known.
+    *said* are the profile numbers in 0x1000 (`401`) of the node and of its file; only 0 for none or unknown.
+    *is_several*: the device has logical devices; *logical* are the profile numbers of those with a known type of
+    their own, by logical device from 0.
     """
 
     said: frozenset[int] = frozenset({0})
@@ -72,14 +72,14 @@ class DeviceTypes:
 
     @classmethod
     def of(cls, *types: bytes, logical: Mapping[int, bytes] | None = None) -> DeviceTypes:
-        """As *types*, values of 0x1000, and those of *logical* devices tell it."""
+        """Device profiles from *types*, values of 0x1000, and from the types of *logical* devices."""
         numbers = frozenset(int.from_bytes(device_type[:2], "little") for device_type in types)
         is_several = any(int.from_bytes(device_type[2:4], "little") == _SEVERAL for device_type in types)
         own = {device: int.from_bytes(one[:2], "little") for device, one in (logical or {}).items()}
         return cls(numbers - {0} or frozenset({0}), is_several, own)
 
     def at(self, index: int) -> frozenset[int]:
-        """The numbers by which the object at *index* of `PROFILES` may be meant; 0 among them: any."""
+        """Profile numbers that may define the object at *index* of `PROFILES`; 0 among them: any profile."""
         device = (index - PROFILES.start) // _LOGICAL_DEVICE
         if device in self.logical:
             return self.said | {self.logical[device]}
@@ -87,21 +87,23 @@ class DeviceTypes:
 
 
 def logical_types() -> Mapping[int, int]:
-    """Where each logical device, from 0, tells its own device type (CiA 301, 7.5.2.1)."""
+    """Index of the device type of each logical device, from 0 (CiA 301, 7.5.2.1)."""
     devices = range(len(PROFILES) // _LOGICAL_DEVICE)
     return {device: _LAST_OF_FIRST + device * _LOGICAL_DEVICE for device in devices}
 
 
 def in_first(index: int) -> int:
-    """The index that *index* of `PROFILES` has in the first logical device."""
+    """The index of the first logical device that corresponds to *index* of `PROFILES`."""
     return PROFILES.start + (index - PROFILES.start) % _LOGICAL_DEVICE
 
 
 def acts(entry: OdEntry, names: str, types: DeviceTypes) -> Acts | None:
-    """What writing *entry*, which is called *names*, does at once on a device of *types*; None for nothing.
+    """Immediate effect of a write to *entry*, named *names*, on a device of *types*; None for no effect.
 
-    Makers have drives with outputs, and I/O modules with drives: what is at an output's or a command's index acts on a
-    device of any profile, unless that profile says otherwise, or no RPDO can take it and its name says nothing of it.
+    Makers have drives with outputs, and I/O modules with drives: an object at an output's or a command's index acts on
+    a
+    device of any profile, unless the device's profile says otherwise, or no RPDO can write it and its name does not
+    suggest process data.
     """
     if entry.index not in PROFILES:
         return None
@@ -119,13 +121,13 @@ def _is_setting(first: int, numbers: frozenset[int]) -> bool:
 
 
 def _may_be_process_data(entry: OdEntry, names: str) -> bool:
-    """Whether an RPDO can take *entry*, or nobody says that none can; or its name is an output's or a command's."""
+    """Whether an RPDO can write *entry* or its mapping flag is unknown; or its name is an output's or a command's."""
     unknown = entry.pdo_mapping is None
     return entry.access.writable and (unknown or rpdo_may_take(entry) or is_named_as_process_data(names))
 
 
 class NotWritten(StrEnum):
-    """Why an object is not written for a file's or a clone's sake, in words that follow its name."""
+    """Reason why a file or a clone does not write an object, in words that follow the object's name."""
 
     READ_ONLY = "is read-only"
     WRITE_ONLY = "is write-only: nobody could read back what was written"
@@ -152,7 +154,7 @@ class NotWritten(StrEnum):
 
     @property
     def is_lifted_by_include(self) -> bool:
-        """Whether it may be written all the same where somebody names it himself; a command one by one."""
+        """Whether the user may write the object nevertheless by naming it; a command only by its own address."""
         return self in (
             NotWritten.MAKERS, NotWritten.MAKERS_RPDO, NotWritten.NAMED_COMMAND, NotWritten.NAMED_PROCESS_DATA,
             NotWritten.RPDO_MAPPABLE,
@@ -160,7 +162,7 @@ class NotWritten(StrEnum):
 
     @property
     def may_be_setting(self) -> bool:
-        """Whether it may be configuration all the same, which a comparison counts and a DCF of a node says."""
+        """Whether the object may still be configuration: comparisons count it and a DCF of a node contains it."""
         return self.is_lifted_by_include and self is not NotWritten.NAMED_PROCESS_DATA
 
 
@@ -202,7 +204,7 @@ _NAMED_SETTING = re.compile(
 
 
 def is_named_as_command(name: str, whole: str) -> bool:
-    """Whether a maker's object is a command by its *name*, or by its *whole* one with its record's, as `normalised`.
+    """Whether the *name* of a manufacturer's object, or *whole* with its record's, is a command, as `normalised`.
 
     `Factory reset` and `Jog` are, `Fault reset input`, `Homing speed` and `Filter enable` are settings.
     """
@@ -213,11 +215,11 @@ def is_named_as_command(name: str, whole: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Which of a device's objects may be written from a file, by its *profile*.
+    """The objects of a device that a file may write, according to its *profile*.
 
-    *types* are the device profiles that it says it has. *named* are objects of the maker that a file names as
-    configuration, *included* ranges of indices that the user names, *included_objects* single sub-indices
-    that he names, *taken* objects that an RPDO takes now. *dictionary* has the names of whole objects.
+    *types* are the device profiles that the device claims. *named* are manufacturer-specific objects that a file names
+    as configuration, *included* ranges of indices that the user names, *included_objects* single sub-indices
+    that the user names, *taken* objects mapped in an RPDO now. *dictionary* has the names of whole objects.
     """
 
     profile: DeviceProfile
@@ -229,7 +231,7 @@ class Configuration:
     dictionary: ObjectDictionary | None = None
 
     def why_not(self, entry: OdEntry) -> NotWritten | None:
-        """Why the object that *entry* describes is not written; None where it is configuration."""
+        """Why the object *entry* is not written; None if it is configuration."""
         found = self._never(entry)
         if found is not None or Pdo.at(entry.index) is not None:
             return found
@@ -240,13 +242,13 @@ class Configuration:
         return None if found is not None and found.is_lifted_by_include and self._is_included(entry, found) else found
 
     def _never(self, entry: OdEntry) -> NotWritten | None:
-        """Why nobody writes it, named or not."""
+        """Why the object must not be written, even if the user names it."""
         if (entry.index, entry.sub_index) in self.taken:
             return NotWritten.TAKEN
         return _by_standard(entry.index) or self._by_profiles(entry) or _by_access(entry) or self._by_name(entry)
 
     def _by_profiles(self, entry: OdEntry) -> NotWritten | None:
-        """What the device's own profile, and the device profile that it says it has, know of it."""
+        """Reasons from the device's own profile and from the device profile that it claims."""
         place, own = (entry.index, entry.sub_index), self.profile
         if own.login is not None and place in (own.login.level, own.login.passcode, own.login.user_id):
             return NotWritten.PASSCODE
@@ -256,7 +258,7 @@ class Configuration:
         return None if acting is None else _ACTS[acting]
 
     def _by_name(self, entry: OdEntry) -> NotWritten | None:
-        """What the name tells of an object that no standard describes."""
+        """Reasons from the name of an object outside the standards."""
         if entry.index not in _MAKERS:
             return None
         name = self._full_name(entry)
@@ -278,11 +280,13 @@ class Configuration:
         return None if (entry.index, entry.sub_index) in self.named else NotWritten.MAKERS
 
     def without_included(self) -> Configuration:
-        """The same where the user names nothing."""
+        """The same configuration without the user's includes."""
         return replace(self, included=(), included_objects=())
 
     def _is_included(self, entry: OdEntry, why: NotWritten) -> bool:
-        """Whether the user names it or its index; a range is enough only for what is no process data for sure."""
+        """Whether the user names the object or its index; a range includes only objects that are surely no process
+        data.
+        """
         if (entry.index, entry.sub_index) in self.included_objects or (entry.index, entry.index) in self.included:
             return True
         is_sure = why is NotWritten.MAKERS or (
@@ -291,7 +295,7 @@ class Configuration:
         return is_sure and within(entry.index, self.included)
 
     def _is_setting(self, entry: OdEntry) -> bool:
-        """Whether what an RPDO could take is a setting by its standard or its own name, which a range may write."""
+        """Whether an RPDO-mappable object is a setting by its standard or name, so that a range may write it."""
         in_drive = entry.index in PROFILES and in_first(entry.index) in _OF_DRIVES
         if entry.index < _MAKERS.start or (in_drive and self.types.at(entry.index) & {0, DRIVE}):
             return True
@@ -299,7 +303,7 @@ class Configuration:
         return is_named_as_setting(entry.name, "" if whole is None else whole.name)
 
     def _full_name(self, entry: OdEntry) -> str:
-        """Its own name and the one with its object's, as `normalised`."""
+        """The entry's own name and its name with the object's, as `normalised`."""
         return normalised(self._names(entry))
 
     def _names(self, entry: OdEntry) -> str:
@@ -320,12 +324,12 @@ _ONE_BY_ONE = {
 def configuration_of(
     dictionary: ObjectDictionary, profile: DeviceProfile, included: Collection[Range] = ()
 ) -> Configuration:
-    """What is configuration of a device that *dictionary* describes; *included* are ranges that the user names."""
+    """Configuration of a device described by *dictionary*; *included* are ranges of indices that the user names."""
     return Configuration(profile, device_types(dictionary), included=included, dictionary=dictionary)
 
 
 def device_types(dictionary: ObjectDictionary, held: Callable[[int], bytes | None] | None = None) -> DeviceTypes:
-    """The device profiles that *dictionary* tells, and the node itself: *held* is what it holds at an index."""
+    """Device profiles according to *dictionary* and to the node itself: *held* returns the node's value at an index."""
 
     def told(index: int) -> list[bytes]:
         entry = dictionary.entry(index, 0)
@@ -356,7 +360,7 @@ def _by_access(entry: OdEntry) -> NotWritten | None:
 
 
 def _behaviours(profile: DeviceProfile) -> set[ObjectAddress | None]:
-    """Objects by which the family does something: states, lists of errors, how it saves."""
+    """Objects through which the family acts: states, error lists, saving."""
     faults = profile.fault_list
     asked = (profile.state_object, profile.state_request, profile.master_object, profile.extended_error)
     return {*asked, profile.store.saved_by, *(() if faults is None else (faults.count, faults.position, faults.code))}

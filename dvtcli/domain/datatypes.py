@@ -1,7 +1,4 @@
-"""CiA 301 data types: bytes on the wire ↔ values, little-endian.
-
-Knows encodings only. Does not know which object has which type.
-"""
+"""CiA 301 data types: bytes on the wire ↔ values, little-endian."""
 
 from __future__ import annotations
 
@@ -37,7 +34,7 @@ Value = bool | int | float | str | bytes | CanopenTime
 
 @dataclass(frozen=True, slots=True)
 class DataType:
-    """One data type; *bits* is its length, None where it varies."""
+    """A data type; *bits* is its length, None if variable."""
 
     code: int
     name: str
@@ -47,7 +44,7 @@ class DataType:
 
     @property
     def size(self) -> int | None:
-        """Length in bytes of an SDO transfer, None where it varies."""
+        """Length of an SDO transfer in bytes, None if variable."""
         return None if self.bits is None else (self.bits + 7) // 8
 
     @property
@@ -60,7 +57,7 @@ class DataType:
         return 0, (1 << self.bits) - 1
 
     def decode(self, data: bytes) -> Value:
-        """Turn *data* as uploaded into a value; ValueError where its length does not fit the type."""
+        """Decode uploaded *data*. Raises ValueError if its length does not fit the type."""
         if self.size is not None and len(data) != self.size:
             raise ValueError(f"{self.name} takes {self.size} bytes, not {len(data)}")
         match self.kind:
@@ -81,7 +78,7 @@ class DataType:
                 return data
 
     def encode(self, value: Value) -> bytes:
-        """Turn *value* into the bytes to download; ValueError where it does not fit the type."""
+        """Encode *value* for a download. Raises ValueError if it does not fit the type."""
         match value:
             case bool() | int() if self.limits is not None and self.size is not None:
                 low, high = self.limits

@@ -17,9 +17,9 @@ _SCALE = {"factor": "1", "offset": "0"}
 
 @dataclass(frozen=True, slots=True)
 class DictionaryDifference:
-    """One thing that differs: of which object (*place*, `6041:00`; empty: the device), *what*, *before* and *after*.
+    """A difference in an object (*place*, `6041:00`; empty: the device): attribute *what*, *before* and *after*.
 
-    *what* is a name of `OdEntry`, `OdObject` or `DeviceInfo`, or `object` where it is in one of them only.
+    *what* is a name of `OdEntry`, `OdObject` or `DeviceInfo`, or `object` if only one side has the object.
     """
 
     place: str
@@ -29,7 +29,7 @@ class DictionaryDifference:
 
 
 def differences(before: ObjectDictionary, after: ObjectDictionary) -> Iterator[DictionaryDifference]:
-    """Everything that *after* says otherwise than *before*, or not at all."""
+    """Everything that differs in *after* from *before* or is missing."""
     yield from _unlike("", _bare(before.info), _bare(after.info))
     yield from _unlike("", before.info.commissioning, after.info.commissioning)
     for index in sorted(before.keys() | after.keys()):
@@ -63,7 +63,7 @@ def _unlike(name: str, one: Any, other: Any) -> Iterator[DictionaryDifference]:
 
 
 def _same_number(name: str, before: Any, after: Any) -> bool:
-    """Whether the parts of a scale say the same: `1/256` and `0.00390625`."""
+    """Whether two scale numbers are equal: `1/256` and `0.00390625`."""
     if name not in _SCALE:
         return False
     try:
@@ -73,7 +73,7 @@ def _same_number(name: str, before: Any, after: Any) -> bool:
 
 
 def without_values(dictionary: ObjectDictionary) -> ObjectDictionary:
-    """The same as it describes every device of its kind: no ParameterValue, denotation, node-ID, nor place."""
+    """The dictionary for every device of its type: without ParameterValue, denotation, node-ID and place."""
     objects = {index: _described_alone(dictionary[index]) for index in dictionary}
     info = replace(dictionary.info, node_id=None, commissioning=Commissioning())
     return ObjectDictionary(objects, info, dictionary.source)

@@ -1,4 +1,4 @@
-"""What the statusword of a drive says, in words. Does not know where a statusword comes from."""
+"""The state of a drive in words, from its statusword (CiA 402-2)."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ STATES = (
 
 
 def drive_state(statusword: int) -> str:
-    """The state that *statusword* (0…0xFFFF) tells; empty where the standard has no such state."""
+    """State of a drive in words for *statusword* (0…0xFFFF); empty if the standard has no such state."""
     return next((text for mask, bits, text in STATES if statusword & mask == bits), "")

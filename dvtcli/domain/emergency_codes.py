@@ -87,9 +87,9 @@ _DRIVE = 402
 
 
 def emergency_text(code: int, device_type: int | None = None) -> str:
-    """What an emergency error code (0x0000..0xFFFF) means, as far as the standard says.
+    """Meaning of an emergency error code (0x0000..0xFFFF) according to the standard.
 
-    With the *device_type* (0x1000) of a drive also as far as the profile of drives says.
+    With the *device_type* (0x1000) of a drive, also according to the drive profile.
     """
     if device_type is not None and device_type & 0xFFFF == _DRIVE and code in _DRIVE_CODES:
         return _DRIVE_CODES[code]
@@ -98,10 +98,10 @@ def emergency_text(code: int, device_type: int | None = None) -> str:
 
 
 def emergency_remedy(code: int) -> Hint | str:
-    """What helps against an emergency error code; empty where the standard does not say what happened."""
+    """Remedy for an emergency error code; empty if the standard does not name the cause."""
     return _REMEDIES.get(code, "")
 
 
 def register_words(register: int) -> tuple[str, ...]:
-    """The errors that the bits of an error register (0x1001) name."""
+    """Errors named by the set bits of an error register (0x1001)."""
     return tuple(word for bit, word in enumerate(_REGISTER) if register >> bit & 1)

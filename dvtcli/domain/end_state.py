@@ -1,7 +1,4 @@
-"""From what was done line by line to what it comes to: a shorter script that ends in the same configuration.
-
-Knows the long form of lines (`script_line`). Does not know who ran them, nor any device.
-"""
+"""Shorten a script to the lines that lead to the same configuration."""
 
 from __future__ import annotations
 
@@ -18,10 +15,10 @@ _OPENING = ("login", "nmt preop", "fpo")
 
 
 def end_state(lines: Iterable[str], before: Mapping[Pdo, PdoConfig], after: Mapping[Pdo, PdoConfig]) -> list[str]:
-    """The lines that take a node from *before* to where *lines* took it, trial and error left out.
+    """Lines that bring a node from *before* to the final state of *lines*, without trial and error.
 
-    *before* and *after* are the PDOs that *lines* changed, before the first and after the last of them; one that is
-    missing in *before* is written whole. `store` stays where nothing was changed after it; `restore` ends what came
+    *before* and *after* are the PDOs changed by *lines*, before the first and after the last line; a PDO missing in
+    *before* is written completely. `store` stays if nothing was changed after it; `restore` discards all lines
     before it.
     """
     flat = [line for entry in lines for line in entry.splitlines()]
@@ -44,20 +41,20 @@ def end_state(lines: Iterable[str], before: Mapping[Pdo, PdoConfig], after: Mapp
 
 
 def left_out_stores(lines: Iterable[str], ended: Iterable[str]) -> list[str]:
-    """The stores among *lines*, since the last `restore`, that what they come to, *ended*, has not."""
+    """Stores among *lines*, since the last `restore`, that are missing in the shortened script *ended*."""
     _, rest = _since_restore([line for entry in lines for line in entry.splitlines()])
     kept = set(ended)
     return [line for line in dict.fromkeys(rest) if line.split()[0] == "store" and line not in kept]
 
 
 def touched(lines: Iterable[str]) -> set[Pdo]:
-    """The PDOs that *lines* are about."""
+    """PDOs that *lines* set."""
     keys = (key for entry in lines for line in entry.splitlines() for key in _keys(line))
     return {key for key in keys if isinstance(key, Pdo)}
 
 
 def _since_restore(lines: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The last `restore` with the resets behind it, and what came after; no head where nothing was restored."""
+    """The last `restore` with the resets after it, and the remaining lines; no head without a restore."""
     at = max((number for number, line in enumerate(lines) if line.split()[0] == "restore"), default=None)
     if at is None:
         return [], list(lines)
@@ -68,7 +65,7 @@ def _since_restore(lines: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _keys(line: str) -> list[Pdo | str]:
-    """What *line* sets: PDOs, or an object or a pin by the words that name it; nothing where it sets nothing."""
+    """PDOs that *line* sets, or words that name an object or a pin; empty if it sets nothing."""
     command, *words = line.split()
     if command in _ON_PDOS:
         return [Pdo.parse(word) for word in words if _is_pdo(word)]
@@ -87,7 +84,7 @@ def _is_pdo(word: str) -> bool:
 
 
 def _in_the_way(pdos: Sequence[Pdo], before: Mapping[Pdo, PdoConfig], after: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
-    """The PDOs that have a CAN-ID when another one, further up in the script, is to get it."""
+    """PDOs that still hold a CAN-ID when another PDO, earlier in the script, is to get it."""
     found = []
     for number, pdo in enumerate(pdos):
         held = before[pdo].communication.cob_id if pdo in before else None

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, order=True)
 class FileComplaint:
-    """What is wrong in *line* at *column* (1 and up) of *file*, *width* characters long.
+    """An error in *line* at *column* (1 and up) of *file*, *width* characters long.
 
-    *source* is the text of the line, *before* that of the line above it, empty for none.
+    *source* is the text of the line, *before* the text of the line above, empty for none.
     """
 
     file: str

@@ -1,7 +1,7 @@
-"""A PDO's bytes: where each object lies, and bytes ↔ values.
+"""Position of each object in a PDO's data, and conversion between bytes and values.
 
-CiA 301, 7.4.7: the first mapped object starts at bit 0 of byte 0, the next one follows without a gap, the least
-significant bit first. Does not know what a device may map, nor which type an object has: callers say that.
+CiA 301, 7.4.7: the first mapped object starts at bit 0 of byte 0, the next object follows without a gap, the least
+significant bit first. Callers supply the data types.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ TypeOf = Callable[[PdoMappingEntry], DataType | None]
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Where an entry lies in the frame: *start_bit* counts from the least significant bit of byte 0."""
+    """Position of an entry in the frame: *start_bit* counts from the least significant bit of byte 0."""
 
     start_bit: int
     bits: int
@@ -32,12 +32,12 @@ class Field:
 
     @property
     def bytes(self) -> range:
-        """The bytes of the frame that the field touches."""
+        """Bytes of the frame that the field touches."""
         return range(self.start_bit // 8, byte_length(self.end_bit))
 
 
 class Decoded(NamedTuple):
-    """One object in a frame: its *raw* bits as an unsigned number and its *value*, None where the frame ends before."""
+    """An object in a frame: its *raw* bits as an unsigned number and its *value*, None if the frame ends before."""
 
     entry: PdoMappingEntry
     raw: int | None
@@ -45,12 +45,12 @@ class Decoded(NamedTuple):
 
 
 def byte_length(bits: int) -> int:
-    """How many bytes a frame of *bits* bits has."""
+    """Bytes of a frame with *bits* bits."""
     return (bits + 7) // 8
 
 
 def layout(entries: Iterable[PdoMappingEntry]) -> tuple[Field, ...]:
-    """Where each of *entries* lies, dummies included, in frame order."""
+    """Positions of *entries*, dummies included, in frame order."""
     fields: list[Field] = []
     start = 0
     for entry in entries:
@@ -60,7 +60,7 @@ def layout(entries: Iterable[PdoMappingEntry]) -> tuple[Field, ...]:
 
 
 def unpack(entries: Iterable[PdoMappingEntry], data: bytes) -> list[tuple[PdoMappingEntry, int | None]]:
-    """The raw bits of every entry but dummies; None for an entry that does not lie in *data* completely."""
+    """Raw bits of every entry except dummies; None for an entry that lies outside *data* or only partly in it."""
     word, length = int.from_bytes(data, "little"), 8 * len(data)
     return [
         (field.entry, word >> field.start_bit & (1 << field.bits) - 1 if field.end_bit <= length else None)
@@ -70,7 +70,7 @@ def unpack(entries: Iterable[PdoMappingEntry], data: bytes) -> list[tuple[PdoMap
 
 
 def pack(entries: Iterable[PdoMappingEntry], raw_of: Callable[[PdoMappingEntry], int]) -> bytes:
-    """The frame that holds the lowest bits of *raw_of* each entry; the bits of dummies are 0."""
+    """The frame with the lowest bits of *raw_of* each entry; the bits of dummies are 0."""
     fields = layout(entries)
     word = 0
     for field in fields:
@@ -80,10 +80,9 @@ def pack(entries: Iterable[PdoMappingEntry], raw_of: Callable[[PdoMappingEntry],
 
 
 def decode(entries: Iterable[PdoMappingEntry], data: bytes, type_of: TypeOf) -> list[Decoded]:
-    """The values of every entry but dummies in a frame's *data*; of an unknown type: unsigned numbers.
+    """Values of every entry except dummies in a frame's *data*; unsigned numbers for unknown types.
 
-    A frame shorter than the mapping is legal to look at: what is missing is None. Bytes past the mapping are
-    ignored.
+    A frame may be shorter than the mapping: missing values are None. Bytes past the mapping are ignored.
     """
     return [
         Decoded(entry, raw, None if raw is None else _value(raw, entry.bits, type_of(entry)))
@@ -92,7 +91,7 @@ def decode(entries: Iterable[PdoMappingEntry], data: bytes, type_of: TypeOf) -> 
 
 
 def values_reader(entries: Iterable[PdoMappingEntry], type_of: TypeOf) -> Callable[[bytes], list[Value | None]]:
-    """Return what reads the values of `decode` out of a frame's data; the layout is made once for all frames."""
+    """Return a function that reads the values of `decode` from a frame's data; computes the layout only once."""
     fields = [
         (field.start_bit, field.end_bit, field.bits, type_of(field.entry))
         for field in layout(entries)
@@ -112,7 +111,7 @@ def values_reader(entries: Iterable[PdoMappingEntry], type_of: TypeOf) -> Callab
 def encode(entries: Iterable[PdoMappingEntry], values: Mapping[tuple[int, int], Value], type_of: TypeOf) -> bytes:
     """The frame that carries *values*, by index and sub-index; dummies are sent as 0.
 
-    Raises ValueError where a mapped object has no value, or one that does not fit its type or its bits.
+    Raises ValueError if a mapped object has no value, or if a value does not fit its type or its bits.
     """
 
     def raw_of(entry: PdoMappingEntry) -> int:
@@ -147,7 +146,7 @@ def _raw(value: Value, entry: PdoMappingEntry, data_type: DataType | None) -> in
 
 
 def _raw_number(value: Value, entry: PdoMappingEntry, data_type: DataType | None) -> int:
-    """Numbers are held to their type's limits and to the bits that are mapped of it."""
+    """Check a number against the limits of its type and its mapped bits. Raises ValueError if it does not fit."""
     if not isinstance(value, int):
         raise ValueError(f"{value!r} is not a number, as {entry.object} needs")
     if data_type is not None:

@@ -1,4 +1,4 @@
-"""Which frames are meant: `181`, `180-1FF`, `180:780`, `node=5`, `tpdo1`, `5:tpdo1`, `sdo`. Knows no source of them."""
+"""Frame filters: `181`, `180-1FF`, `180:780`, `node=5`, `tpdo1`, `5:tpdo1`, `sdo`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST_STANDARD, _MOST, _MOST_NODE, _SHORT_DIGITS = 0x7FF, 0x1FFF_FFFF, 127, 3
 
 
 def frame_filter(text: str) -> FrameFilter:
-    """What *text* means; ValueError where that is nothing. More than three hex digits are a CAN-ID of 29 bits."""
+    """The filter for *text*. More than three hex digits are a CAN-ID of 29 bits. Raises ValueError if invalid."""
     word = text.strip().lower()
     if word in KINDS:
         return lambda _frame, kind, _label, _node: kind == word

@@ -1,4 +1,4 @@
-"""The few characters beyond ASCII that screens use, with what stands for them where they cannot be shown."""
+"""The few non-ASCII characters on screens, and their ASCII substitutes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _ASCII = str.maketrans(
 
 
 def ascii_only(text: str) -> str:
-    """*text* without characters beyond ASCII: known ones by their look-alike, others as `?`."""
+    """*text* in ASCII: known characters by their look-alike, others as `?`."""
     return in_encoding(text, "ascii")
 
 
 def in_encoding(text: str, encoding: str) -> str:
-    """*text* in the characters of *encoding*: those that it lacks by their look-alike, else as `?`."""
+    """*text* in the characters of *encoding*: missing characters by their look-alike, else as `?`."""
     return "".join(
         char
         if char.isascii() or _has(encoding, char)

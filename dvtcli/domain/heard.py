@@ -1,7 +1,4 @@
-"""The last frame of each CAN-ID that was heard on a bus, and how regularly it comes.
-
-Knows frames and times it is given, and when a node's PDO was set otherwise. Does not know a clock, nor a bus.
-"""
+"""The last frame of each CAN-ID received on a bus, and its period."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ _NEVER = float("-inf")
 
 @dataclass(frozen=True, slots=True)
 class Period:
-    """Time between two frames of one CAN-ID in seconds: the last one, the shortest and the longest."""
+    """Time between two frames of a CAN-ID in seconds: the last, the shortest and the longest."""
 
     last_s: float
     least_s: float
@@ -32,7 +29,7 @@ class Period:
 
 @dataclass(frozen=True, slots=True)
 class LatestFrame:
-    """The last frame of a CAN-ID: its *data*, when it came (s, of the clock that `LastFrames.take` was given)."""
+    """The last frame of a CAN-ID: its *data* and arrival time (s, of the clock given to `LastFrames.take`)."""
 
     data: bytes
     at_s: float
@@ -61,7 +58,7 @@ class LastFrames:
             self._heard.popitem(last=False)
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Forget all frames."""
         self._heard.clear()
         self._set_s.clear()
 
@@ -75,11 +72,11 @@ class LastFrames:
                 self._set_s[can_id & 0x7F, index] = now_s
 
     def set_s(self, node_id: int, indices: Iterable[int]) -> float:
-        """When one of the PDO parameters *indices* of *node_id* was written last, or the node booted, as was heard."""
+        """Time when a PDO parameter among *indices* of *node_id* was last written, or the node booted."""
         return max(self._set_s.get((node_id, index), _NEVER) for index in (0, *indices))
 
     def last(self, can_id: int, *, extended: bool = False) -> LatestFrame | None:
-        """What was last heard with *can_id* (11 bits, 29 where *extended*), None where nothing was."""
+        """The last frame with *can_id* (11 bits, 29 if *extended*), None if none was received."""
         return self._heard.get((can_id, extended))
 
 

@@ -1,4 +1,4 @@
-"""What the user can do next, as data: an action, its arguments and its sense; no word of a command line."""
+"""Possible next steps for the user, as data without command-line words: an action, its arguments, its purpose."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Action(Enum):
-    """What can be done next, whichever way dvtcli is used; the value says it in words."""
+    """Possible next actions, for any way of using dvtcli; the value describes the action in words."""
 
     # looking at a node
     SHOW_PDOS = "show the PDOs"
@@ -115,11 +115,11 @@ class Action(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Hint:
-    """A next step: *action* with its *arguments* (`node` is a node-ID), and *why*, what it brings.
+    """A next step: *action* with its *arguments* (`node` is a node-ID), and its purpose *why*.
 
-    The action stands where *why* has `{}`, without marks if that ends it behind a colon; else in front of it. Text
-    from outside, as a path, stands in *why* as `verbatim` gives it. Without an action *why* is advice, printed as it
-    is. `+` puts several steps in a row.
+    The action replaces `{}` in *why*, without marks at the end behind a colon; else it comes in front. Text
+    from outside, such as a path, must pass `verbatim` before it goes into *why*. Without an action *why* is advice,
+    printed as it is. `+` chains steps.
     """
 
     action: Action | None
@@ -128,13 +128,13 @@ class Hint:
     then: Hint | None = None
 
     def __iter__(self) -> Iterator[Hint]:
-        """Each of the steps, in order."""
+        """The steps, in order."""
         yield self
         if self.then is not None:
             yield from self.then
 
     def __add__(self, other: Hint | str) -> Hint:
-        """This step, then the *other* one."""
+        """This step, then *other*."""
         return replace(self, then=as_hint(other) if self.then is None else self.then + other)
 
     def __radd__(self, other: str) -> Hint:
@@ -150,33 +150,33 @@ class Hint:
         return first + replace(self, why=f"then {self.why if has_place(self.why) else f'{{}} {self.why}'.rstrip()}")
 
     def begins_with(self, other: Hint) -> bool:
-        """Whether its first step is that of *other*."""
+        """Whether the first step equals the first step of *other*."""
         return replace(self, then=None) == replace(other, then=None)
 
     def words(self) -> str:
-        """The hint for somebody who neither types commands nor calls functions."""
+        """The hint in words, without commands or calls."""
         return sentence(self, lambda step: step.action.value if step.action else "")
 
     __str__ = words
 
 
 def as_hint(hint: Hint | str) -> Hint:
-    """*hint*, a text of which is advice."""
+    """*hint* as a Hint; a text becomes advice."""
     return Hint(None, why=hint) if isinstance(hint, str) else hint
 
 
 def verbatim(text: object) -> str:
-    """*text* from outside, to stand in the `why` of a hint with an action: its braces are printed as they are."""
+    """Escape *text* from outside for the `why` of a hint with an action: its braces are printed as they are."""
     return str(text).replace("{", "{{").replace("}", "}}")
 
 
 def has_place(why: str) -> bool:
-    """Whether *why* says where its action stands."""
+    """Whether *why* has a place for its action."""
     return "{}" in _BRACES.findall(why)
 
 
 def sentence(hint: Hint, write: Callable[[Hint], str]) -> str:
-    """All steps of *hint* in one line; *write* gives the words for the action of one."""
+    """All steps of *hint* in one line; *write* returns the words for the action of a step."""
     text = ""
     for step in hint:
         said = step.why if step.action is None else _placed(step.why, write(step))
@@ -189,7 +189,7 @@ _BRACES = re.compile(r"\{\{|\}\}|\{\}")
 
 
 def _placed(why: str, action: str) -> str:
-    """*why* with its *action*, and with the braces that `verbatim` doubled as they were."""
+    """*why* with its *action*, and with the braces that `verbatim` doubled restored."""
     if why.endswith(": {}"):
         action = action.strip("`")
     if not has_place(why):
@@ -200,18 +200,18 @@ def _placed(why: str, action: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """What a document has as `next`: the words of the first step of *hint* that can be run as it is."""
+    """The `next` field of a document: the words of the first step of *hint* that can be run as it is."""
 
     hint: Hint
 
 
 def next_step(hint: Hint | str | None) -> NextStep | None:
-    """What a document has as `next` beside *hint*."""
+    """The `next` field of a document with *hint*."""
     return NextStep(hint) if isinstance(hint, Hint) else None
 
 
 def plain_json(value: object) -> str | None:
-    """What JSON that is kept has for a hint: its words; and null for a command, which is of one call only."""
+    """JSON for a hint in a kept document: its words; null for a command, as a command is valid for one call only."""
     if isinstance(value, NextStep):
         return None
     if isinstance(value, Hint):
@@ -222,8 +222,8 @@ def plain_json(value: object) -> str | None:
 def filled(template: str, arguments: Mapping[str, Any]) -> list[str]:
     """The words of *template* with the *arguments*.
 
-    `{name}` is an argument's value, or each of several; the word is left out without it; `{name?word}` is the word if
-    the argument is true; `{name|WORD}` is the value, or the placeholder WORD.
+    `{name}` is an argument's value, or each of several; without the argument the word is left out; `{name?word}` is the
+    word if the argument is true; `{name|WORD}` is the value, or the placeholder WORD.
     """
     found: list[str] = []
     for word in template.split():

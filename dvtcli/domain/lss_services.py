@@ -1,7 +1,4 @@
-"""LSS in the standard's words (CiA 305): who a node is before it has a node-ID, and the services by their numbers.
-
-Does not know how frames travel, nor how long an answer may take.
-"""
+"""LSS (CiA 305): the LSS address of a node, and the services by their numbers."""
 
 from __future__ import annotations
 
@@ -32,7 +29,7 @@ _OWN = 0xFF
 
 @dataclass(frozen=True, slots=True, order=True)
 class LssAddress:
-    """Who a node is to an LSS master: the four numbers of its identity (0x1018:1..4), each of 32 bits."""
+    """LSS address: the four numbers of a node's identity (0x1018:1..4), each of 32 bits."""
 
     vendor: int
     product: int
@@ -41,18 +38,18 @@ class LssAddress:
 
     @property
     def parts(self) -> tuple[int, int, int, int]:
-        """The four numbers in the order in which LSS speaks of them."""
+        """The four numbers in LSS order."""
         return self.vendor, self.product, self.revision, self.serial
 
     def __str__(self) -> str:
-        """The address as `lss select` takes it."""
+        """The address as an argument of `lss select`."""
         names = ("vendor", "product", "revision", "serial")
         return " ".join(f"{name}=0x{number:X}" for name, number in zip(names, self.parts, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
 class LssRanges:
-    """Nodes of one product whose revision and serial number lie within ranges, each its lowest and highest."""
+    """Nodes of one product with revision and serial number in ranges (lowest, highest)."""
 
     vendor: int
     product: int
@@ -61,7 +58,7 @@ class LssRanges:
 
     @property
     def numbers(self) -> tuple[int, int, int, int, int, int]:
-        """What the six frames of *identify remote slave* say, in their order."""
+        """The numbers of the six *identify remote slave* frames, in their order."""
         return self.vendor, self.product, *self.revision, *self.serial
 
 

@@ -1,7 +1,4 @@
-"""Mapping entries: which object feeds which bits of a PDO.
-
-Knows the 32-bit layout and the dummy objects of CiA 301. Does not know any object dictionary.
-"""
+"""Mapping entries: the 32-bit layout and the dummy objects of CiA 301."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ DUMMY_BITS = {0x0001: 1, 0x0002: 8, 0x0003: 16, 0x0004: 32, 0x0005: 8, 0x0006: 1
 
 @dataclass(frozen=True, slots=True, order=True)
 class PdoMappingEntry:
-    """One mapped object and its length in *bits* (0..255 as stored; a legal length is 1..64)."""
+    """A mapped object and its length in *bits* (0..255 as stored; a legal length is 1..64)."""
 
     index: int
     sub_index: int
@@ -36,7 +33,7 @@ class PdoMappingEntry:
 
     @property
     def raw(self) -> int:
-        """The 32-bit word as the device stores it."""
+        """The 32-bit word as stored in the device."""
         return self.index << 16 | self.sub_index << 8 | self.bits
 
     @property
@@ -46,7 +43,7 @@ class PdoMappingEntry:
 
     @property
     def object(self) -> str:
-        """The object as it is printed and typed: `6C01:01`."""
+        """The object as printed and typed: `6C01:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
     def __str__(self) -> str:
@@ -54,14 +51,14 @@ class PdoMappingEntry:
 
 
 def total_bits(entries: Iterable[PdoMappingEntry]) -> int:
-    """The summed length of *entries*, in bits."""
+    """Total length of *entries* in bits."""
     return sum(entry.bits for entry in entries)
 
 
 def split_dummy(bits: int, usable: Iterable[int]) -> tuple[PdoMappingEntry, ...]:
-    """The fewest dummy entries that skip exactly *bits*, out of the dummy indices in *usable*.
+    """The fewest dummy entries that skip exactly *bits*, from the dummy indices in *usable*.
 
-    Signed dummies come first among equals, as the makers' notes print them. Raises ValueError where the
+    Signed dummies are preferred, as in manufacturers' documents. Raises ValueError if the
     usable dummies cannot add up to *bits*.
     """
     sizes: dict[int, int] = {}

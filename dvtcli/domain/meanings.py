@@ -1,7 +1,4 @@
-"""Which object has which physical meaning: rules for ranges of objects, and what a device's file says.
-
-Pure. Does not know who wrote the rules.
-"""
+"""Physical meaning of objects: rules for ranges of objects, and a device's file. Pure."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ class ObjectRange(NamedTuple):
     last_sub: int = 0
 
     def holds(self, index: int, sub_index: int) -> bool:
-        """Whether *index*:*sub_index* is one of them."""
+        """Whether *index*:*sub_index* is in the range."""
         return self.first <= index <= self.last and self.first_sub <= sub_index <= self.last_sub
 
     @property
@@ -48,7 +45,7 @@ class ObjectRange(NamedTuple):
 class Meaning:
     """A physical meaning for some objects.
 
-    With *numbered* the bits of sub-index k are called `NAME n`, counted through from sub-index 1, *per* of them each.
+    With *numbered*, the bits of sub-index k are called `NAME n`, counted from sub-index 1 with *per* bits each.
     """
 
     physical: Scaling
@@ -56,7 +53,7 @@ class Meaning:
     per: int = 8
 
     def at(self, sub_index: int) -> Scaling:
-        """What the object at *sub_index* means."""
+        """The meaning of the object at *sub_index*."""
         if not self.numbered:
             return self.physical
         first = (max(sub_index, 1) - 1) * self.per + 1
@@ -65,13 +62,13 @@ class Meaning:
 
 @dataclass(frozen=True, slots=True)
 class ScaledValue:
-    """What the bytes of one object mean: its type, and its physical meaning."""
+    """Meaning of an object's bytes: data type and scaling."""
 
     data_type: DataType
     meaning: Scaling
 
     def value(self, data: bytes | None) -> Value | None:
-        """The raw value in *data*; None where there is none, or it does not fit the type."""
+        """The raw value in *data*; None without data, or if it does not fit the type."""
         try:
             return None if data is None else self.data_type.decode(data)
         except ValueError:
@@ -83,10 +80,10 @@ Rules = Mapping[ObjectRange, Meaning]
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """What the device profile *number* of CiA says; 301, which is no profile, holds for every device.
+    """Definitions of the CiA device profile *number*; 301, not a profile, applies to every device.
 
-    *names* are the standard's names of its objects, small letters and `_`: where a device says of another profile, or
-    none, an object counts where its file calls it so.
+    *names* are the standard's object names, small letters and `_`: if a device claims another profile or
+    none, an object counts only if its file uses this name.
     """
 
     number: int
@@ -94,7 +91,7 @@ class Standard:
     names: Mapping[int, str] = field(default_factory=dict)
 
     def rule(self, index: int, sub_index: int, dictionary: ObjectDictionary | None) -> Scaling | None:
-        """What it says of *index*:*sub_index* of the device that *dictionary* describes, None for nothing."""
+        """Scaling of *index*:*sub_index* in the device described by *dictionary*, None if undefined."""
         told = _profile_number(dictionary)
         if self.number == 301 or told in (None, self.number):
             return best(self.rules, index, sub_index)
@@ -108,23 +105,23 @@ class Standard:
 
 
 def _profile_number(dictionary: ObjectDictionary | None) -> int | None:
-    """The device profile that a device's file tells; None where there is no file, or it does not tell."""
+    """The device profile in a device's file; None without a file, or if not given."""
     entry = dictionary.entry(_DEVICE_TYPE, 0) if dictionary else None
     data = None if entry is None else entry.initial(0)
     return None if data is None else int.from_bytes(data, "little") & 0xFFFF
 
 
 def best(rules: Rules, index: int, sub_index: int) -> Scaling | None:
-    """The meaning of the narrowest range that holds *index*:*sub_index*, None where none does."""
+    """The meaning from the narrowest range with *index*:*sub_index*, None if no range has it."""
     fitting = [(place.size, meaning) for place, meaning in rules.items() if place.holds(index, sub_index)]
     return min(fitting, key=lambda pair: pair[0])[1].at(sub_index) if fitting else None
 
 
 class Meanings:
-    """What the objects of one device mean: the first of *own* that says something, else its file and *standards*.
+    """Meanings of a device's objects: the first match in *own*, else its file and *standards*.
 
-    With *only_described* an object that *dictionary* does not describe has words and bits, but no unit: whether it has
-    a sign is not known. A unit in the file, which is about the very device, goes before a standard's.
+    With *only_described*, an object missing in *dictionary* has words and bits, but no unit, as its
+    sign is unknown. A unit in the device's own file takes precedence over a standard's.
     """
 
     def __init__(
@@ -142,7 +139,7 @@ class Meanings:
         self._found: dict[tuple[int, int], Scaling] = {}
 
     def of(self, index: int, sub_index: int) -> Scaling:
-        """What *index*:*sub_index* means; `NOTHING` where nobody says."""
+        """The meaning of *index*:*sub_index*; `NOTHING` if unknown."""
         place = index, sub_index
         if place not in self._found:
             self._found[place] = self._look_up(index, sub_index)
@@ -170,7 +167,7 @@ class Meanings:
 
 
 def _of_file(entry: OdEntry) -> Scaling:
-    """What a file says: `Unit` and `Factor` of an EDS, which are no standard's keys, or an XDD's unit and scale.
+    """Scaling in a file: `Unit` and `Factor` of an EDS (not standard keys), or an XDD's unit and scale.
 
     A limit is never an offset.
     """

@@ -1,4 +1,4 @@
-"""Times in milliseconds as the counts that communication parameters hold. Knows no parameter."""
+"""Convert times in milliseconds to the counts in communication parameters."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _TIME = re.compile(r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3
 
 
 def milliseconds(text: str) -> float:
-    """The time that *text* says, `20`, `20ms` or `0.02 s`, in milliseconds; ValueError where it says none."""
+    """The time *text*, `20`, `20ms` or `0.02 s`, in milliseconds. Raises ValueError if it is not a time."""
     found = _TIME.fullmatch(text.strip())
     if found is None:
         raise ValueError(f"{text!r} is not a time in milliseconds, such as 20, 20ms or 0.02s")
@@ -16,7 +16,7 @@ def milliseconds(text: str) -> float:
 
 
 def counts(time_ms: float, unit_us: int, most: int = 0xFFFF) -> int:
-    """*time_ms* as a whole number of counts of *unit_us* µs; ValueError where it is none, or more than *most*."""
+    """*time_ms* as counts of *unit_us* µs. Raises ValueError if not a whole number, or above *most*."""
     number = time_ms * 1000 / unit_us
     top = most * unit_us / 1000
     if not 0 <= number <= most:

@@ -1,7 +1,6 @@
-"""Which of a maker's objects is process data, or surely a setting, by its name: a guess where no standard says it.
+"""Guess from an object's name whether it is process data or a setting, if no standard defines it.
 
-Knows names only, in English and German. Does not know what a PDO maps, what an object holds, nor names of commands such
-as `Factory reset`.
+Covers names in English and German, but not names of commands such as `Factory reset`.
 """
 
 from __future__ import annotations
@@ -51,26 +50,26 @@ _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 def is_named_as_process_data(name: str) -> bool:
-    """Whether *name* is that of a command, a target, a measured value, an input or an output.
+    """Whether *name* suggests a command, a setpoint, a measured value, an input or an output.
 
-    `Torque set-point`, `StatusWord left` and `Key switch` are; `Nominal current` and `Output current limit` are
-    settings, and so is whatever no word tells of.
+    `Torque set-point`, `StatusWord left` and `Key switch` do; `Nominal current` and `Output current limit` are
+    settings, as is any name without a known word.
     """
     words = _words(name)
     return bool(_PROCESS.search(words)) and not _SETTING.search(words)
 
 
 def is_named_as_control_word(name: str) -> bool:
-    """Whether *name* is that of a word of commands, as `Pump control word`."""
+    """Whether *name* suggests a control word, such as `Pump control word`."""
     words = _words(name)
     return bool(_CONTROL_WORD.search(words)) and not _SETTING.search(words)
 
 
 def is_named_as_setting(name: str, whole: str) -> bool:
-    """Whether an object's own *name* says that it is a setting, and the one of the *whole* object not that it acts.
+    """Whether an object's *name* marks a setting and neither it nor the *whole* object's name suggests an action.
 
     `Nominal current` and `Velocity loop Kp` do. `Operation mode`, `Torque offset`, `Torque limit command` and
-    `Commands.Maximum torque` may be either: somebody has to name them.
+    `Commands.Maximum torque` are ambiguous: the user has to name them.
     """
     return bool(_SURE_SETTING.search(_words(name))) and not any(map(_ACTS.search, (_words(name), _words(whole))))
 

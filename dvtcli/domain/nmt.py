@@ -9,7 +9,7 @@ UNCONFIGURED = 0xFF
 
 
 class NmtState(IntEnum):
-    """A node's state as its heartbeat carries it."""
+    """NMT state in a heartbeat."""
 
     INITIALISING = 0x00
     STOPPED = 0x04
@@ -23,7 +23,7 @@ class NmtState(IntEnum):
 
     @property
     def short(self) -> str:
-        """The same where there is little room."""
+        """Short form of the state."""
         return _SHORT.get(self, self.label)
 
 
@@ -38,17 +38,17 @@ class NmtCommand(IntEnum):
 
     @property
     def word(self) -> str:
-        """The command as lines say it."""
+        """The command as a word of a command line."""
         return _WORDS[self]
 
     @property
     def is_reset(self) -> bool:
-        """Whether the node boots up after it."""
+        """Whether the node boots after the command."""
         return self in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
     @property
     def after(self) -> NmtState:
-        """The state that a node is in after it; of a reset, once the node has booted up."""
+        """State of a node after the command; for a reset, after its boot-up."""
         return _AFTER[self]
 
 

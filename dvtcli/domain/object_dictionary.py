@@ -1,7 +1,4 @@
-"""A device's object dictionary as a file describes it.
-
-Knows names, types, access and limits. Does not know the file format, and never what a device holds now.
-"""
+"""A device's object dictionary from a file: names, types, access, limits and defaults."""
 
 from __future__ import annotations
 
@@ -48,10 +45,10 @@ class ObjectType(IntEnum):
 
 
 def standard_default(index: int, sub_index: int, node_id: int) -> int | None:
-    """The COB-ID that CiA 301 gives a service of node *node_id* whose file tells none, None if it gives none.
+    """COB-ID that CiA 301 defines for a service of node *node_id* without a value in the file, None if undefined.
 
     Source: CiA 301, 7.5.2.5 (SYNC), 7.5.2.16 (TIME), 7.5.2.14 (EMCY), 7.5.2.33 and 7.5.2.34 (SDO channels; further
-    ones do not exist: bit 31).
+    channels do not exist: bit 31).
     """
     if 0x1201 <= index <= 0x12FF and sub_index in (1, 2):
         return 1 << 31
@@ -62,15 +59,14 @@ def standard_default(index: int, sub_index: int, node_id: int) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class OdEntry:
-    """One sub-index of an object.
+    """A sub-index of an object.
 
-    *data_type* and *pdo_mapping* are None where the file does not say. *pdo_mapping* is the
+    *data_type* and *pdo_mapping* are None if not in the file. *pdo_mapping* is the
     file's PDOMapping; the direction follows from *access*. *default* and *value* (a DCF's ParameterValue) are the
-    bytes for node-ID 0; where *…_relative* is set the node-ID is added. *low* and *high* are the file's
-    limits in the object's own type, for node-ID 0 (`limits` adds it), *unit* and *factor* its words for them, *offset*
-    what is added to a raw value before the factor. *line* is the first line about it in the file, 1 and up.
-    *denotation* is what somebody called it in this device. *unknown_type* is the code of a data type that CiA 301 does
-    not have.
+    bytes for node-ID 0; with *…_relative* the node-ID is added. *low* and *high* are the file's
+    limits in the object's own type, for node-ID 0 (`limits` adds it), *unit* and *factor* its texts for them, *offset*
+    is added to a raw value before the factor. *line* is its first line in the file, 1 and up.
+    *denotation* is its user-given name in this device. *unknown_type* is the code of a data type outside CiA 301.
     """
 
     index: int
@@ -97,21 +93,21 @@ class OdEntry:
 
     @property
     def object(self) -> str:
-        """The object as it is printed and typed: `6C01:01`."""
+        """The object as printed and typed: `6C01:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
     @property
     def own_name(self) -> str:
-        """Its name as a file has it; empty where its number stands for one."""
+        """The name in the file; empty if it is only the object's number."""
         return "" if self.name in (self.object, f"{self.index:04X}") else self.name
 
     @property
     def bits(self) -> int | None:
-        """Length in bits when mapped, None where unknown or varying."""
+        """Length in bits when mapped, None if unknown or variable."""
         return None if self.data_type is None else self.data_type.bits
 
     def initial(self, node_id: int) -> bytes | None:
-        """What the object holds at power-on of node *node_id*: ParameterValue, else DefaultValue, else None."""
+        """Value at power-on of node *node_id*: ParameterValue, else DefaultValue, else None."""
         data, relative = (self.default, self.default_relative)
         if self.value is not None:
             data, relative = self.value, self.value_relative
@@ -121,13 +117,13 @@ class OdEntry:
         return ((int.from_bytes(data, "little") + node_id) % modulus).to_bytes(len(data), "little")
 
     def at_power_on(self, node_id: int) -> bytes | None:
-        """What the object holds at power-on: as `initial`, else the standard's default if it has one, else None."""
+        """Value at power-on: as `initial`, else the standard's default, else None."""
         data = self.initial(node_id)
         number = None if data is not None else standard_default(self.index, self.sub_index, node_id)
         return data if number is None else number.to_bytes(4, "little")
 
     def limits(self, node_id: int) -> tuple[int | float | None, int | float | None]:
-        """LowLimit and HighLimit on node *node_id*, None where the file has none."""
+        """LowLimit and HighLimit on node *node_id*, None if not in the file."""
         low, high = self.low, self.high
         if low is not None and self.low_relative:
             low += node_id
@@ -138,9 +134,9 @@ class OdEntry:
 
 @dataclass(frozen=True, slots=True)
 class OdObject:
-    """One index with its sub-indices, by sub-index; a VAR has sub-index 0 only.
+    """An index with its entries by sub-index; a VAR has sub-index 0 only.
 
-    *object_flags* are those of an object with sub-indices; those of others are their entry's.
+    *object_flags* belong to an object with sub-indices; other objects have them in their entry.
     """
 
     index: int
@@ -152,13 +148,13 @@ class OdObject:
 
     @property
     def own_name(self) -> str:
-        """Its name as a file has it; empty where its number stands for one."""
+        """The name in the file; empty if it is only the object's number."""
         return "" if self.name == f"{self.index:04X}" else self.name
 
 
 @dataclass(frozen=True, slots=True)
 class Commissioning:
-    """What a DCF or XDC says of the device's place, beside its node-ID; None or empty where it is silent."""
+    """Data of a DCF or XDC about the device's place, apart from its node-ID; None or empty if missing."""
 
     node_name: str = ""
     bit_rate_kbit: int | None = None
@@ -174,7 +170,7 @@ _IDENTITY, ERASED = 0x1018, 0xFFFF_FFFF
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """What a file says about the device as a whole; None or empty where it is silent."""
+    """Data of a file about the whole device; None or empty if missing."""
 
     vendor_name: str = ""
     product_name: str = ""
@@ -203,9 +199,9 @@ class DeviceInfo:
 
 
 class ObjectDictionary(Mapping[int, OdObject]):
-    """The objects of a file by index, ascending; an object is built when it is first looked at.
+    """The objects of a file by index, ascending; an object is built at first access.
 
-    *objects* holds OdObjects or functions that build one. *source* is the file's name for messages.
+    *objects* holds OdObjects or functions that build them. *source* is the file's name for messages.
     """
 
     def __init__(
@@ -237,7 +233,7 @@ class ObjectDictionary(Mapping[int, OdObject]):
         return len(self._objects)
 
     def indices_among(self, indices: range) -> list[int]:
-        """Those of *indices*, which have no gaps, at which there is an object, ascending."""
+        """Existing indices within *indices* (without gaps), ascending."""
         return self._indices[bisect_left(self._indices, indices.start) : bisect_left(self._indices, indices.stop)]
 
     def entry(self, index: int, sub_index: int) -> OdEntry | None:
@@ -255,7 +251,7 @@ class ObjectDictionary(Mapping[int, OdObject]):
             yield from self[index].entries.values()
 
     def without(self, absent: Collection[tuple[int, int]]) -> ObjectDictionary:
-        """The same without what is at *absent*; sub-index 0 there stands for the whole object."""
+        """The same dictionary without the objects at *absent*; sub-index 0 there means the whole object."""
         if not absent:
             return self
         objects = {index: held for index, held in self._objects.items() if (index, 0) not in absent}
@@ -266,7 +262,7 @@ class ObjectDictionary(Mapping[int, OdObject]):
         return ObjectDictionary(objects, self.info, self.source)
 
     def identified(self) -> ObjectDictionary:
-        """The same where 0x1018 says whose the device is: what it leaves open, or 0, is as of the device as a whole."""
+        """The same dictionary with a complete identity: values missing or 0 in 0x1018 come from the device's data."""
         if _IDENTITY not in self:
             return self
         held = self[_IDENTITY]
@@ -281,19 +277,19 @@ class ObjectDictionary(Mapping[int, OdObject]):
 
     @property
     def tells_mappability(self) -> bool:
-        """Whether the file has any PDOMapping at all; where it has none, mappability is unknown, not refused."""
+        """Whether the file has any PDOMapping; otherwise mappability is unknown, not refused."""
         if self._tells_mappability is None:
             self._tells_mappability = any(entry.pdo_mapping is not None for entry in self.entries())
         return self._tells_mappability
 
     def place(self, entry: OdEntry) -> str:
-        """Where *entry* stands: `drive.eds:812`."""
+        """Place of *entry* in the file: `drive.eds:812`."""
         return f"{self.source}:{entry.line}" if entry.line else self.source
 
     def display_name(self, index: int, sub_index: int) -> str:
-        """A name for a person: the entry's own, with its object's in front where several entries share it.
+        """A name for people: the entry's own, with its object's in front if several entries share it.
 
-        What somebody called it in this device stands before that: `Tank left (Analogue input.Channel 1)`.
+        A user-given name in this device precedes it: `Tank left (Analogue input.Channel 1)`.
         """
         entry = self.entry(index, sub_index)
         if entry is None:
@@ -304,11 +300,11 @@ class ObjectDictionary(Mapping[int, OdObject]):
         return f"{called} ({name})" if called and called != name else name
 
     def find(self, name: str) -> list[OdEntry]:
-        """Entries whose name a user means by *name*: case, blanks and punctuation do not matter.
+        """Entries that match *name*, regardless of case, blanks and punctuation.
 
-        `statusword`, `Velocity actual value`, `velocity_actual_value` and `Analogue input.Channel 1` all find
-        theirs. A full `object.entry` name is tried first, then an entry's or a one-entry object's own name, and what
-        the entry is called in this device.
+        `statusword`, `Velocity actual value`, `velocity_actual_value` and `Analogue input.Channel 1` are all found.
+        A full `object.entry` name is tried first, then an entry's or a one-entry object's own name, and the
+        entry's user-given name in this device.
         """
         if self._names is None:
             self._names = self._index_names()
@@ -331,5 +327,5 @@ _SEPARATOR = re.compile(r"[^0-9a-zà-ÿ.]+")
 
 
 def normalised(name: str) -> str:
-    """*name* in lower case with every run of blanks and punctuation (but `.`) as one `_`."""
+    """*name* in lower case with every run of blanks and punctuation (but `.`) as `_`."""
     return _SEPARATOR.sub("_", name.lower()).strip("_")

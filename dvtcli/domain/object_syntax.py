@@ -1,7 +1,4 @@
-"""How an object, a mapping entry or a COB-ID is written by a person.
-
-Knows the grammar and looks names up in a dictionary it is given. Does not know where that comes from.
-"""
+"""Parse objects, mapping entries and COB-IDs as typed by people."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ _BITS = re.compile(r"[0-9]{1,3}")
 
 
 class UnknownName(ValueError):
-    """A name that no dictionary at hand knows; *similar* are names close to it."""
+    """A name unknown to all dictionaries; *similar* are close names."""
 
     def __init__(self, text: str, similar: Iterable[str] = ()) -> None:
         super().__init__(text)
@@ -31,7 +28,7 @@ class UnknownName(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class MappedObject:
-    """What one word after `map PDO` means: an object with its length in bits, None where it is to be found out."""
+    """An object after `map PDO` with its length in bits, None if to be determined."""
 
     index: int
     sub_index: int
@@ -46,11 +43,11 @@ class Skipped:
 
 
 def parse_object(text: str) -> tuple[int, int] | None:
-    """Read `0x6C01:1`, `6C01:01`, `6041` or `6041h` (index and sub-index hexadecimal); None where *text* is a name.
+    """Read `0x6C01:1`, `6C01:01`, `6041` or `6041h` (index and sub-index hexadecimal); None if *text* is a name.
 
-    Also `0x2005-13`, whose sub-index is decimal (RoboteQ CAN Networking Manual).
+    Also `0x2005-13`, with a decimal sub-index (RoboteQ CAN Networking Manual).
 
-    ValueError where it is meant as a number and is none: an index has exactly four hexadecimal digits.
+    Raises ValueError for a malformed number: an index has exactly four hexadecimal digits.
     """
     match = _OBJECT.fullmatch(text)
     if match:
@@ -66,7 +63,7 @@ def parse_object(text: str) -> tuple[int, int] | None:
 
 
 def notation_note(text: str) -> str | None:
-    """What to say of an object written with a decimal sub-index, as some manuals do: `0x2005-13`."""
+    """A note for an object with a decimal sub-index, as in some manuals: `0x2005-13`."""
     decimal = _DECIMAL_SUB.fullmatch(text)
     if decimal is None or int(decimal[2]) > 0xFF:
         return None
@@ -76,9 +73,9 @@ def notation_note(text: str) -> str | None:
 def resolve_object(
     text: str, dictionary: ObjectDictionary | None, aliases: Mapping[str, str] | None = None
 ) -> tuple[int, int]:
-    """The index and sub-index that *text* means: a number, an alias of the profile, or a name of the EDS.
+    """Index and sub-index of *text*: a number, an alias of the profile, or a name in the EDS.
 
-    Raises UnknownName where nothing knows it, ValueError where it is malformed or means several objects.
+    Raises UnknownName if the name is unknown, ValueError if malformed or ambiguous.
     """
     numbers = parse_object(text)
     if numbers is not None:
@@ -107,7 +104,7 @@ def _by_name(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]
 
 
 def _only(found: list[OdEntry], dictionary: ObjectDictionary, text: str) -> OdEntry | None:
-    """The one entry that is meant: a one-entry object's own name wins over sub-indices of the same name."""
+    """The unambiguous entry: a one-entry object's own name wins over sub-indices of the same name."""
     if len(found) == 1:
         return found[0]
     whole = [entry for entry in found if len(dictionary[entry.index].entries) == 1]
@@ -129,9 +126,9 @@ def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str])
 def resolve_entry(
     text: str, dictionary: ObjectDictionary | None, aliases: Mapping[str, str] | None = None
 ) -> MappedObject | Skipped:
-    """What a mapping entry as typed means: an object, optionally `/BITS`, or `dummy/BITS`.
+    """A mapping entry as typed: an object, optionally `/BITS`, or `dummy/BITS`.
 
-    A name is looked up whole before `/` is read as a length, since names contain `/`. Raises as
+    The whole word is tried as a name before `/` is read as a length, since names contain `/`. Raises the errors of
     `resolve_object`; ValueError for a length outside 1..64.
     """
     try:

@@ -8,12 +8,12 @@ from dvtcli.domain.pdo import Pdo, transmission_type_text
 
 
 def entry_text(text: str) -> str:
-    """A mapping entry; a dummy as it is typed."""
+    """A mapping entry as text; a dummy in its typed form."""
     return f"dummy/{text.rpartition('/')[2]}" if text.startswith("000") else text
 
 
 def parameter_text(key: str, value: Any, pdo: Pdo) -> str:
-    """A parameter of a PDO, by its key in a network file, as the field writes it."""
+    """A PDO parameter, by its key in a network file, in the usual notation."""
     if value is None:
         return "-"
     if key == "enabled":

@@ -1,7 +1,4 @@
-"""PDOs: where they stand in the dictionary and what a configuration of one is.
-
-Knows the standard's indices and defaults. Does not know what a device allows (`rules`, `profile`).
-"""
+"""PDOs: their place in the dictionary, standard defaults, and configurations."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ BY_SUB_INDEX = {1: "cob_id", 2: "transmission_type", 3: "inhibit_time", 5: "even
 
 
 class Direction(StrEnum):
-    """Seen from the device: a TPDO is sent by it, an RPDO received."""
+    """Seen from the device: it sends a TPDO and receives an RPDO."""
 
     RPDO = "rpdo"
     TPDO = "tpdo"
@@ -40,7 +37,7 @@ _DEFAULT_CAN_ID = {Direction.RPDO: 0x200, Direction.TPDO: 0x180}
 
 @dataclass(frozen=True, slots=True, order=True)
 class Pdo:
-    """One PDO of a node; *number* is 1..512 as the field counts."""
+    """A PDO of a node; *number* is 1..512."""
 
     direction: Direction
     number: int
@@ -51,7 +48,7 @@ class Pdo:
 
     @classmethod
     def parse(cls, text: str) -> Pdo:
-        """Read `tpdo1` … `tpdo512`, `rpdo1` …, in any case; ValueError says what is wrong."""
+        """Read `tpdo1` … `tpdo512`, `rpdo1` …, in any case. Raises ValueError with the reason."""
         match = re.fullmatch(r"([rt])(?:x)?pdo(\d{1,9})", text.strip(), re.IGNORECASE | re.ASCII)
         if not match:
             raise ValueError(f"{text!r} is not a PDO; write tpdo1…tpdo512 or rpdo1…rpdo512")
@@ -59,7 +56,7 @@ class Pdo:
 
     @classmethod
     def at(cls, index: int) -> Pdo | None:
-        """The PDO whose communication or mapping parameter is at *index*, or None."""
+        """The PDO with its communication or mapping parameter at *index*, or None."""
         if not _FIRST_INDEX <= index <= _LAST_INDEX:
             return None
         base = index - index % MAX_PDO_NUMBER
@@ -67,7 +64,7 @@ class Pdo:
 
     @property
     def is_tpdo(self) -> bool:
-        """Whether the device sends it."""
+        """Whether the PDO is a TPDO."""
         return self.direction is Direction.TPDO
 
     @property
@@ -88,7 +85,7 @@ class Pdo:
 
     @property
     def label(self) -> str:
-        """As it is shown: `TPDO1`."""
+        """The PDO as displayed: `TPDO1`."""
         return f"{self.direction.upper()}{self.number}"
 
     def __str__(self) -> str:
@@ -97,7 +94,7 @@ class Pdo:
 
 @dataclass(frozen=True, slots=True)
 class PdoCommunicationParameter:
-    """A communication parameter; None means that the device has no such sub-index.
+    """A communication parameter; None means that the device lacks the sub-index.
 
     *transmission_type* is 0..255, *inhibit_time* counts 100 µs, *event_timer* counts 1 ms,
     *sync_start_value* is a SYNC counter value 0..255 (CiA 301, 7.5.2.35 and 7.5.2.37).
@@ -112,13 +109,13 @@ class PdoCommunicationParameter:
 
 @dataclass(frozen=True, slots=True)
 class PdoConfig:
-    """What a PDO is set to: its communication parameter and its active mapping, in frame order.
+    """A PDO's configuration: its communication parameter and its active mapping, in frame order.
 
     *count* is the mapping's sub-index 0; it differs from the number of entries for MPDOs (0xFE, 0xFF), which are
-    shown and never written but with force: *multiplexed* is what their sub-index 1 holds, which is no mapping. It
-    differs for an inconsistent PDO, too: *held_count* is what that says, *unread* the objects (index, sub-index) that
-    it lacks or does not tell: its COB-ID (which counts as off then), its count, or the first entry behind *mapping*; or
-    an optional parameter, which is None then, that it refused for a reason that may pass.
+    shown, and written only with force: *multiplexed* is the content of their sub-index 1, not a mapping. The count also
+    differs for an inconsistent PDO: *held_count* is its value, *unread* the objects (index, sub-index) that
+    are missing or unreadable: the COB-ID (disabled then), the count, or the first entry behind *mapping*; or
+    an optional parameter (None then), refused for a temporary reason.
     """
 
     communication: PdoCommunicationParameter
@@ -130,7 +127,7 @@ class PdoConfig:
 
     @property
     def entries(self) -> tuple[PdoMappingEntry, ...]:
-        """What the mapping's sub-indices 1 and up hold, as far as it means anything."""
+        """Contents of the mapping's sub-indices 1 and up, as far as meaningful."""
         return self.mapping if self.mpdo is None else self.multiplexed
 
     @property
@@ -140,43 +137,43 @@ class PdoConfig:
 
     @property
     def count(self) -> int:
-        """Mapping sub-index 0 as the device holds it."""
+        """Mapping sub-index 0 as read from the device."""
         odd = self.held_count if self.mpdo is None else self.mpdo
         return len(self.mapping) if odd is None else odd
 
     @property
     def has_cob_id(self) -> bool:
-        """Whether the device tells its COB-ID; one without is no PDO on the bus."""
+        """Whether the COB-ID is readable; without COB-ID the PDO is not on the bus."""
         return not any(sub_index == 1 and not is_mapping_index(index) for index, sub_index in self.unread)
 
     @property
     def has_mapping(self) -> bool:
-        """Whether the device tells its mapping's count."""
+        """Whether the mapping's count is readable."""
         return all(_is_entry(*place) for place in self.unread if is_mapping_index(place[0]))
 
     @property
     def lacking(self) -> tuple[tuple[int, int], ...]:
-        """Those of *unread* without which it is no whole PDO, whatever it maps: parameters, and its mapping's count."""
+        """Objects of *unread* that are essential whatever the PDO maps: parameters, and the mapping's count."""
         return tuple(place for place in self.unread if not _is_entry(*place))
 
     @property
     def untold(self) -> tuple[tuple[int, int], ...]:
-        """Those of *unread* that it need not have: nobody knows whether, nor what they hold."""
+        """Optional objects of *unread*: their existence and values are unknown."""
         return tuple(place for place in self.lacking if place[1] in _OPTIONAL)
 
     @property
     def inconsistency(self) -> str:
-        """What is wrong with it as it stands, in words; empty for a PDO that is whole."""
+        """Description of the PDO's inconsistency, empty for a consistent PDO."""
         return "; ".join(_inconsistencies(self))
 
     @property
     def bits(self) -> int:
-        """Summed length of the mapping, in bits."""
+        """Total length of the mapping in bits."""
         return total_bits(self.mapping)
 
 
 def is_mapping_index(index: int) -> bool:
-    """Whether a PDO's parameter at *index* (0x1400..0x1BFF) is its mapping, not its communication parameter."""
+    """Whether *index* (0x1400..0x1BFF) is a mapping parameter, not a communication parameter."""
     return bool(index & 0x200)
 
 
@@ -204,7 +201,7 @@ def is_mpdo(count: int) -> bool:
 
 
 def transmission_type_text(value: int, direction: Direction) -> str:
-    """What transmission type *value* (0..255) means for *direction*, in a few words (CiA 301, table 71 ff.)."""
+    """Transmission type *value* (0..255) in words for *direction* (CiA 301, table 71 ff.)."""
     tpdo = direction is Direction.TPDO
     if value == 0:
         return "acyclic, synchronous" if tpdo else "synchronous"

@@ -1,7 +1,6 @@
-"""Plans: what will be written, in which order and why; the only source of action.
+"""Plans: the writes to a device, their order and reasons; the only source of action.
 
-Knows how CiA 301 wants a PDO changed. Does not know whether the result is legal (`rules`) nor how it is run
-(`device.change.transaction`).
+A PDO is changed in the sequence of CiA 301.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ ON_REQUEST = (252, 253)
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One SDO download: *before* is what the object holds at that moment, None if it cannot be read back.
+    """An SDO download: *before* is the object's value at this moment, None if it cannot be read back.
 
     A step without *before* is acknowledged by the device, not verified and not rolled back.
     """
@@ -38,7 +37,7 @@ class Step:
 
     @property
     def object(self) -> str:
-        """The object as it is printed and typed: `1A00:01`."""
+        """The object as printed and typed: `1A00:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
     def otherwise(self, before: bytes | None, after: bytes, reason: str) -> Step:
@@ -46,7 +45,7 @@ class Step:
         return replace(self, before=before, after=after, reason=reason)
 
     def text(self, data: bytes | None) -> str:
-        """*data* of the object as the field writes it: words and indices in hex, counts and times decimal."""
+        """*data* of the object in the usual notation: words and indices in hex, counts and times decimal."""
         if data is None:
             return "-"
         if not data:
@@ -59,9 +58,9 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class PdoChange:
-    """One PDO from *before* to *after*, with the steps between.
+    """A PDO change from *before* to *after*, with its steps.
 
-    *back* is what is put back where the device refuses *before*, None where it is not expected to.
+    *back* is the configuration to restore if the device refuses *before*, None if no refusal is expected.
     """
 
     pdo: Pdo
@@ -72,43 +71,43 @@ class PdoChange:
 
     @property
     def label(self) -> str:
-        """What is changed, for a person: `TPDO1`."""
+        """Name of the changed PDO: `TPDO1`."""
         return self.pdo.label
 
     def reversed(self) -> PdoChange:
-        """The change that puts *before* back."""
+        """The change that restores *before*."""
         return plan_pdo(self.pdo, self.after, self.before)
 
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """One object that is not part of a PDO, in one step.
+    """A change of one object outside PDOs, in one step.
 
-    A stamp that replaces another one goes by way of 0, the COB-ID of a service in use by way of one that is not.
+    A stamp changes to a new stamp by way of 0, the COB-ID of a service in use by way of an inactive COB-ID.
     """
 
     step: Step
 
     @property
     def label(self) -> str:
-        """What is changed, for a person: `1006:00`."""
+        """Name of the changed object: `1006:00`."""
         return self.step.object
 
     @property
     def is_readable(self) -> bool:
-        """Whether what was written can be read back: a write-only object has no value before that anybody knows."""
+        """Whether the value can be read back: a write-only object has no known value before."""
         return self.step.before is not None
 
     @property
     def is_dependent(self) -> bool:
-        """Whether it has to be written in an order with others (`value_order`)."""
+        """Whether the value must be written in an order with others (`value_order`)."""
         from dvtcli.domain.value_order import is_dependent
 
         return is_dependent(self.step.index, self.step.sub_index)
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """The steps, as of every change, where it stands alone."""
+        """The steps of the change, if it stands alone."""
         before, after = self.step.before, self.step.after
         if self.is_dependent:
             from dvtcli.domain.value_order import in_order
@@ -123,7 +122,7 @@ class ValueChange:
         )
 
     def reversed(self) -> ValueChange:
-        """The change that puts the old value back; ValueError where it is not known."""
+        """The change that restores the old value. Raises ValueError if the old value is unknown."""
         if self.step.before is None:
             raise ValueError(f"the value of 0x{self.step.object} before the change is not known")
         step = replace(self.step, before=self.step.after, after=self.step.before, reason="put the old value back")
@@ -137,8 +136,8 @@ Change = PdoChange | ValueChange
 class Plan:
     """The changes for one node, in order.
 
-    It may be a part of a larger change: *looked_at* are PDOs that whoever carries that out reads whole after its last
-    part, and takes back with it.
+    The plan may be part of a larger change: *looked_at* are PDOs that the caller reads completely after the last
+    part, and rolls back with it.
     """
 
     node_id: int
@@ -147,13 +146,13 @@ class Plan:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """Every step of every change, in order."""
+        """All steps of all changes, in order."""
         return tuple(step for _, step in self.course())
 
     def course(self) -> Iterator[tuple[Change, Step]]:
-        """Every step in the order in which it is written, each with its change.
+        """Every step in write order, each with its change.
 
-        Values that depend on each other stand together where the first of them stands.
+        Interdependent values come together, at the place of the first of them.
         """
         dependent = {
             (change.step.index, change.step.sub_index): change
@@ -176,28 +175,28 @@ class Plan:
 
     @property
     def unreadable(self) -> tuple[ValueChange, ...]:
-        """The changes of objects that cannot be read back."""
+        """Changes of objects that cannot be read back."""
         return tuple(change for change in self.changes if isinstance(change, ValueChange) and not change.is_readable)
 
     def reversed(self) -> Plan:
-        """The plan that undoes this one."""
+        """The plan that undoes this plan."""
         return Plan(self.node_id, tuple(change.reversed() for change in reversed(self.changes)))
 
 
 def alters(change: Change) -> bool:
-    """Whether *change* makes anything other than it was; a write of what an object holds already does not."""
+    """Whether *change* has an effect; a write of the present value has none."""
     if isinstance(change, PdoChange):
         return change.before != change.after
     return change.step.before != change.step.after
 
 
 def writes_cob_id(plan: Plan) -> bool:
-    """Whether *plan* writes the COB-ID of a PDO, which a device may take as a reason to move others."""
+    """Whether *plan* writes the COB-ID of a PDO, after which a device may move other PDOs."""
     return any(step.sub_index == 1 and step.index == _communication_index(step.index) for step in plan.steps)
 
 
 def only_cob_id(change: Change) -> bool:
-    """Whether *change* writes the COB-ID of a PDO, and nothing else of it."""
+    """Whether *change* writes nothing but the COB-ID of a PDO."""
     place = (change.pdo.communication_index, 1) if isinstance(change, PdoChange) else None
     return bool(change.steps) and all((step.index, step.sub_index) == place for step in change.steps)
 
@@ -208,11 +207,11 @@ def _communication_index(index: int) -> int | None:
 
 
 def plan_pdo(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, off: bool = False) -> PdoChange:
-    """The fewest writes that take *pdo* from *now* to *want* in the order CiA 301 demands (7.5.2.36, 7.5.2.38).
+    """The fewest writes that bring *pdo* from *now* to *want* in the order of CiA 301 (7.5.2.36, 7.5.2.38).
 
     Disable (bit 31 of the word that was read, bits 30 and 29 kept), communication parameters that differ,
-    mapping count 0, all entries, count, enable. Only what needs a disabled PDO disables it; a PDO that is
-    disabled already gets no disabling write. With *off* it is disabled whatever differs, for devices that want that.
+    mapping count 0, all entries, count, enable. The PDO is disabled only if necessary and if still enabled. With *off*
+    it is disabled for any difference, for devices that require this.
     """
     return PdoChange(pdo, now, want, tuple(_pdo_steps(pdo, now, want, off=off)))
 
@@ -237,7 +236,7 @@ def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, off: bool) -> Itera
 
 
 def needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
-    """Whether the change touches what CiA 301 freezes while a PDO is valid."""
+    """Whether the change affects values that CiA 301 freezes while a PDO is valid."""
     a, b = now.communication, want.communication
     return (
         a.cob_id != b.cob_id
@@ -259,7 +258,7 @@ def needs_rtr_first(now: PdoConfig, want: PdoConfig) -> bool:
 
 
 def disables(now: PdoConfig, want: PdoConfig) -> bool:
-    """Whether the way from *now* to *want* switches an enabled PDO off, so that it has to be enabled anew."""
+    """Whether the change from *now* to *want* disables an enabled PDO, so that it must be enabled again."""
     return now.enabled and needs_disabling(now, want)
 
 

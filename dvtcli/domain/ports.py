@@ -1,7 +1,6 @@
-"""The two seams to the world: one node's dictionary, and the network.
+"""Interfaces to the outside: a node's dictionary, and the network; implemented in `bus`.
 
-Everything above is written against these protocols; `bus` implements them. Errors that implementations
-raise are those of `dvtcli.errors`: SdoAborted, NoAnswer, BusUnavailable, SdoProtocolError.
+Implementations raise the errors of `dvtcli.errors`: SdoAborted, NoAnswer, BusUnavailable, SdoProtocolError.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 
 @dataclass(frozen=True, slots=True)
 class BootUp:
-    """A node said that it has started (CiA 301, 7.2.8.3.3)."""
+    """Boot-up message of a node (CiA 301, 7.2.8.3.3)."""
 
     node_id: int
     timestamp_s: float = 0.0
@@ -44,7 +43,7 @@ class Emergency:
 
 @dataclass(frozen=True, slots=True)
 class HeardEmergency:
-    """One error code of a node as often as it was heard: *count* times, first at *first_s*, and the *last* message."""
+    """Occurrences of a node's error code: *count* times, first at *first_s*, and the *last* message."""
 
     count: int
     first_s: float
@@ -58,7 +57,7 @@ NodeEvent = BootUp | StateChange | Emergency
 class Frame:
     """A CAN data or remote frame; *timestamp_s* is the bus's clock in seconds.
 
-    *dlc* is the data length code of a remote frame, which has no data: how many bytes (0..8) it asks for.
+    *dlc* is the data length code of a remote frame without data: the number of requested bytes (0..8).
     """
 
     can_id: int
@@ -70,20 +69,20 @@ class Frame:
 
 
 class SdoReader(Protocol):
-    """Reading one node's object dictionary."""
+    """Read access to a node's object dictionary."""
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
-        """Read an object; raises SdoAborted where the device refuses, NoAnswer where it is silent.
+        """Read an object. Raises SdoAborted if the device refuses, NoAnswer if it is silent.
 
-        *timeout_s* and *retries* (0..) override the usual ones.
+        *timeout_s* and *retries* (0..) override the defaults.
         """
         ...
 
 
 class SdoTransport(SdoReader, Protocol):
-    """Access to one node's object dictionary."""
+    """Access to a node's object dictionary."""
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
         """Write an object; *timeout_s* overrides the usual time-out (a store takes seconds)."""
@@ -91,7 +90,7 @@ class SdoTransport(SdoReader, Protocol):
 
 
 class CanopenBus(Protocol):
-    """The network that nodes live on."""
+    """The network with its nodes."""
 
     @property
     def name(self) -> str:
@@ -115,38 +114,38 @@ class CanopenBus(Protocol):
 
     @property
     def bitrate(self) -> int | None:
-        """The bit rate in bit/s, None where nobody said."""
+        """The bit rate in bit/s, None if unknown."""
         ...
 
     @property
     def runs_at(self) -> int | None:
-        """The bit rate (bit/s) that `set_bit_rate` could go back to, also of simulated nodes; None: not known."""
+        """The bit rate (bit/s) to return to after `set_bit_rate`, also of simulated nodes; None if unknown."""
         ...
 
     def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """SafetyRefusal where *bit_rate* (bit/s) cannot be set from here, with the way to do it by hand.
+        """Raise SafetyRefusal if *bit_rate* (bit/s) cannot be set from here, with the manual way.
 
-        With *listen_only* also where the interface is not known to listen without a word: a frame that is read at a
-        wrong bit rate is destroyed for others by who acknowledges and complains.
+        With *listen_only*, also if the interface is not known to support listen-only mode: a node that reads at a
+        wrong bit rate acknowledges and signals errors, and so destroys other nodes' frames.
         """
         ...
 
     def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """Leave the bus, and be on it again at *bit_rate* (bit/s), with *listen_only* without a word; BusUnavailable.
+        """Leave the bus and rejoin at *bit_rate* (bit/s), with *listen_only* silently. Raises BusUnavailable.
 
-        What was heard so far stays known.
+        Data received before stays known.
         """
         ...
 
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
-        """Do *jobs*, each of which waits for answers of a node of its own: side by side where that harms nobody.
+        """Run *jobs*, each waiting for answers of its own node: in parallel if safe.
 
-        On return none of them goes on. Answers what went wrong, in the order of time; after that none is begun.
+        All jobs have ended on return. Returns their errors in order of time; after an error no job is started.
         """
         ...
 
     def sdo(self, node_id: int) -> SdoTransport:
-        """The default SDO channel of *node_id* (1..127); the same object for the same node."""
+        """The default SDO channel of *node_id* (1..127); always the same object for the same node."""
         ...
 
     def set_timeout(self, timeout_s: float) -> None:
@@ -162,37 +161,37 @@ class CanopenBus(Protocol):
         ...
 
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
-        """The state last heard of *node_id* (heartbeat, boot-up); waits up to *timeout_s* for a *new* sign of life.
+        """The last received state of *node_id* (heartbeat, boot-up); waits up to *timeout_s* for a *new* sign of life.
 
-        With 0 nothing is waited for. None: nothing was ever heard.
+        0 does not wait. None: no state was ever received.
         """
         ...
 
     def boot_ups(self, node_id: int) -> int:
-        """How many boot-up messages of *node_id* were seen so far."""
+        """Number of boot-up messages of *node_id* so far."""
         ...
 
     def restarts(self, node_id: int) -> int:
-        """How many boot-up messages of *node_id* were seen so far that no reset sent from here explains."""
+        """Number of boot-up messages of *node_id* so far without a reset sent from here."""
         ...
 
     def order_restart(self, node_id: int, within_s: float) -> None:
-        """Let the next boot-up of *node_id* (0: of each node) be no restart if it comes within *within_s* seconds."""
+        """Do not count a boot-up of *node_id* (0: each node) within *within_s* seconds as a restart."""
         ...
 
     def upsets(self, node_id: int) -> int:
-        """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again.
+        """A number that grows with each boot-up of *node_id*, and with each repeated upload.
 
-        As long as it stays the same, everything that was read of the node is of one and the same life of it.
+        While it stays the same, all values read from the node are from the same boot.
         """
         ...
 
     def downloads_of_others(self, node_id: int) -> int:
-        """How many downloads of other SDO clients to *node_id* were seen since its last boot-up."""
+        """Number of downloads by other SDO clients to *node_id* since its last boot-up."""
         ...
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        """What may have changed *node_id*: its `upsets`, and `downloads_of_others`; does not read the bus."""
+        """Events that may have changed *node_id*: its `upsets`, and `downloads_of_others`; does not read the bus."""
         ...
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
@@ -200,37 +199,39 @@ class CanopenBus(Protocol):
         ...
 
     def heard_nodes(self) -> dict[int, NmtState]:
-        """Every node whose state is known from what it said by itself (heartbeats, boot-ups), by node-ID."""
+        """State of every node known from its heartbeats and boot-ups, by node-ID."""
         ...
 
     def emergency(self, node_id: int) -> Emergency | None:
-        """The last emergency message of *node_id*, None where there was none."""
+        """The last emergency message of *node_id*, None for none."""
         ...
 
     def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
-        """Every error code that *node_id* sent since the bus is open, the one heard last first."""
+        """Every error code of *node_id* since the bus was opened, latest first."""
         ...
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
-        """Call *callback* for each boot-up, state change and emergency; returns what ends that.
+        """Call *callback* for each boot-up, state change and emergency; returns a function that ends the calls.
 
-        It is called by the thread that happens to read the bus: it must be quick and must not use the bus.
+        The thread that reads the bus makes the call: *callback* must be quick and must not use the bus.
         """
         ...
 
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
+        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it. See
+        `on_event`.
+        """
         ...
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
-        """The frames that were sent here last, and those that answered them; each with whether it is ours.
+        """The last frames sent from here and their answers, each with whether it is ours.
 
-        Oldest first; times are seconds since 1970; how many are remembered is bounded.
+        Oldest first; times are seconds since 1970; the number is limited.
         """
         ...
 
     def acts(self) -> list[str]:
-        """What was sent since the last call that nodes act on, in words: SDO downloads, NMT, LSS, SYNC, PDOs."""
+        """Frames with an effect on nodes sent since the last call, in words: SDO downloads, NMT, LSS, SYNC, PDOs."""
         ...
 
     def disturbances(self) -> list[str]:
@@ -238,23 +239,23 @@ class CanopenBus(Protocol):
         ...
 
     def error_frame_count(self) -> int:
-        """How many error frames were received so far."""
+        """Number of error frames received so far."""
         ...
 
     def lost_frame_count(self) -> int:
-        """How many frames were dropped so far before anybody here could read them, as far as that is known."""
+        """Number of frames lost before they could be read, as far as known."""
         ...
 
     def send(self, frame: Frame) -> None:
-        """Send one frame (SYNC, a PDO)."""
+        """Send a frame (SYNC, a PDO)."""
         ...
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
-        """Yield every frame that arrives within *duration_s*, as it arrives."""
+        """Yield every frame received within *duration_s*, at its arrival."""
         ...
 
     def drain(self) -> None:
-        """Deliver what has already arrived, without waiting."""
+        """Deliver received frames without waiting."""
         ...
 
     def idle(self, duration_s: float) -> None:
@@ -269,7 +270,7 @@ class CanopenBus(Protocol):
         ...
 
     def sleep(self, duration_s: float) -> None:
-        """Wait *duration_s* of that time (0 and less: not at all); others may use the bus meanwhile."""
+        """Wait *duration_s* of the bus's time (0 and less: not at all); others may use the bus meanwhile."""
         ...
 
     def close(self) -> None:

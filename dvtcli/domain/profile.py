@@ -1,8 +1,4 @@
-"""What a family of devices allows and asks for, as data named by behaviour.
-
-Knows no vendor, and neither where profiles are kept (`files.profile.library`) nor how they are written
-(`files.profile.toml`).
-"""
+"""Behaviour of a device family as data, named by behaviour and not by vendor."""
 
 from __future__ import annotations
 
@@ -23,7 +19,7 @@ ObjectAddress = tuple[int, int]
 
 
 class BitPolicy(StrEnum):
-    """What becomes of bit 30 of a COB-ID when it is written."""
+    """Handling of bit 30 of a COB-ID at a write."""
 
     KEEP = "keep"
     SET = "set"
@@ -39,7 +35,7 @@ class Severity(StrEnum):
 
 
 class PreOperational(StrEnum):
-    """Whether PDO parameters want the node in PRE-OPERATIONAL: the device insists, its maker advises it, or neither.
+    """Whether PDO parameters need PRE-OPERATIONAL: required by the device, advised by its maker, or neither.
 
     Every member is true as a condition: compare with `is`.
     """
@@ -51,10 +47,10 @@ class PreOperational(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class StorePolicy:
-    """How a device is told to keep its settings.
+    """How to store a device's settings.
 
-    *sub_indices* of 0x1010 in order of preference, none where the device has no such object (*instead* then says
-    what its way is, *saved_by* which object's write it is, if any); *timeout_s* seconds to wait for the answer;
+    *sub_indices* of 0x1010 in order of preference, none if the device lacks the object (*instead* then describes
+    its way, *saved_by* the object whose write saves, if any); *timeout_s* seconds to wait for the answer;
     *covers* the indices that are lost without a store, all others save themselves; *never_after* abort codes of a
     change after which nothing may be stored.
     """
@@ -68,16 +64,16 @@ class StorePolicy:
     saved_by: ObjectAddress | None = None
 
     def needed_for(self, index: int) -> bool:
-        """Whether a change of the object at *index* is lost at power-off unless it is stored."""
+        """Whether a change of the object at *index* is lost at power-off without a store."""
         return self.covers[0] <= index <= self.covers[1]
 
 
 @dataclass(frozen=True, slots=True)
 class LoginPolicy:
-    """How a device is logged in to: write *user_id* (u16), then *passcode* (u16), read *level* (u8) back.
+    """Login to a device: write *user_id* (u16), then *passcode* (u16), read *level* (u8) back.
 
-    *needed* is the level that writes to the indices in *covers* ask for, *highest* the highest there is; 0 is logged
-    out. *user* is the user ID (1..0xFFFF) where nobody names another.
+    *needed* is the level for writes to the indices in *covers*, *highest* the highest level; 0 is logged
+    out. *user* is the default user ID (1..0xFFFF).
     """
 
     level: ObjectAddress
@@ -95,10 +91,10 @@ class LoginPolicy:
 
 @dataclass(frozen=True, slots=True)
 class VpdoGroup:
-    """One list of virtual PDOs: sub-index k of the object at *index* holds (u16) what pin k stands for.
+    """A list of virtual PDOs: sub-index k of the object at *index* holds (u16) the object index for pin k.
 
     *values* are the ranges of allowed object indices, *none* the value of an unused pin. *drives* are the ranges of
-    objects that a device itself writes while a pin is tied.
+    objects that the device itself writes while a pin is connected.
     """
 
     index: int
@@ -112,7 +108,7 @@ class VpdoGroup:
 
 
 class StepKind(StrEnum):
-    """What a step of a PDO's change writes, as far as a device's refusal means something else there."""
+    """Kind of write in a PDO's change, as far as an abort code's meaning depends on it."""
 
     ENTRY = "entry"
     COUNT = "count"
@@ -122,7 +118,7 @@ class StepKind(StrEnum):
 
 
 def step_kind(index: int, sub_index: int) -> StepKind:
-    """What a write to *index*:*sub_index* is, as a step of a PDO's change."""
+    """Kind of a write to *index*:*sub_index* in a PDO's change."""
     pdo = Pdo.at(index)
     if pdo is None:
         return StepKind.OTHER
@@ -133,9 +129,9 @@ def step_kind(index: int, sub_index: int) -> StepKind:
 
 @dataclass(frozen=True, slots=True)
 class FaultList:
-    """A family's own list of errors: how many there are at *count* (u16), and the *code* (u16) at a *position* (u16).
+    """A family's error list: the number of errors at *count* (u16), and the *code* (u16) at a *position* (u16).
 
-    The position, from 0, is chosen by writing it.
+    Write the position, from 0, to select an error.
     """
 
     count: ObjectAddress
@@ -145,7 +141,7 @@ class FaultList:
 
 @dataclass(frozen=True, slots=True)
 class KnownFault:
-    """What an error code of a family means, and what helps; *remedy* is empty where nobody says."""
+    """Meaning of a family's error code; *remedy* is empty if unknown."""
 
     text: str
     remedy: str = ""
@@ -162,29 +158,33 @@ class MappingAdvice:
 
 @dataclass(frozen=True, slots=True)
 class DeviceProfile:
-    """A device family's behaviours; None means: as the EDS says, or the standard where it is silent.
+    """Behaviours of a device family; None means: as in the EDS, or as in the standard if the EDS is silent.
 
-    *vendor_ids*, *product_codes* and *product_masks* (mask, value) tell which identities (0x1018) belong to it.
+    *vendor_ids*, *product_codes* and *product_masks* (mask, value) select the identities (0x1018) of the family.
     *pdo_count* PDOs each way; *max_entries* a mapping; *max_entry_bits* an entry; *granularity* bits; *rtr_bit* the
     policy for bit 30 by direction; *extended_ids* whether 29-bit CAN-IDs are allowed; *transmission_types* the
-    allowed ranges; *event_timer_types* those of a TPDO on which the event timer works; *max_time_count* the highest
+    allowed ranges; *event_timer_types* types of a TPDO with a working event timer; *max_time_count* the highest
     inhibit time (100 µs) and event timer (ms), if the EDS is silent; *partial_entries* whether an entry may be
-    shorter than its object; *rw_in_tpdo*/*rww_in_tpdo*/*rw_in_rpdo* how an object of that access is judged in that
-    direction (None: fine); *pre_operational_gate* whether PDO writes need PRE-OPERATIONAL; *state_object* where the
-    device tells its NMT state; *state_request* where a master takes one (u8: 1 pre-operational, 0 operational),
-    *master_object* where it says that it is one (1); *extended_error* where the reason after 0x08000000 stands and
-    *reasons* its texts; *dummies* the supported dummy indices; *login* how access is unlocked, if it is locked;
-    *hints* what an abort code usually means at a step of that kind, where the maker says more than the standard;
-    *reversed_entries* whether a mapping entry has its fields the other way round on the wire; *filler* what unused
-    entries hold (u32) where the count of a mapping cannot be written (None: it is);
-    *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
-    *fault_list* the family's own list of errors, *faults* what its error codes mean; *software_identification* what
-    0x1F56 says of the right program, by its number (1..254): a number of 32 bits, or "crc32" for that of what was sent;
-    *physical* what the values of its objects mean;
-    *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
-    what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs; *configuration* ranges
-    of the maker's own indices that a file or a clone may write, *no_configuration* those that none ever writes;
-    *learnt* whether `learn` wrote it.
+    shorter than its object; *rw_in_tpdo*/*rww_in_tpdo*/*rw_in_rpdo* judgement of objects with this access in this
+    direction (None: fine); *pre_operational_gate* whether PDO writes need PRE-OPERATIONAL; *state_object* the object
+    with
+    the device's NMT state; *state_request* the object to request a state (u8: 1 pre-operational, 0 operational),
+    *master_object* the object that reads 1 in a master; *extended_error* the object with the reason after 0x08000000
+    and
+    *reasons* its texts; *dummies* the supported dummy indices; *login* how to unlock access, if locked;
+    *hints* the usual meaning of an abort code at a kind of step, if the maker says more than the standard;
+    *reversed_entries* whether a mapping entry has its fields in reverse order on the wire; *filler* the content (u32)
+    of
+    unused entries if the count of a mapping is read-only (None: it is writable);
+    *silent_rpdo* the device's reaction to a silent RPDO producer, if any;
+    *fault_list* the family's own error list, *faults* the meaning of its error codes; *software_identification* the
+    value of 0x1F56 for the right program, by program number (1..254): a number of 32 bits, or "crc32" for the CRC of
+    the
+    sent program; *physical* the scaling of its objects;
+    *aliases* typed names → objects; *type_texts* the maker's words for a transmission type and *type_notes*
+    remarks on it; *warn_mapped* objects that should not feed a TPDO; *vpdo* its virtual PDOs; *configuration* ranges
+    of manufacturer-specific indices that a file or a clone may write, *no_configuration* ranges never written;
+    *learnt* whether `learn` wrote the profile.
     """
 
     name: str = "generic"
@@ -236,7 +236,7 @@ class DeviceProfile:
     def matches(self, vendor_id: int, product_code: int) -> bool:
         """Whether a device of this identity (0x1018:1 and :2) belongs to the family.
 
-        A profile without product codes and masks takes all of its vendors' products; one without vendors none.
+        A profile without product codes and masks matches all products of its vendors; without vendors it matches none.
         """
         if vendor_id not in self.vendor_ids:
             return False
@@ -246,7 +246,7 @@ class DeviceProfile:
         return masked or product_code in self.product_codes
 
     def hint(self, index: int, sub_index: int, abort: int) -> str | None:
-        """What the abort code *abort* of a write to *index*:*sub_index* usually means in this family, or None."""
+        """Usual meaning of the abort code *abort* of a write to *index*:*sub_index* in this family, or None."""
         return self.hints.get(step_kind(index, sub_index), {}).get(abort)
 
     def allows_type(self, transmission_type: int) -> bool:

@@ -1,4 +1,4 @@
-"""Program download: its objects, what is written to them, and what they say (CiA 302-3). Does not know a device."""
+"""Program download (CiA 302-3): objects, written values, and status."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class FlashStatus:
 
     @property
     def error(self) -> str:
-        """What went wrong, in words; empty where nothing did."""
+        """Error text, empty for no error."""
         code = self.raw >> 1 & 0x7F
         return _FLASH_ERRORS.get(code, f"error {code}") + f" (0x{self.raw:08X})" if code else ""
 
 
 class Stage(Enum):
-    """How far a program download has come; its value says what the device holds if it ends there."""
+    """Progress of a program download; the value describes the device's program if it ends there."""
 
     STOPPING = "its old program, which may be stopped"
     CLEARING = "its old program or none: it was told to clear it"

@@ -1,4 +1,4 @@
-"""What a restart of a node showed of a store or a restore. Does not know how it was found out."""
+"""Result of a restart that checks a store or a restore."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ RESTART_NAMES = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: 
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What was read after a restart: *compared* PDOs, and *objects* besides, with *against*, and what differs.
+    """Comparison after a restart: number of *compared* PDOs and *objects* with *against*, and the differences.
 
-    *unproved* says why equality shows nothing, where it does not, and *hint* what would. *canary* is what was changed
-    to find out, *put_back* where that had to be put back afterwards; *lost* are unstored changes that the restart took.
-    *already*: of nothing that is stored it is known that it was otherwise before, so that equality shows what the node
-    comes up with, and not what was asked of it. *notes* say what was left out.
+    *unproved* is the reason if a match proves nothing, and *hint* the remedy. *canary* is a value changed for the
+    test, *put_back* set if it had to be restored afterwards; *lost* are unstored changes lost by the restart.
+    *already*: the stored values may have been the same before, so a match after the reset does not prove this store.
+    *notes* list omissions.
     """
 
     by: str
@@ -36,7 +36,7 @@ class Proof:
 
     @property
     def holds(self) -> bool:
-        """Whether what was to be proved is so."""
+        """Whether the store or restore is proved."""
         return not self.differences and not self.unproved
 
     @property

@@ -1,6 +1,6 @@
-"""What a user asks of a PDO, and the configuration that this means on a given device.
+"""A user's request for a PDO, and the resulting configuration on a given device.
 
-A want is a value: it is made, shown and compared without a device. Does not judge it (`rules`) and does not know click.
+A request is a value: made, shown and compared without a device.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from dvtcli.domain.rules.mappable import usable_dummies
 
 @dataclass(frozen=True, slots=True)
 class PdoRequest:
-    """The options of `map` and `set`; None leaves a parameter as it is.
+    """The options of `map` and `set`; None leaves a parameter unchanged.
 
-    *cob_id* is a CAN-ID, `auto` or `keep`; *inhibit_time* counts 100 µs, *event_timer* 1 ms; *enabled* is what
-    the PDO is afterwards, None for as it was. *objects* is the whole mapping in frame order, None for the present one.
+    *cob_id* is a CAN-ID, `auto` or `keep`; *inhibit_time* counts 100 µs, *event_timer* 1 ms; *enabled* is the PDO's
+    final state, None for unchanged. *objects* is the whole mapping in frame order, None for the present mapping.
     """
 
     cob_id: int | Literal["auto", "keep"] | None = None
@@ -43,28 +43,28 @@ class PdoRequest:
 
     @property
     def untyped_lengths(self) -> tuple[ObjectAddress, ...]:
-        """Index and sub-index of each object whose length is to be found out."""
+        """Index and sub-index of each object without a typed length."""
         words = (word for word in self.objects or () if isinstance(word, MappedObject) and word.bits is None)
         return tuple((word.index, word.sub_index) for word in words)
 
 
 @dataclass(frozen=True, slots=True)
 class Switched:
-    """What `enable` and `disable` ask: bit 31 of the COB-ID, and nothing else."""
+    """Request of `enable` and `disable`: bit 31 of the COB-ID only."""
 
     enabled: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Cleared:
-    """What `clear` asks: no mapping, and disabled."""
+    """Request of `clear`: empty mapping, and disabled."""
 
 
 PdoWant = PdoConfig | PdoRequest | Switched | Cleared
 
 
 def said_by(want: PdoWant) -> frozenset[str]:
-    """Those of `PARAMETERS` that *want* says something of; the others stay as they are."""
+    """Those of `PARAMETERS` that *want* sets; all others stay unchanged."""
     if isinstance(want, Switched):
         return frozenset({"cob_id"})
     if isinstance(want, Cleared):
@@ -78,7 +78,7 @@ def said_by(want: PdoWant) -> frozenset[str]:
 
 
 def said_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
-    """The same of a single write to an object of *pdo*."""
+    """Parameters that a single write to an object of *pdo* sets."""
     if index == pdo.mapping_index:
         return frozenset({MAPPING})
     names = {1: "cob_id", 2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
@@ -86,9 +86,9 @@ def said_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
 
 
 def resolved(want: PdoWant, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
-    """The configuration that *want* means for the PDO of *proposal*; *lengths* are those that were not typed, in bits.
+    """Configuration for *want* on the PDO of *proposal*; *lengths* are the lengths that were not typed, in bits.
 
-    ValueError where a length stays unknown, the device's dummies cannot add up to what is to be skipped, `auto` finds
+    Raises ValueError if a length stays unknown, the device's dummies cannot add up to the skipped bits, `auto` finds
     no free CAN-ID, or a CAN-ID needs --extended.
     """
     if isinstance(want, PdoRequest):
@@ -103,7 +103,7 @@ def resolved(want: PdoWant, proposal: Proposal, lengths: Mapping[ObjectAddress, 
 
 
 def cleared(now: PdoConfig) -> PdoConfig:
-    """*now* without a mapping, and disabled; what it lacks altogether stays so."""
+    """*now* without mapping, and disabled; missing parameters stay missing."""
     off = replace(now.communication, cob_id=now.communication.cob_id.disabled())
     return PdoConfig(off, (), unread=now.lacking)
 
@@ -125,9 +125,9 @@ def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectA
 
 
 def instead_findings(want: PdoWant, proposal: Proposal) -> Iterator[Finding]:
-    """A note if *want* leaves the CAN-ID open and *proposal* gives the PDO another one than it had or its default.
+    """A note if *want* leaves the CAN-ID open and *proposal* sets neither the present nor the default CAN-ID.
 
-    A PDO that had none (CAN-ID 0x000) gets its default without a word.
+    A PDO without CAN-ID (0x000) gets its default silently.
     """
     held, got = proposal.now.communication.cob_id, proposal.want.communication.cob_id
     if not isinstance(want, PdoRequest) or want.cob_id not in (None, "auto") or not got.valid:
@@ -153,9 +153,9 @@ _SAID_BY_SET: dict[Action, Mapping[str, object]] = {
 
 
 def hinting_at_set(findings: Iterable[Finding], pdo: Pdo, *, enables: bool) -> Iterator[Finding]:
-    """*findings* about *pdo* for a line that takes no parameters of a PDO: their hints set these with `SET_PDO`.
+    """*findings* about *pdo* for a command without PDO parameters: their hints set these with `SET_PDO`.
 
-    With *enables* the line was to enable the PDO, which a hint then does behind that.
+    With *enables* the command was to enable the PDO, so the hint adds this step.
     """
     then = Hint(Action.ENABLE, {"pdo": pdo}, ", then {}")
     for finding in findings:
@@ -182,7 +182,7 @@ def _pick(asked: int | None, held: int | None) -> int | None:
 
 
 def _cob_id(request: PdoRequest, proposal: Proposal) -> CobId:
-    """The COB-ID that *request* means where the PDO becomes what *proposal* wants otherwise."""
+    """The COB-ID for *request*, given all other values of *proposal*."""
     held = proposal.now.communication.cob_id
     enabled = proposal.now.enabled if request.enabled is None else request.enabled
     flags = replace(held, valid=enabled, rtr_allowed=_rtr(request, proposal))
@@ -209,7 +209,7 @@ def _rtr(request: PdoRequest, proposal: Proposal) -> bool:
 
 
 def _legal(proposal: Proposal, cob_id: CobId) -> bool:
-    """Whether the PDO may be enabled with *cob_id*; one that is enabled with it keeps it, whoever else has it."""
+    """Whether the PDO may be enabled with *cob_id*; an enabled PDO keeps its COB-ID even if shared."""
     wanted = replace(proposal, want=_with_cob_id(proposal.want, cob_id))
     if cob_id != proposal.now.communication.cob_id:
         findings = can_id_findings(wanted)
@@ -225,7 +225,7 @@ def _entries(
     proposal: Proposal,
     lengths: Mapping[ObjectAddress, int | None],
 ) -> tuple[PdoMappingEntry, ...]:
-    """The mapping entries that *words* mean."""
+    """The mapping entries for *words*."""
     entries: list[PdoMappingEntry] = []
     for word in words:
         if isinstance(word, Skipped):
@@ -240,7 +240,7 @@ def _entries(
 def entry_number(
     words: Iterable[MappedObject | Skipped | PdoMappingEntry], place: ObjectAddress, proposal: Proposal
 ) -> int:
-    """Which entry of the mapping (1…) the object at *place* of *words* would be; 1 where it is none of them."""
+    """Mapping entry number (1…) of the object at *place* in *words*; 1 if missing."""
     number = 1
     for word in words:
         if not isinstance(word, Skipped) and (word.index, word.sub_index) == place:

@@ -1,7 +1,6 @@
-"""What an object's raw value means: a number with a unit, one of some words, or bits with names.
+"""Meaning of an object's raw value: a number with a unit, a word, or named bits.
 
-Exact: factors are fractions, no value is rounded but for the screen. Pure. Does not know where a meaning comes from
-(a family's data, a standard's, a file's), nor how many bits an object has.
+Exact: factors are fractions, and values are rounded only for display. Pure.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ _LEFT_OUT = re.compile(r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+")
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """A word for all raw values whose bits in *mask* are *bits*."""
+    """A word for all raw values with *bits* under *mask*."""
 
     mask: int
     bits: int
@@ -48,9 +47,9 @@ class _Counts(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Scaling:
-    """What a raw value means: raw x *factor* + *offset* of *unit*; or a word of *values* or *states*; or named *bits*.
+    """Meaning of a raw value: raw x *factor* + *offset* in *unit*; or a word (*values*, *states*); or named *bits*.
 
-    *bits* are by their number, 0 and up.
+    *bits* are by bit number, 0 and up.
     """
 
     unit: str = ""
@@ -72,12 +71,12 @@ class Scaling:
 
     @property
     def says(self) -> bool:
-        """Whether it says anything beyond the raw value."""
+        """Whether the scaling adds anything to the raw value."""
         return bool(self.unit or self.is_scaled or self.values or self.states or self.bits)
 
     @property
     def has_number(self) -> bool:
-        """Whether its values are numbers of something, and not words or bits."""
+        """Whether the values are numbers, not words or bits."""
         return bool(self.unit) or self.is_scaled
 
     @property
@@ -92,7 +91,7 @@ class Scaling:
         return raw * self.factor + self.offset
 
     def number(self, raw: float) -> int | float:
-        """The physical number of *raw* for a document or a table: whole where it is and can only be, else a float."""
+        """The physical number of *raw* for a document or a table: a whole number if always whole, else a float."""
         if isinstance(raw, float):
             return float(self.to_physical(raw))
         counts = self._in_counts()
@@ -100,7 +99,7 @@ class Scaling:
         return exact if counts.parts == 1 else exact / counts.parts
 
     def meaning(self, raw: int) -> str:
-        """The word for *raw*; empty where there is none."""
+        """The word for *raw*; empty for none."""
         if raw in self.values:
             return self.values[raw]
         for state in self.states:
@@ -109,7 +108,7 @@ class Scaling:
         return ""
 
     def set_bits(self, raw: int) -> tuple[str, ...]:
-        """The names of the bits that are set in *raw* (0 and up), from bit 0; `bit 6` where one has no name."""
+        """Names of the bits set in *raw* (0 and up), from bit 0; `bit 6` without a name."""
         if not self.bits:
             return ()
         return tuple(self.bits.get(bit, f"bit {bit}") for bit in range(raw.bit_length()) if raw >> bit & 1)
@@ -119,23 +118,23 @@ class Scaling:
         return f"{self.number_text(raw)} {self.unit}".rstrip()
 
     def words(self, raw: Value) -> str:
-        """What *raw* means, without raw itself: `48.0 V`, `operation enabled`, `input 1, input 3`; empty: nothing."""
+        """Meaning of *raw*, without *raw* itself: `48.0 V`, `operation enabled`, `input 1, input 3`; empty for none."""
         if isinstance(raw, str | bytes | CanopenTime):
             return ""
         word = "" if isinstance(raw, float) else self.word(raw)
         return word or (self.quantity(raw) if self.has_number else "")
 
     def word(self, raw: int) -> str:
-        """The word for *raw*, or the names of its bits; empty where there is neither."""
+        """The word for *raw*, or the names of its bits; empty for neither."""
         word = self.meaning(raw)
         if not word and self.bits and not self.states and raw >= 0:
             return ", ".join(self.set_bits(raw)) or "none"
         return word
 
     def text(self, raw: Value, bits: int = 0) -> str:
-        """*raw* as a person reads it, raw in parentheses where that differs: `48.0 V (768)`; empty: nothing to say.
+        """*raw* for people, with *raw* in parentheses if different: `48.0 V (768)`; empty for no meaning.
 
-        *bits*, where it is known, is how long *raw* is: `operation enabled (0x0637)` has all its hex digits.
+        *bits*, if known, is the length of *raw*: `operation enabled (0x0637)` has all its hex digits.
         """
         if not isinstance(raw, int):
             return self.words(raw)
@@ -146,7 +145,7 @@ class Scaling:
         return f"{words} ({self.raw_text(raw, bits)})"
 
     def raw_text(self, raw: int, bits: int = 0) -> str:
-        """*raw*, of *bits* bits where that is known: in hex where its bits mean something."""
+        """*raw* as text, of *bits* bits if known: hexadecimal if its bits have a meaning."""
         if not (self.states or self.bits) or raw < 0:
             return str(int(raw))
         return f"0x{raw:0{2 * ((max(raw.bit_length(), bits, 1) + 7) // 8)}X}"
@@ -167,7 +166,7 @@ class Scaling:
         return f"{sign}{whole}.{f'{part:0{decimals}}'.rstrip('0') or '0'}"
 
     def _in_counts(self) -> _Counts:
-        """Factor and offset as whole numbers, which thousands of values a second are reckoned with."""
+        """Factor and offset as whole numbers, for fast conversion of thousands of values per second."""
         if self._counts is None:
             parts = lcm(self.factor.denominator, self.offset.denominator)
             counts = _Counts(int(self.factor * parts), int(self.offset * parts), parts, self._decimals())
@@ -176,7 +175,7 @@ class Scaling:
         return self._counts
 
     def _decimals(self) -> int:
-        """The fewest digits behind the point that tell two raw values apart."""
+        """The fewest decimal places that distinguish two raw values."""
         for decimals in range(_MOST_DECIMALS):
             unit = Fraction(1, 10**decimals)
             exact = (self.factor / unit).denominator == (self.offset / unit).denominator == 1
@@ -185,12 +184,13 @@ class Scaling:
         return _MOST_DECIMALS
 
     def to_raw(self, text: str, *, whole: bool = True) -> float | None:
-        """The raw value of *text*: a number with a unit (`48V`, `48 mV`), a word, or what `text` shows.
+        """The raw value of *text*: a number with a unit (`48V`, `48 mV`), a word, or output of `text`.
 
-        None where it is none of these, as a number alone is: that is raw. A number counts to its last digit: `23.4 V`
-        is the nearest raw value that is 23.4 V when rounded so. Without *whole* it is a real number. ValueError for
-        another unit, for a number that no raw value comes near, for another raw value in parentheses, and for a word
-        that several raw values have.
+        None for anything else, such as a number alone (already raw). A number is accurate to its last digit: `23.4 V`
+        is the nearest raw value that rounds to 23.4 V. Without *whole* the result is a real number. Raises ValueError
+        for
+        another unit, for a number without a close raw value, for another raw value in parentheses, and for a word
+        with several raw values.
         """
         found = None if _is_raw(text, whole=whole) else self._by_word(text.strip())
         if found is not None:
@@ -202,7 +202,7 @@ class Scaling:
         return self._whole(match, *number) if whole else float((number[0] - self.offset) / self.factor)
 
     def _by_word(self, text: str) -> int | None:
-        """The raw value whose word is *text*, to the letter; or but for blanks and capitals, which a number is not."""
+        """The raw value for the word *text*, exactly; or ignoring blanks and case, unless it is a number."""
         shown = _WITH_RAW.fullmatch(text)
         told = None if shown is None else _number(shown["raw"])
         if (
@@ -221,7 +221,7 @@ class Scaling:
         return named[0] if named else None
 
     def _in_own_unit(self, match: re.Match[str]) -> tuple[Fraction, Fraction]:
-        """The number of *match* in the object's own unit, and what its last digit counts."""
+        """The number of *match* in the object's own unit, and the weight of its last digit."""
         unit = spelled((match["unit"] or "").strip())
         ratio = times(unit, self.unit) if unit else None if self.unit else Fraction(1)
         if ratio is None:
@@ -231,7 +231,7 @@ class Scaling:
         return number * ratio, last_digit * ratio
 
     def _whole(self, match: re.Match[str], number: Fraction, last_digit: Fraction) -> int:
-        """The raw value of *number*, which was typed as *match*."""
+        """The raw value for *number*, typed as *match*. Raises ValueError if none is close, or if raw differs."""
         raw = round((number - self.offset) / self.factor)
         off = abs(raw * self.factor + self.offset - number)
         if off and 2 * off >= last_digit and Fraction(self.number_text(raw)) != number:
@@ -247,7 +247,7 @@ class Scaling:
 
 
 def _spelling(word: str) -> str:
-    """*word* without what a person may leave out; a sign stays, as it tells `+10 V` from `-10 V`."""
+    """*word* without optional characters; a sign stays, to distinguish `+10 V` from `-10 V`."""
     return _LEFT_OUT.sub("_", word.lower()).strip("_")
 
 
@@ -268,7 +268,7 @@ def _number(text: str) -> int | None:
 
 
 def _with_last_digit(text: str) -> tuple[Fraction, Fraction]:
-    """A decimal number, and what its last digit counts."""
+    """A decimal number, and the weight of its last digit."""
     mantissa, _, exponent = text.lower().partition("e")
     decimals = len(mantissa.partition(".")[2])
     return Fraction(text), Fraction(10) ** (int(exponent or 0) - decimals)

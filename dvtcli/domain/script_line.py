@@ -1,4 +1,4 @@
-"""Script lines that repeat a change on a fresh device. Knows the grammar's long form, nothing of files."""
+"""Script lines that repeat a change on a fresh device, in the long form."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REMARKS = (LEFT_ALONE, STAYS_OFF)
 
 
 def change_lines(plan: Plan) -> list[str]:
-    """One line for each change of *plan*, with every value written out."""
+    """A line for each change of *plan*, with every value written out."""
     return [line for change in plan.changes for line in _lines(change)]
 
 
@@ -33,14 +33,14 @@ def value_line(step: Step, data: bytes) -> str:
 
 
 def _value(data: bytes) -> str:
-    """Bytes as a value with its type, so that the line needs no EDS to be run."""
+    """Bytes as a value with its type, so that the line needs no EDS."""
     if len(data) in (1, 2, 4, 8):
         return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X} --as u{8 * len(data)}"
     return f"{data.hex()} --as os"
 
 
 def change_line(change: PdoChange) -> str:
-    """The line, or lines, for a change of one PDO; empty where nothing changes."""
+    """The line, or lines, for a change of one PDO; empty without changes."""
     if not change.steps:
         return ""
     before, after, pdo = change.before, change.after, change.pdo
@@ -69,7 +69,7 @@ def map_line(pdo: Pdo, config: PdoConfig) -> str:
 
 
 def whole_line(pdo: Pdo, config: PdoConfig) -> str:
-    """All that *pdo* is set to, for a person; a comment where no line could set that."""
+    """The full configuration of *pdo* for people; a comment if no line could set it."""
     remark = _remark(pdo, config)
     return f"# {remark}" if remark else "; ".join(whole_lines(pdo, config))
 
@@ -105,10 +105,11 @@ def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommuni
 def backup_lines(
     identity: Mapping[str, int | None], pdos: Mapping[Pdo, PdoConfig], fixed: Collection[Pdo] = ()
 ) -> list[str]:
-    """A script that sets every one of *pdos* as it is, on a device of this *identity* only.
+    """A script that sets all *pdos* to this configuration, on a device of this *identity* only.
 
-    It disables them first, since a CAN-ID may be in use elsewhere by the time it runs; not those of *fixed*, whose
-    COB-IDs cannot be written. What no script could set becomes a comment.
+    The script disables PDOs first, since other nodes may use a CAN-ID by the time it runs; except PDOs in *fixed*,
+    whose
+    COB-IDs are read-only. Parts that no script could set become comments.
     """
     pin = identity_line(identity)
     lines = ["# dvtcli script 1", *([pin] if pin else []), serial_line(identity)]
@@ -118,25 +119,25 @@ def backup_lines(
 
 
 def backup_of(pdo: Pdo, config: PdoConfig) -> list[str]:
-    """What a backup says of *pdo*."""
+    """Backup lines for *pdo*."""
     remark = _remark(pdo, config)
     return [f"# {remark} {LEFT_ALONE}"] if remark else whole_lines(pdo, config)
 
 
 def serial_line(identity: Mapping[str, int | None]) -> str:
-    """The comment that names the serial number of the device of this *identity*."""
+    """The comment with the serial number of the device of this *identity*."""
     serial = identity.get("serial")
     return "# no serial number" if serial is None else f"# serial number 0x{serial:08X}"
 
 
 def identity_line(identity: Mapping[str, int | None]) -> str:
-    """The line that requires a device of this *identity*, whatever its serial number; empty where it has none."""
+    """The line that requires this *identity*, except for the serial number; empty without identity."""
     words = [f"{name}=0x{value:08X}" for name, value in identity.items() if value is not None and name != "serial"]
     return f"require identity {' '.join(words)}" if words else ""
 
 
 def whole_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
-    """The lines that set *pdo* to *config* whatever it was before; off, with a remark, where no PDO may be as it is."""
+    """Lines that set *pdo* to *config* from any state; disabled, with a remark, if its CAN-ID is restricted."""
     cob_id = config.communication.cob_id
     if config.mapping and config.enabled and not (cob_id.extended or _is_free(cob_id)):
         off = replace(config, communication=replace(config.communication, cob_id=cob_id.disabled()))
@@ -151,5 +152,5 @@ def _is_free(cob_id: CobId) -> bool:
 
 
 def _empty(pdo: Pdo, words: list[str]) -> list[str]:
-    """What empties *pdo*, and sets the parameters that *words* name."""
+    """Lines that empty *pdo*, and set the parameters *words*."""
     return [f"clear {pdo}", *([" ".join([f"set {pdo}", *words])] if words else [])]

@@ -1,7 +1,7 @@
-"""Which bytes of SDO frames are values of certain objects, followed frame by frame (CiA 301, 7.2.4.3).
+"""Values of certain objects in SDO frames, tracked frame by frame (CiA 301, 7.2.4.3).
 
-Expedited, in segments and by blocks, whoever is the client. Where a frame can be read in two ways, as the segments of a
-block that nobody ended, the one that carries a value counts. Does not know why somebody asks.
+Covers expedited, segmented and block transfers of any client. If a frame is ambiguous, such as the segments of an
+unfinished block, it counts as a value.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ Objects = Set[tuple[int, int]]
 
 
 class SdoValues:
-    """Follows the SDO transfers of a bus: where a frame carries a value of *objects*.
+    """Track the SDO transfers of a bus to find frames with values of *objects*.
 
-    Of a segment whose transfer began before anybody looked, *unknown* says whether it counts as one of them.
+    *unknown* tells whether a segment counts if its transfer began before tracking.
     """
 
     def __init__(self, objects: Objects, *, unknown: bool = False) -> None:
@@ -38,7 +38,7 @@ class SdoValues:
         self._ways: dict[int, _Way] = {}
 
     def value_in(self, frame: Frame) -> slice | None:
-        """Which bytes of *frame*, the next one on the bus, are such a value, or the checksum of one; None for none."""
+        """Bytes of *frame*, the next frame on the bus, that are such a value or its checksum; None for none."""
         requests, answers = frame.can_id in _REQUESTS, frame.can_id in _ANSWERS
         if not (requests or answers) or frame.extended or frame.remote or not frame.data:
             return None
@@ -49,7 +49,7 @@ class SdoValues:
         return found if found is not None and frame.data[found] else None
 
     def without(self, frame: Frame) -> tuple[Frame, bool]:
-        """*frame*, the next one on the bus, with zeros in place of such a value; and whether it carries one."""
+        """*frame*, the next frame on the bus, with zeros in place of such a value; and whether it carried one."""
         found = self.value_in(frame)
         if found is None:
             return frame, False
@@ -64,7 +64,7 @@ class SdoValues:
 
 
 class _Way:
-    """What goes one way between client and server; *begins* is the specifier that names an object and brings data."""
+    """One direction between client and server; *begins* is the specifier that names an object and brings data."""
 
     def __init__(self, objects: Objects, begins: int, *, unknown: bool) -> None:
         self._objects = objects
@@ -81,16 +81,16 @@ class _Way:
         self._parts: set[bytes] = set()
 
     def value_in(self, data: bytes) -> slice | None:
-        """Which bytes of *data* are a value of the objects; None: there is none."""
+        """Bytes of *data* that are a value of the objects; None for none."""
         found = self._found(data)
         if found is _OF_PART:
             self._parts.add(data[_REPEATED])
         return found
 
     def answered(self, data: bytes) -> bool:
-        """The other side sent *data*; whether it aborts a part as if that named an object.
+        """Process *data* of the other side; whether it aborts a part as if the part named an object.
 
-        What is no part of a block transfer says that there is none.
+        A frame outside block transfers ends the block.
         """
         if data[0] >> 5 != _OF_BLOCKS or data[0] == _BLOCK_TAKEN:
             self._over = True
@@ -114,7 +114,7 @@ class _Way:
         return _OF_PART if self._counts else self._of_named(data)
 
     def _begins_one(self, command: int) -> bool:
-        """Whether *command* names an object whose value comes this way."""
+        """Whether *command* names an object whose value follows in this direction."""
         return command >> 5 == self._begins or (command >> 5 == _BLOCK and not command & _ENDS_BLOCK)
 
     def _begun(self, data: bytes, kind: int) -> slice | None:
@@ -125,7 +125,7 @@ class _Way:
         return found
 
     def _in_block(self, data: bytes) -> bool:
-        """Whether a frame is a segment of a block; while one of the objects is under way anything but its end is."""
+        """Whether a frame is a segment of a block; during a transfer of the objects every frame but its end is."""
         command, number = data[0], data[0] & 0x7F
         if not self._next or not number or (self._next == 1 and data == self._beginning):
             return False

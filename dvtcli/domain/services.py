@@ -1,4 +1,4 @@
-"""Which CAN-IDs the services of a node take besides its PDOs: SYNC, EMCY, TIME, SDO channels. Reads no node."""
+"""CAN-IDs of a node's services besides its PDOs: SYNC, EMCY, TIME, SDO channels. Pure."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def taken_by_services(
     channels: Mapping[tuple[int, int], int],
     time: int | None = None,
 ) -> dict[tuple[int, bool], str]:
-    """CAN-IDs, and whether they have 29 bits, each with what it is; all but *node_id* are raw COB-IDs.
+    """CAN-IDs in use, and whether they have 29 bits, each with its use; all but *node_id* are raw COB-IDs.
 
     *sync* is None if the node has no 0x1005, *emcy* if it has no 0x1014: the standard's defaults count. *time* (0x1012)
-    takes a CAN-ID if the node sends the time stamp.
+    occupies a CAN-ID if the node sends the time stamp.
     """
     found = taken_by_channels(node_id, channels) | _taken_by_time(time)
     if emcy is None:
@@ -43,7 +43,7 @@ def taken_on_another(
     channels: Mapping[tuple[int, int], int],
     time: int | None = None,
 ) -> dict[tuple[int, bool], str]:
-    """The same of a node beside the node that is looked at; what it does not tell takes nothing."""
+    """CAN-IDs in use by another node; unreadable values occupy nothing."""
     found = taken_by_channels(node_id, channels) | _taken_by_time(time)
     if emcy is not None and not emcy & OFF:
         found[_identifier(emcy)] = f"EMCY of node {node_id}"
@@ -57,7 +57,7 @@ def _taken_by_time(time: int | None) -> dict[tuple[int, bool], str]:
 
 
 def taken_by_channels(node_id: int, channels: Mapping[tuple[int, int], int]) -> dict[tuple[int, bool], str]:
-    """The same of further SDO servers and clients, whose COB-IDs *channels* holds; one that is off takes none."""
+    """CAN-IDs of further SDO servers and clients with COB-IDs *channels*; a disabled channel has none."""
     found: dict[tuple[int, bool], str] = {}
     for (index, sub_index), raw in channels.items():
         if not raw & OFF and not channels.get((index, 3 - sub_index), 0) & OFF:

@@ -1,4 +1,4 @@
-"""A value as every screen shows it: with its unit or its meaning, raw in parentheses. Knows no screen in particular."""
+"""Text of a value for all screens: with unit or meaning, and raw in parentheses."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MOST_SHOWN, _WIDEST = 128, 24
 
 
 def value_text(value: Value | None, meaning: Scaling = NOTHING, bits: int = 0, *, hexed: bool = False) -> str:
-    """*value*, of *bits* bits, as a person reads it: `48.0 V (768)`, `operation enabled (0x0637)`; `-` for None.
+    """*value*, of *bits* bits, for people: `48.0 V (768)`, `operation enabled (0x0637)`; `-` for None.
 
-    With *hexed* a number that nothing is known of is followed by its hex digits: its bits may mean something.
+    With *hexed*, a number without a meaning is followed by its hex digits: its bits may have one.
     """
     if value is None:
         return "-"
@@ -33,7 +33,7 @@ def value_text(value: Value | None, meaning: Scaling = NOTHING, bits: int = 0, *
 
 
 def step_text(step: Step, data: bytes | None, known: ScaledValue | None) -> str:
-    """*data* of the object of *step* with what it means, where that is *known*; else as the field writes it."""
+    """*data* of the object of *step* with its meaning if *known*; else in the usual notation."""
     value = None if known is None else known.value(data)
     if known is None or value is None or isinstance(value, bytes):
         return step.text(data)
@@ -43,12 +43,12 @@ def step_text(step: Step, data: bytes | None, known: ScaledValue | None) -> str:
 
 
 def cut_text(text: str) -> str:
-    """A text in quotes; of a long one the beginning, and how long it is."""
+    """A text in quotes; of a long text the beginning and the length."""
     return repr(text) if len(text) <= _WIDEST else f"{text[:_WIDEST]!r}… {len(text):,} characters"
 
 
 def cut_bytes(data: bytes) -> str:
-    """The first of many bytes, and how many there are."""
+    """The first bytes of *data*, and its length."""
     if len(data) <= MOST_SHOWN:
         return data.hex(" ").upper()
     return f"{data[:MOST_SHOWN].hex(' ').upper()} … {len(data):,} bytes"

@@ -1,7 +1,4 @@
-"""The stamp of a configuration: a date and time in 0x1020 that is recognised as dvtcli's own without any memory.
-
-Knows what a stamp is made of. Does not know what a configuration says, nor a device.
-"""
+"""The stamp of a configuration: a date and time in 0x1020, recognisable as dvtcli's own without any memory."""
 
 from __future__ import annotations
 
@@ -12,9 +9,9 @@ from datetime import date, timedelta
 
 @dataclass(frozen=True, slots=True)
 class WhoStored:
-    """Node-IDs of those that *stored*, of those that did not, and of those of which it is *unknown*.
+    """Node-IDs of nodes that *stored*, nodes that did not, and nodes whose store is *unknown*.
 
-    *not_held*: nodes that acknowledged their store, and then did not hold what was planned.
+    *not_held*: nodes that acknowledged their store, but then did not hold the planned values.
     """
 
     stored: tuple[int, ...] = ()
@@ -23,7 +20,7 @@ class WhoStored:
     not_held: tuple[int, ...] = ()
 
     def rows(self) -> list[tuple[str, str]]:
-        """The labelled lines of it for a screen."""
+        """Labelled lines for a screen."""
         rows = (("stored", self.stored), ("not stored", self.not_stored), ("unknown", self.unknown))
         said = [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
         if self.not_held:
@@ -34,7 +31,7 @@ class WhoStored:
         return said
 
     def document(self) -> dict[str, list[int]]:
-        """What stands in a JSON document."""
+        """Fields for a JSON document."""
         found = {"stored": [*self.stored], "not_stored": [*self.not_stored], "unknown": [*self.unknown]}
         return found | ({"not_held": [*self.not_held]} if self.not_held else {})
 
@@ -51,14 +48,14 @@ _PRIME, _QUOTIENTS = 9_973, 8_663
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """What 0x1020 holds: *days* since 1 January 1984, *ms* after midnight; both 0 for nothing."""
+    """Value of 0x1020: *days* since 1 January 1984, *ms* after midnight; both 0 for no stamp."""
 
     days: int
     ms: int
 
     @classmethod
     def of(cls, words: str) -> Stamp:
-        """The own stamp of a configuration that *words* say; others have it once in 2 to the 34."""
+        """The own stamp for the configuration *words*; another configuration has the same once in 2 to the 34."""
         number = int.from_bytes(hashlib.sha256(words.encode()).digest(), "big")
         number, day = divmod(number, _LAST_DAY - _FIRST_DAY + 1)
         quotient = number % _QUOTIENTS
@@ -67,7 +64,7 @@ class Stamp:
 
     @property
     def is_own(self) -> bool:
-        """Whether dvtcli made it: of another date and time in that range one in 9,973 is taken for one."""
+        """Whether dvtcli made the stamp; 1 in 9,973 foreign stamps in its date range is mistaken for own."""
         if not is_own_date(self.days):
             return False
         quotient, rest = divmod(self.ms, _PRIME)
@@ -75,11 +72,11 @@ class Stamp:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether somebody else wrote it: it is not 0, and not ours."""
+        """Whether another tool wrote the stamp: neither 0 nor dvtcli's."""
         return bool(self.days or self.ms) and not self.is_own
 
     def data(self, sub_index: int) -> bytes:
-        """What *sub_index* (1 or 2) of 0x1020 holds."""
+        """Value of *sub_index* (1 or 2) of 0x1020."""
         return (self.days if sub_index == DATE else self.ms).to_bytes(4, "little")
 
     def __str__(self) -> str:
@@ -92,7 +89,7 @@ class Stamp:
 
 
 def is_own_date(days: int) -> bool:
-    """Whether an own stamp may have that date."""
+    """Whether an own stamp may have this date."""
     return _FIRST_DAY <= days <= _LAST_DAY
 
 

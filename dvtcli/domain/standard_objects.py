@@ -1,7 +1,4 @@
-"""What CiA 301 says about its communication objects, for files that do not say it themselves.
-
-Knows data types, access and names of the standard's objects. Does not know any file.
-"""
+"""Data types, access and names of the communication objects in CiA 301, for files that lack them."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ _COMMUNICATION = ("COB-ID", "transmission type", "inhibit time", "reserved", "ev
 
 
 def standard_name(index: int, sub_index: int) -> str:
-    """The name of *index*:*sub_index* (1…254) in CiA 301, 7.5.2, empty where it gives none."""
+    """The name of *index*:*sub_index* (1…254) in CiA 301, 7.5.2, empty if unnamed."""
     if index in _ONE_EACH:
         return f"{_ONE_EACH[index]} {sub_index}"
     if is_pdo_mapping(index):
@@ -38,7 +35,7 @@ def standard_name(index: int, sub_index: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StandardEntry:
-    """Data type and access of one sub-index in CiA 301; *access* is None where the standard leaves a choice."""
+    """Data type and access of a sub-index in CiA 301; *access* is None if the standard leaves a choice."""
 
     data_type: DataType
     access: Access | None
@@ -116,7 +113,7 @@ def is_pdo_mapping(index: int) -> bool:
 
 
 def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
-    """What CiA 301 says about *index*:*sub_index*, or None where it says nothing."""
+    """Entry for *index*:*sub_index* in CiA 301, or None."""
     if sub_index == 0 and index in _VARIABLES:
         return _VARIABLES[index]
     if index == _IDENTITY and sub_index > _IDENTITY_LENGTH:
@@ -133,7 +130,7 @@ def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
 
 
 def standard_object_type(index: int) -> ObjectType | None:
-    """The object type that CiA 301 gives *index*, or None where it says nothing."""
+    """The object type of *index* in CiA 301, or None."""
     if index in _VARIABLES:
         return ObjectType.VAR
     if index in _ARRAYS and index != _IDENTITY:
@@ -147,5 +144,5 @@ _RESERVED = ((0x0000, 0x0000), (0x0260, 0x0FFF), (0x1004, 0x1004), (0x100B, 0x10
 
 
 def reserved(index: int) -> bool:
-    """Whether *index* is one that CiA 301 keeps for later."""
+    """Whether CiA 301 reserves *index*."""
     return any(first <= index <= last for first, last in _RESERVED)

@@ -1,4 +1,4 @@
-"""A frame as people write it: `185#1027`, a line of candump, `0x185 10 27`. Does not know what a frame means."""
+"""A frame as typed: `185#1027`, a line of candump, `0x185 10 27`."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _SHORT_DIGITS, _MOST_BYTES = 3, 8
 
 
 def typed_frame(text: str) -> Frame:
-    """The frame that *text* writes; more than three hex digits are a CAN-ID of 29 bits.
+    """The frame in *text*; more than three hex digits are a CAN-ID of 29 bits.
 
-    ValueError where it is none, with what is wrong.
+    Raises ValueError with the reason if it is not a frame.
     """
     line = " ".join(text[: _MOST_CHARACTERS + 1].split())
     if len(line) > _MOST_CHARACTERS:
@@ -35,7 +35,7 @@ def typed_frame(text: str) -> Frame:
 
 
 def frame_text(frame: Frame) -> str:
-    """*frame* as `typed_frame` reads it: `185#1027000000`."""
+    """*frame* as input for `typed_frame`: `185#1027000000`."""
     digits = 8 if frame.extended else _SHORT_DIGITS
     behind = f"R{frame.dlc or ''}" if frame.remote else frame.data.hex().upper()
     return f"{frame.can_id:0{digits}X}#{behind}"

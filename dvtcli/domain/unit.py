@@ -1,6 +1,6 @@
-"""Units as people and files write them: their spellings, and how many of one are another.
+"""Units as people and files write them: spellings and conversion.
 
-Knows the SI prefixes (ISO 80000-1, 6.5.4) of units that take any. Does not know objects.
+SI prefixes (ISO 80000-1, 6.5.4) apply to units that take prefixes.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _SCALE = re.compile(r"(\d{1,9})/([1-9]\d{0,8})(?: +(\S.*))?|(\d{0,9}\.\d{1,9}|10
 
 
 def spelled(unit: str) -> str:
-    """*unit* as it is shown: `degC` as `°C`, `us` as `µs`."""
+    """*unit* as displayed: `degC` as `°C`, `us` as `µs`."""
     text = " ".join(unit.split()).replace("\u03bc", "µ")
     text = _SPELLINGS.get(text, text)
     return f"µ{text[1:]}" if text[:1] == "u" and text[1:] in _BASES else text
 
 
 def times(unit: str, other: str) -> Fraction | None:
-    """How many *other* one *unit* is: 1000 for `V` and `mV`; None where one cannot be said in the other."""
+    """The number of *other* in a *unit*: 1000 for `V` and `mV`; None if not convertible."""
     unit, other = spelled(unit), spelled(other)
     if unit == other:
         return Fraction(1)
@@ -43,7 +43,7 @@ def times(unit: str, other: str) -> Fraction | None:
 
 
 def with_prefixes(unit: str) -> str:
-    """Examples of how *unit* may be written, for a hint: `V, mV or kV`."""
+    """Examples of spellings of *unit*, for a hint: `V, mV or kV`."""
     first, _ = _split(spelled(unit))
     if first is None:
         return unit
@@ -53,12 +53,12 @@ def with_prefixes(unit: str) -> str:
 
 
 def _word(unit: str) -> str:
-    """What may have the prefix: the first part of `km/h` and `N m`."""
+    """The part that may have a prefix: the first part of `km/h` and `N m`."""
     return re.split(r"[/*· ]", unit, maxsplit=1)[0]
 
 
 def _split(unit: str) -> tuple[tuple[int, str] | None, str]:
-    """The power of ten and the base of *unit*'s first part, None where it takes no prefix; and its other parts."""
+    """The power of ten and the base of *unit*'s first part, None if it takes no prefix; and its other parts."""
     word = _word(unit)
     rest = unit[len(word) :]
     if word in _BASES:
@@ -69,7 +69,7 @@ def _split(unit: str) -> tuple[tuple[int, str] | None, str]:
 
 
 def parse_factor(text: str) -> Fraction:
-    """A factor as files write it, `1/256`, `0.25`, `1e-3`; ValueError for anything else, and for 0."""
+    """A factor such as `1/256`, `0.25`, `1e-3`. Raises ValueError for anything else, and for 0."""
     if not _FACTOR.fullmatch(text.strip()):
         raise ValueError(f"{text[:40]!r} is no factor: write 1/256 or 0.25")
     factor = Fraction(text.strip())
@@ -86,7 +86,7 @@ def parse_offset(text: str) -> Fraction:
 
 
 def parse_scale(text: str) -> tuple[Fraction, str]:
-    """The value of one count, and its unit: `1/256 V`, `0.1 %`, `100 us`; what has no such number is a unit alone."""
+    """The value of one count, and its unit: `1/256 V`, `0.1 %`, `100 us`; without a number, the text is the unit."""
     text = " ".join(text.split())
     match = _SCALE.fullmatch(text)
     if match is None:
@@ -96,7 +96,7 @@ def parse_scale(text: str) -> tuple[Fraction, str]:
 
 
 def scale_text(factor: Fraction, unit: str) -> str:
-    """The value of one count with its unit, as `parse_scale` reads it: `1/256 V`."""
+    """The value of one count with its unit, as input for `parse_scale`: `1/256 V`."""
     if factor == 1:
         return unit
     exact = factor.numerator == 1 and (factor * 1000).denominator > 1

@@ -1,7 +1,4 @@
-"""In which order values that depend on each other are written: SYNC, heartbeat consumer, and COB-IDs of services.
-
-Pure, of steps from what is held to what is wanted. Does not know PDOs, which `plan` orders, nor who carries it out.
-"""
+"""Write order of interdependent values: SYNC, heartbeat consumer, and COB-IDs of services. Pure."""
 
 from __future__ import annotations
 
@@ -18,19 +15,19 @@ class Download(Protocol):
 
     @property
     def sub_index(self) -> int:
-        """Its sub-index."""
+        """The sub-index."""
 
     @property
     def before(self) -> bytes | None:
-        """What it holds; None where that is not known."""
+        """The present value; None if unknown."""
 
     @property
     def after(self) -> bytes:
-        """What it is to hold."""
+        """The new value."""
 
     @property
     def reason(self) -> str:
-        """What it is for."""
+        """The reason for the write."""
 
     def otherwise(self, before: bytes | None, after: bytes, reason: str) -> Self:
         """The same object, from *before* to *after*."""
@@ -58,12 +55,12 @@ def is_dependent(index: int, sub_index: int) -> bool:
 
 
 def in_order(steps: Iterable[Step]) -> list[Step]:
-    """The downloads that bring the objects of *steps*, one step each, to what these want, as CiA 301 allows it.
+    """Downloads that bring the objects of *steps*, one step each, to their new values, in an order CiA 301 allows.
 
-    What a value of before is in the way of is released first: a service stops before its CAN-ID changes (7.5.2.5,
+    Obstructive old values are released first: a service stops before its CAN-ID changes (7.5.2.5,
     7.5.2.15, 7.5.2.17, 7.5.2.33), the SYNC period is 0 while the counter's overflow changes (7.5.2.22), and of two
-    consumer heartbeat times for one node the old one goes first (7.5.2.19). SYNC is produced once its period is set.
-    Where nothing is released there is one download for each step. Backwards the order is that of the steps reversed.
+    consumer heartbeat times for one node the old time goes first (7.5.2.19). SYNC is produced once its period is set.
+    Without releases there is one download for each step. Backwards the order is that of the steps reversed.
     """
     wanted = list(steps)
     released = [(step, _released(step, wanted)) for step in wanted if step.index != CONSUMER_TIMES]
@@ -85,7 +82,7 @@ def in_order(steps: Iterable[Step]) -> list[Step]:
 
 
 def altering(steps: Iterable[Step]) -> list[Step]:
-    """Those of *steps* that alter something, and a SYNC period beside an overflow that changes: it has to go."""
+    """Steps with an effect, and a SYNC period beside a changing overflow, since the period must be released."""
     wanted = list(steps)
     overflow = any(step.index == SYNC_OVERFLOW and step.before != step.after for step in wanted)
     return [step for step in wanted if step.before != step.after or (overflow and step.index == SYNC_PERIOD)]
@@ -95,7 +92,7 @@ _RELEASED = "release it: it is frozen, or in the way"
 
 
 def _released(step: Download, beside: Sequence[Download]) -> bytes | None:
-    """What the object of *step* is to hold before anything else is written; None where it is in nobody's way."""
+    """Value of the object of *step* while other objects are written; None if it is not in the way."""
     if step.before is None:
         return None
     held, wanted = (int.from_bytes(data, "little") for data in (step.before, step.after))
@@ -111,7 +108,7 @@ def _released(step: Download, beside: Sequence[Download]) -> bytes | None:
 
 
 def _stopped(step: Download, held: int) -> int | None:
-    """The COB-ID *held* of a service that does not use it; None for what is no such COB-ID."""
+    """The COB-ID *held* with its service disabled; None for any other object."""
     if step.index == SYNC_COB_ID:
         return held & ~_PRODUCES
     if step.index == TIME_COB_ID:
@@ -122,14 +119,14 @@ def _stopped(step: Download, held: int) -> int | None:
 
 
 def _rank(step: Download) -> int:
-    """The overflow before the period, that before SYNC is produced; the node of an SDO channel before its COB-IDs."""
+    """Sort key: the overflow before the period, the period before SYNC; an SDO channel's node before its COB-IDs."""
     if step.index == SYNC_COB_ID:
         return 2
     return 1 if step.index == SYNC_PERIOD or _stopped(step, 0) is not None else 0
 
 
 def _consumers(steps: Sequence[Step]) -> Iterator[Step]:
-    """Consumer heartbeat times, each once no other entry waits for its node; where that is a circle one is cleared."""
+    """Consumer heartbeat times, each after other entries release its node; an entry is cleared to break a circle."""
     pending = list(steps)
     while pending:
         free = (
@@ -149,12 +146,12 @@ def _consumers(steps: Sequence[Step]) -> Iterator[Step]:
 
 
 def _is_in_the_way(other: Download, step: Download) -> bool:
-    """Whether *other* waits, so far, for the node that *step* is to wait for."""
+    """Whether *other* still waits for the new node of *step*."""
     node_id = _watched(step.after)
     return node_id is not None and node_id == _watched(other.before)
 
 
 def _watched(data: bytes | None) -> int | None:
-    """The node-ID of an entry that is used: its time is not 0 (CiA 301, 7.5.2.19)."""
+    """The node-ID of an entry in use: its time is not 0 (CiA 301, 7.5.2.19)."""
     raw = int.from_bytes(data or b"", "little")
     return raw >> 16 & 0xFF if raw & 0xFFFF else None

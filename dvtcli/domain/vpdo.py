@@ -1,7 +1,4 @@
-"""Virtual PDOs: which application object each physical pin of a node is tied to, and how that is changed.
-
-Knows what a group may hold. Reads no device, and does not know what a pin is wired to.
-"""
+"""Virtual PDOs: connections of a node's physical pins to application objects, and their changes. Pure."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ RULES = (
 
 @dataclass(frozen=True, slots=True)
 class Pins:
-    """The pins of one group, called *name*: *values* are the tied objects' indices by pin, the first *active* count.
+    """The pins of a group *name*: *values* are the connected objects' indices by pin, the first *active* count.
 
     Source: Sevcon PDO Fundamentals rev 2, 2.2: sub 0 is the number of active mappings, sub k belongs to pin k.
     """
@@ -36,15 +33,15 @@ class Pins:
     values: tuple[int, ...]
 
     def place(self, sub_index: int) -> str:
-        """A sub-index of the group for a person: `0x3300:01`."""
+        """A sub-index of the group for people: `0x3300:01`."""
         return f"0x{self.group.index:04X}:{sub_index:02X}"
 
     def tied(self) -> tuple[int | None, ...]:
-        """The object index of every active pin, None for a pin that is tied to nothing."""
+        """The object index of every active pin, None for an unconnected pin."""
         return tuple(None if value == self.group.none else value for value in self.values[: self.active])
 
     def findings(self, pin: int, value: int, dictionary: ObjectDictionary | None) -> Iterator[Finding]:
-        """What speaks against tying *pin* to the object at index *value*."""
+        """Findings against connecting *pin* to the object at index *value*."""
         if not self.group.allows(value):
             ranges = ", ".join(
                 f"{low:04X}" if low == high else f"{low:04X}-{high:04X}" for low, high in self.group.values
@@ -62,9 +59,9 @@ class Pins:
             )
 
     def tie(self, pin: int, value: int, name: str = "") -> Iterator[ValueChange]:
-        """The writes that tie *pin* (1…) to the object at index *value*, called *name*; the group's none unties it.
+        """Writes that connect *pin* (1…) to the object at index *value*, named *name*; the group's none disconnects it.
 
-        Pins in between that were not active are untied, so that no old value wakes up; untied pins at the end are
+        Inactive pins in between are disconnected, so that no old value becomes active; unconnected pins at the end are
         not counted.
         """
         none = self.group.none
@@ -79,15 +76,15 @@ class Pins:
         yield from self.count(count)
 
     def count(self, count: int) -> Iterator[ValueChange]:
-        """The write that makes *count* pins active, none where they are."""
+        """The write that makes *count* pins active, none if unchanged."""
         if count != self.active:
             before, after = bytes([self.active]), bytes([count])
             yield ValueChange(Step(self.group.index, 0, before, after, self.said(0, count)))
 
     def with_ties(self, ties: Mapping[int, int]) -> dict[int, int]:
-        """What the group holds by sub-index with *ties*, object indices by pin (1…), and 0, how many are active, last.
+        """Values of the group by sub-index with *ties*, object indices by pin (1…), and the active count (0) last.
 
-        Pins in between that were not active are untied; of those at the end, untied ones of *ties* are not counted.
+        Inactive pins in between are disconnected; disconnected pins of *ties* at the end are not counted.
         """
         none = self.group.none
         count = max(self.active, *(pin for pin, index in ties.items() if index != none), 0)
@@ -97,7 +94,7 @@ class Pins:
         return {**dict(sorted({**between, **ties}.items())), 0: count}
 
     def said(self, sub_index: int, value: int, name: str = "") -> str:
-        """What *value* at a sub-index means, with the *name* of the object: `digital-in pin 1: 2121 Forward switch`."""
+        """Text of *value* at a sub-index, with the object's *name*: `digital-in pin 1: 2121 Forward switch`."""
         if not sub_index:
             return f"{self.name}: {value} active"
         said = "tied to nothing" if value == self.group.none else f"{value:04X} {name}".rstrip()

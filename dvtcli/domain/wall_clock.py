@@ -1,4 +1,4 @@
-"""Times of the calendar as text. Does not know where a time comes from."""
+"""Calendar times as text."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def utc(time_s: float) -> str:
 
 
 def local_clock(time_s: float, timespec: str = "seconds") -> str:
-    """A time (s since 1970) as people read it: the local time of day with its offset, `14:03:05.075+01:00`.
+    """A time (s since 1970) as the local time of day with its offset, `14:03:05.075+01:00`.
 
-    *timespec* is as of `datetime.isoformat`. Without the day: for what happens now, or follows another.
+    *timespec* is as in `datetime.isoformat`. Without the date: for current events, or events that follow another.
     """
     second, microseconds = _split(time_s)
     fraction = f".{microseconds:06d}"[: _FRACTION[timespec]]
@@ -29,7 +29,7 @@ def local_clock(time_s: float, timespec: str = "seconds") -> str:
 
 
 def _split(time_s: float) -> tuple[int, int]:
-    """The whole seconds of a time and its microseconds, rounded as `datetime.fromtimestamp` does."""
+    """The whole seconds of a time and its microseconds, rounded like `datetime.fromtimestamp`."""
     part, whole = modf(time_s)
     carried, microseconds = divmod(round(part * 1e6), 1_000_000)
     return int(whole) + carried, microseconds
