@@ -1,1 +1,1 @@
-"""SDO over a bus: the strict client, its channel and what stands between both."""
+"""SDO over a bus: the strict client, its channel and the link between both."""

@@ -1,8 +1,8 @@
-"""SDO block download: up to 127 segments go before the server acknowledges them (CiA 301, 7.2.4.3.9 to 7.2.4.3.11).
+"""SDO block download: up to 127 segments before the server acknowledges (CiA 301, 7.2.4.3.9 to 7.2.4.3.11).
 
-An acknowledgement names neither object nor sub-block: what came before the last segment of a sub-block is none of it.
-Where the server checks no CRC, nothing tells wrong data from right once something was out of order: then the transfer
-is aborted, for whoever began it to send the data in segments. Does not know buses, nor what an object means.
+An acknowledgement names neither object nor sub-block: before the last segment of a sub-block any is discarded.
+If the server checks no CRC, wrong data cannot be detected after a disorder: the transfer
+is then aborted, and the caller sends the data in segments.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _QUIET_S = 0.2
 
 
 class BlockTransfer:
-    """An object on its way by *talk*."""
+    """A block transfer of an object over *talk*."""
 
     def __init__(self, talk: Dialogue) -> None:
         self._talk = talk
@@ -35,7 +35,7 @@ class BlockTransfer:
         return answer
 
     def _may_be_wrong(self) -> bool:
-        """Whether nobody can tell if the data is right; the transfer is aborted then."""
+        """Whether wrong data is possible and undetectable; the transfer is then aborted."""
         if self._has_crc or self._in_order:
             return False
         self._talk.give_up(Abort.SEQUENCE)
@@ -43,7 +43,7 @@ class BlockTransfer:
 
 
 class BlockUpload(BlockTransfer):
-    """An object on its way here by *talk*, of *most_bytes* at most."""
+    """Upload of an object over *talk*, of *most_bytes* at most."""
 
     def __init__(self, talk: Dialogue, most_bytes: int) -> None:
         super().__init__(talk)
@@ -54,9 +54,9 @@ class BlockUpload(BlockTransfer):
         self._latest = b""
 
     def run(self, index: int, sub_index: int) -> bytes | None:
-        """Read the object; None where the server sends no blocks, or nobody could tell whether the data is right.
+        """Read the object; None if the server sends no blocks, or if wrong data could not be detected.
 
-        SdoAborted where the device refuses; NoAnswer, SdoProtocolError.
+        Raises SdoAborted if the device refuses; NoAnswer, SdoProtocolError.
         """
         with self._talk.told(in_blocks=True):
             answer = self._initiate(_UPLOAD_INITIATE, index, sub_index, bytes([MOST_SEGMENTS, 0, 0, 0]))
@@ -81,7 +81,7 @@ class BlockUpload(BlockTransfer):
         return self._end()
 
     def _sub_block(self) -> tuple[int, bool]:
-        """Take the segments that come; how many were in order, and whether the last one of all is among them."""
+        """Receive segments; the number in order, and whether the last segment of the object is among them."""
         taken, in_order = 0, True
         while (frame := self._talk.next_frame(None if in_order else _QUIET_S)) is not None:
             number, last = frame[0] & ~LAST, bool(frame[0] & LAST)
@@ -107,7 +107,7 @@ class BlockUpload(BlockTransfer):
             raise self._talk.broken(f"sends more than {most} bytes", Abort.TOO_LONG)
 
     def _end(self) -> bytes:
-        """Compare what came with what the server says at the end, and tell it that all is well."""
+        """Check the data against the server's final message, and acknowledge it."""
         while (frame := self._talk.next_frame()) is not None and (frame == self._latest or frame[0] & 0xE3 != 0xC1):
             self._talk.drop(frame)
         if frame is None:
@@ -134,7 +134,7 @@ _PATIENCE = 3
 
 
 class BlockDownload(BlockTransfer):
-    """*data*, which is not empty, on its way by *talk*."""
+    """Download of *data*, which must not be empty, over *talk*."""
 
     def __init__(self, talk: Dialogue, data: bytes) -> None:
         super().__init__(talk)
@@ -143,9 +143,9 @@ class BlockDownload(BlockTransfer):
         self._block_size = MOST_SEGMENTS
 
     def run(self, index: int, sub_index: int) -> bool:
-        """Write the object; False where it was aborted since nobody could tell whether the data is right.
+        """Write the object; False if aborted because wrong data could not be detected.
 
-        SdoAborted where the device refuses, before its data or after it; NoAnswer, SdoProtocolError.
+        Raises SdoAborted if the device refuses, before its data or after it; NoAnswer, SdoProtocolError.
         """
         size = len(self._data).to_bytes(4, "little")
         with self._talk.told(in_blocks=True):
@@ -175,7 +175,7 @@ class BlockDownload(BlockTransfer):
         return True
 
     def _sub_block(self, first: int, count: int) -> int:
-        """Send *count* segments from number *first* (0..) on; how many of them arrived."""
+        """Send *count* segments from number *first* (0..) on; the number that arrived."""
         for number in range(1, count + 1):
             start = (first + number - 1) * SEGMENT_BYTES
             last = LAST if first + number == self._segments else 0
@@ -199,7 +199,7 @@ class BlockDownload(BlockTransfer):
         self._await(_ENDED)
 
     def _await(self, kind: int) -> bytes:
-        """The answer of this *kind*; NoAnswer."""
+        """The answer of *kind*. Raises NoAnswer."""
         while (answer := self._talk.next_frame()) is not None:
             if answer[0] == kind:
                 return answer

@@ -1,7 +1,4 @@
-"""A strict SDO client for one node: reading and writing objects, expedited, in segments, and by blocks where that pays.
-
-Does not know how an answer is matched (see dialogue), buses or threads, nor what an object means.
-"""
+"""A strict SDO client for one node: expedited, segmented, and block transfers if worthwhile."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ T = TypeVar("T")
 
 
 class SdoChannel:
-    """The SdoTransport of one node: one transfer at a time, other threads wait for their turn."""
+    """The SdoTransport of a node: one transfer at a time, other threads wait for their turn."""
 
     def __init__(self, client: StrictSdoClient) -> None:
         self._client = client
@@ -30,7 +27,7 @@ class SdoChannel:
 
     @property
     def dropped(self) -> DroppedAnswers:
-        """How many answers of this node did not count, and signs of another SDO client."""
+        """Number of discarded answers of this node, and signs of another SDO client."""
         return self._client.dropped
 
     def upload(
@@ -51,7 +48,7 @@ class SdoChannel:
             link.end_transfer(self._turn)
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
-        """Write an object; a request is never repeated, since the device may have taken it.
+        """Write an object; a request is never repeated, since the device may have accepted it.
 
         *timeout_s* for each answer overrides the bus's (a store takes seconds). Raises SdoAborted; and NoAnswer,
         SdoProtocolError, BusUnavailable with the state "unknown" once the request was sent.
@@ -71,7 +68,7 @@ class SdoChannel:
             link.end_transfer(self._turn)
 
     def _note(self, index: int, sub_index: int, data: bytes) -> None:
-        """Tell the bus of a consumer that expects heartbeats: whoever is late stops its machine."""
+        """Inform the bus of a heartbeat consumer: a late heartbeat stops its machine."""
         if index == _HEARTBEAT_CONSUMERS and sub_index:
             self._client.link.consumes_heartbeat(self._client.node_id, sub_index, consumes=any(data))
 
@@ -100,11 +97,11 @@ class StrictSdoClient(Dialogue):
     takes_blocks = True
 
     def upload(self, index: int, sub_index: int) -> bytes:
-        """Read an object, from 128 announced bytes on by blocks; more or less data than that is an SdoProtocolError.
+        """Read an object, by blocks from 128 announced bytes on. Raises SdoProtocolError if the data length differs.
 
-        What does not come by blocks comes in segments.
+        If the block upload fails, segments are used.
 
-        Reading changes nothing, so a transfer whose segments go wrong is begun anew as often as `retries` says.
+        Reading has no side effects, so a transfer with faulty segments is repeated up to `retries` times.
         """
         left = self.retries
         in_blocks = self.takes_blocks and self.link.takes_bursts()
@@ -130,7 +127,7 @@ class StrictSdoClient(Dialogue):
                 self.repeated += 1
 
     def _upload_blocks(self, index: int, sub_index: int) -> bytes | None:
-        """Read an object by a block upload; None where that does not work, and segments may."""
+        """Read an object by a block upload; None if it fails and segments may work."""
         from dvtcli.bus.sdo.block_download import BlockUpload
 
         try:
@@ -142,7 +139,7 @@ class StrictSdoClient(Dialogue):
         return None
 
     def _no_blocks_after(self, refused: SdoAborted) -> None:
-        """Raise *refused* unless it is about the way of the transfer: then segments are tried, from now on at once."""
+        """Raise *refused* unless the transfer type is its cause: then segments are tried, later without delay."""
         if refused.code >> 24 != _ABOUT_THE_TRANSFER or refused.code == Abort.OUT_OF_MEMORY:
             raise refused
         if refused.code == Abort.COMMAND_SPECIFIER:
@@ -170,9 +167,9 @@ class StrictSdoClient(Dialogue):
         return bytes(data)
 
     def download(self, index: int, sub_index: int, data: bytes) -> None:
-        """Write an object; expedited up to 4 bytes, in segments where it is empty or longer, by blocks from 128 on.
+        """Write an object: expedited for 1 to 4 bytes, by blocks from 128 on, otherwise in segments.
 
-        What the device refuses by blocks for the protocol's sake goes in segments.
+        If the device refuses blocks for protocol reasons, segments are used.
         """
         size = len(data)
         if 1 <= size <= 4:

@@ -1,8 +1,8 @@
-"""Requests to one node's SDO server and their answers: every answer is checked before it counts.
+"""Requests to a node's SDO server and their answers: every answer is checked before it counts.
 
-Multiplexer, command specifier and toggle bit of every answer must fit (CiA 301, 7.2.4.3). canopen 2.4.1 takes a late
-acknowledgement of an earlier write for the present one's, even if the device aborts that.
-Does not know buses or threads (one transfer at a time: see channel), how a transfer goes on, nor what an object means.
+Multiplexer, command specifier and toggle bit of every answer must fit (CiA 301, 7.2.4.3). canopen 2.4.1 mistakes a late
+acknowledgement of an earlier write for the present acknowledgement, even if the device aborts the present write.
+One transfer at a time: see channel.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def no_answer(
     answered: bool = False,
     is_stopped: bool = False,
 ) -> NoAnswer:
-    """Node *node_id* did not answer for the object at *place* (`1018:01`) within *timeout_s* (s).
+    """The error for node *node_id* without answer for the object at *place* (`1018:01`) within *timeout_s* (s).
 
-    *answered* says whether it ever did before, *is_stopped* whether it was heard to be STOPPED.
+    *answered* tells whether the node ever answered, *is_stopped* whether its last state was STOPPED.
     """
     if is_stopped:
         refused, silent = stopped_node(node_id), f"it did not answer for 0x{place} within {timeout_s:g} s"
@@ -81,10 +81,11 @@ _MOST_DELAY_S = 2.0
 
 
 class _Wait:
-    """A wait of *timeout_s* (s) for what comes over *link*, that begins with the first `take`.
+    """A wait of *timeout_s* (s) for frames over *link*, beginning with the first `take`.
 
-    As long as this machine kept the bus from being read meanwhile it goes on: so long nobody could see an answer, and a
-    node, or an adapter, that this machine drives could not send one.
+    The wait is extended by the time during which this machine kept the bus from being read: an answer could not be
+    seen,
+    and a node or an adapter driven by this machine could not send.
     """
 
     def __init__(self, link: SdoLink, timeout_s: float) -> None:
@@ -93,7 +94,7 @@ class _Wait:
         self._delay_s, self._left_s = link.delay_s(), _MOST_DELAY_S
 
     def take(self, inbox: Inbox) -> bytes | None:
-        """The next of *inbox*; None where nothing came in time."""
+        """The next item of *inbox*; None if none came in time."""
         link = self._link
         if self._deadline_s is None:
             self._deadline_s = link.now_s() + self._timeout_s
@@ -115,7 +116,7 @@ class _Wait:
 
 
 class Dialogue:
-    """One node's default SDO channel, request by request; raises only errors of dvtcli.
+    """A node's default SDO channel, request by request; raises only errors of dvtcli.
 
     One transfer at a time: `begin` starts it, by its first request.
     """
@@ -145,12 +146,12 @@ class Dialogue:
 
     @property
     def place(self) -> str:
-        """The object that is being read or written."""
+        """The object of the present transfer."""
         index, sub_index = _object_of(self._multiplexer)
         return f"{index:04X}:{sub_index:02X}"
 
     def request_response(self, request: bytes) -> bytes:
-        """Send *request* and return its answer, and no other; raises SdoAborted, NoAnswer, SdoProtocolError."""
+        """Send *request* and return its own answer. Raises SdoAborted, NoAnswer, SdoProtocolError."""
         kind = request[0] >> 5
         attempts = 1
         if kind in _INITIATE:
@@ -178,9 +179,9 @@ class Dialogue:
 
     @contextmanager
     def told(self, *, in_blocks: bool = False) -> Iterator[None]:
-        """A transfer of many frames: the server is told where it is torn, by Ctrl-C for one.
+        """A transfer of many frames: the server gets an abort if it is interrupted, for example by Ctrl-C.
 
-        What a server *in_blocks* has still on its way then is no answer to anything.
+        Frames of a server *in_blocks* still on the way are then discarded.
         """
         try:
             yield
@@ -195,19 +196,19 @@ class Dialogue:
             raise
 
     def give_up(self, code: Abort) -> None:
-        """Abort a transfer in blocks, whatever the server has still on its way."""
+        """Abort a block transfer; frames of the server still on the way are discarded."""
         self._unsettled = self._leftovers = True
         self.abort(code)
 
     def send(self, request: bytes) -> None:
-        """Send a frame of a block transfer, as soon as the bus has room for it."""
+        """Send a frame of a block transfer, as soon as the bus has room."""
         self.link.await_share()
         self.link.send_sdo(self.rx_cobid, request)
 
     def next_frame(self, timeout_s: float | None = None) -> bytes | None:
-        """The next frame of the server in a block transfer; None after *timeout_s*, None: the usual one.
+        """The server's next frame in a block transfer; None after *timeout_s* (None: the default).
 
-        SdoAborted where it aborts the transfer, NoAnswer where it restarted.
+        Raises SdoAborted if the server aborts the transfer, NoAnswer if it restarted.
         """
         wait = _Wait(self.link, self.timeout_s if timeout_s is None else timeout_s)
         while (frame := wait.take(self.inbox)) is not None:
@@ -216,7 +217,7 @@ class Dialogue:
         return None
 
     def sweep(self) -> int:
-        """Drop what has come so far, of which nothing was asked for; how much that was. Raises as `next_frame`."""
+        """Discard unrequested frames received so far; their number. Raises the errors of `next_frame`."""
         self.link.drain()
         count = 0
         while not self.inbox.empty():
@@ -237,11 +238,11 @@ class Dialogue:
         return True
 
     def abort(self, abort_code: int = Abort.GENERAL) -> None:
-        """Tell the device that the present transfer is over, with the object's address."""
+        """Abort the present transfer at the device, with the object's address."""
         self.link.send_sdo(self.rx_cobid, b"\x80" + self._multiplexer + abort_code.to_bytes(4, "little"))
 
     def receive(self, can_id: int, data: bytes, *, extended: bool) -> None:
-        """Take a frame of this node's SDO channel that is not ours, from the thread that reads the bus."""
+        """Process another sender's frame of this node's SDO channel, from the thread that reads the bus."""
         if extended:
             self.dropped.foreign += 1
         elif can_id == self.tx_cobid:
@@ -250,7 +251,7 @@ class Dialogue:
             self.dropped.other_client += 1
 
     def begin(self, multiplexer: bytes) -> None:
-        """Start a transfer with nothing left over from those before."""
+        """Start a transfer without leftovers of earlier transfers."""
         self.requested = False
         self.discard()
         self._toggle_errors = 0
@@ -261,7 +262,7 @@ class Dialogue:
         self.requested = True
 
     def discard(self) -> None:
-        """Drop what has come so far: an answer that comes before its request is none."""
+        """Discard frames received so far: an answer before its request does not count."""
         self.link.drain()
         while not self.inbox.empty():
             item = self.inbox.get_nowait()
@@ -269,10 +270,11 @@ class Dialogue:
                 self.drop(item)
 
     def _settle(self, multiplexer: bytes) -> None:
-        """After a time-out, make sure that no late answer can be taken for the next request's.
+        """After a time-out, make sure that no late answer can be mistaken for the next request's.
 
-        A server answers in order: once a read of another object is answered, everything before it was, or never
-        will be. Without it, a late acknowledgement of a write would pass for that of its repetition.
+        A server answers in order: once a read of another object is answered, all earlier requests were answered, or
+        never
+        will be. Otherwise, a late acknowledgement of a write would pass for the acknowledgement of its repetition.
         """
         self._multiplexer = _FENCE[1:4]
         self._asked.append(self._multiplexer)
@@ -294,7 +296,7 @@ class Dialogue:
     def _exchange(self, request: bytes) -> bytes | None:
         """Send *request* once; its answer, or None at the time-out.
 
-        However it ends without one, by Ctrl-C too, the answer is expected late.
+        After any other end, also by Ctrl-C, a late answer is expected.
         """
         unsettled_before, self._unsettled = self._unsettled, True
         wait, inbox = _Wait(self.link, self.timeout_s), self.inbox
@@ -317,7 +319,7 @@ class Dialogue:
         return answer
 
     def _send_request(self, request: bytes) -> None:
-        """Send *request*; where the first one of a transfer never left, nothing was requested."""
+        """Send *request*; if a transfer's first request was not sent, the transfer counts as not requested."""
         try:
             self.link.send_sdo(self.rx_cobid, request)
         except BusUnavailable as failed:
@@ -326,7 +328,7 @@ class Dialogue:
             raise
 
     def _refuse_abort(self, answer: bytes) -> None:
-        """Raise SdoAborted where *answer* is that."""
+        """Raise SdoAborted if *answer* is an abort."""
         if answer[0] >> 5 == _ABORT:
             raise SdoAborted(*_object_of(answer[1:4]), int.from_bytes(answer[4:], "little"), node=self.node_id)
 
@@ -346,7 +348,7 @@ class Dialogue:
         return False
 
     def drop(self, answer: bytes) -> None:
-        """Count a frame that is no answer to what was asked."""
+        """Count a frame that does not answer the request."""
         if self._leftovers:
             return
         if len(answer) != 8 or answer[0] >> 5 > _ABORT:
@@ -361,14 +363,14 @@ class Dialogue:
                 self.dropped.doubled += 1
 
     def broken(self, what: str, code: Abort) -> SdoProtocolError:
-        """End a transfer that breaks the protocol."""
+        """End a transfer that violates the protocol."""
         self.abort(code)
         return SdoProtocolError(f"node {self.node_id} {what} (0x{self.place})", node=self.node_id, place=self.place)
 
     def silent(self, *, is_read: bool = False) -> NoAnswer:
-        """End a transfer whose answer did not come.
+        """End a transfer without answer.
 
-        A read (*is_read*) that was asked for once, of a node that never answered, needs no abort: nobody may be there.
+        The first read (*is_read*) from a node that never answered needs no abort: the node may not exist.
         """
         if not is_read or self._has_answered:
             self.abort(Abort.TIME_OUT)

@@ -1,4 +1,4 @@
-"""What an SDO client and a bus need to know of each other. Does not import a CAN library."""
+"""Interface between an SDO client and a bus, without a CAN library."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ RESTARTED = b"restarted"
 
 
 class Inbox(SimpleQueue[bytes | Wake]):
-    """What a node answered; *on_arrival* is called with each of it, by the thread that reads the bus."""
+    """Answers of a node; *on_arrival* is called for each, by the thread that reads the bus."""
 
     on_arrival: Callable[[], None] | None = None
 
     def put(self, item: bytes | Wake, block: bool = True, timeout: float | None = None) -> None:
-        """Put *item* in, and tell who waits for it; there is always room."""
+        """Put *item* in, and inform the waiting thread; never full."""
         super().put(item, block, timeout)
         if self.on_arrival is not None:
             self.on_arrival()
 
 
 class SdoLink(Protocol):
-    """What a client needs of a bus."""
+    """Functions of a bus for a client."""
 
     def send_sdo(self, can_id: int, data: bytes) -> None:
-        """Send one SDO frame; raises BusUnavailable."""
+        """Send an SDO frame. Raises BusUnavailable."""
         ...
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
@@ -46,27 +46,27 @@ class SdoLink(Protocol):
         ...
 
     def await_share(self) -> None:
-        """Wait until a request and its answer fit into what may be used of the bus."""
+        """Wait until a request and its answer fit into the permitted share of the bus."""
         ...
 
     def takes_bursts(self) -> bool:
-        """Whether many frames may follow one another at once: not while that could stop a machine."""
+        """Whether bursts of frames are allowed: not while they could stop a machine."""
         ...
 
     def is_stopped(self, node_id: int) -> bool:
-        """Whether *node_id* was heard to be STOPPED since its last NMT command."""
+        """Whether the last state of *node_id* since its last NMT command is STOPPED."""
         ...
 
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
-        """Take what was read or written: whether 0x1016 of *node_id* is not zero at *sub_index*."""
+        """Note whether 0x1016 of *node_id* is not zero at *sub_index*, as read or written."""
         ...
 
     def note_act(self, text: str | None) -> None:
-        """Note that *text*, which a node acts on, is about to be sent."""
+        """Note that *text*, an effect on nodes, is about to be sent."""
         ...
 
     def begin_transfer(self, turn: Lock) -> None:
-        """Take *turn*, which somebody may hold who waits for an answer: a transfer begins."""
+        """Begin a transfer: take *turn*, which a waiting thread may hold."""
         ...
 
     def end_transfer(self, turn: Lock) -> None:
@@ -78,21 +78,22 @@ class SdoLink(Protocol):
         ...
 
     def now_s(self) -> float:
-        """The time that deadlines are measured in, in seconds."""
+        """Time base of deadlines, in seconds."""
         ...
 
     def drain(self) -> None:
-        """Deliver what has already arrived."""
+        """Deliver received frames without waiting."""
         ...
 
 
 @dataclass(slots=True)
 class DroppedAnswers:
-    """How many answers of a node did not count.
+    """Number of discarded answers of a node.
 
-    *stale*: late, or a second one to the same request; *foreign*: for an object that was not asked for, or with a
-    29-bit CAN-ID; *malformed*: not 8 bytes, or no such command specifier; *doubled*: those of *stale* that are not
-    late; *other_client*: requests on the node's SDO channel that are not ours.
+    *stale*: late, or a second answer to the same request; *foreign*: for an object that was not requested, or with a
+    29-bit CAN-ID; *malformed*: not 8 bytes, or an unknown command specifier; *doubled*: the *stale* answers that are
+    not
+    late; *other_client*: requests of other clients on the node's SDO channel.
     """
 
     stale: int = 0
@@ -103,7 +104,7 @@ class DroppedAnswers:
 
     @property
     def total(self) -> int:
-        """All answers that were dropped."""
+        """All discarded answers."""
         return self.stale + self.foreign + self.malformed
 
     def __str__(self) -> str:
