@@ -1,1 +1,1 @@
-"""Ways to reach a CANopen network; `opening` opens one. Knows no simulation: who opens a bus decides which."""
+"""Access to a CANopen network; `opening` opens it."""

@@ -1,7 +1,4 @@
-"""Opening an interface again at another bit rate: which of python-can's can, and what is to be done by hand instead.
-
-Does not know what goes over it.
-"""
+"""Reopen an interface at another bit rate, or tell how to set it by hand, depending on the python-can driver."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from dvtcli.errors import BusUnavailable, SafetyRefusal
 
 @cache
 def silent_settings() -> Mapping[str, Mapping[str, object]]:
-    """The settings of each interface that can listen without a word, by its name."""
+    """Settings for listen-only mode of each interface that supports it, by its name."""
     told = tomllib.loads((files("dvtcli.bus") / "listen_only.toml").read_text("utf-8"))
     states = {state.name: state for state in can.BusState}
     return {
@@ -29,7 +26,7 @@ def silent_settings() -> Mapping[str, Mapping[str, object]]:
 
 
 def is_silent(bus: can.BusABC, settings: Mapping[str, object]) -> bool:
-    """Whether *bus* says that it listens only, where its driver can say that; it was opened with *settings*."""
+    """Whether *bus*, opened with *settings*, is in listen-only mode, as far as its driver can tell."""
     return settings.get("state") in (None, bus.state)
 
 
@@ -45,14 +42,14 @@ Open = Callable[[Mapping[str, object]], can.BusABC]
 
 
 class BitRateSetter:
-    """The way to another bit rate of the interface that *config* describes, which *opens* opens."""
+    """Bit rate changes of the interface in *config*, opened by *opens*."""
 
     def __init__(self, config: Mapping[str, object], opens: Open) -> None:
         self._config, self._open = config, opens
         self._interface, self._channel = str(config["interface"]), config.get("channel")
 
     def require(self, bit_rate: int, *, listen_only: bool) -> None:
-        """SafetyRefusal where *bit_rate* cannot be set, or *listen_only* not be had, with what to do."""
+        """Raise SafetyRefusal with instructions if *bit_rate* or *listen_only* is not possible."""
         where = f"{self._interface}:{self._channel}"
         if self._interface == "socketcan":
             raise SafetyRefusal(
@@ -80,7 +77,7 @@ class BitRateSetter:
             )
 
     def reopened(self, bit_rate: int, *, listen_only: bool) -> can.BusABC:
-        """The interface, open at *bit_rate* (bit/s); what was open before must be closed. Raises as its driver does."""
+        """The interface, open at *bit_rate* (bit/s); it must be closed before. Raises the driver's errors."""
         silence = silent_settings()[self._interface] if listen_only else {}
         bus = self._open({**self._config, "bitrate": bit_rate, **silence})
         if not is_silent(bus, silence):
@@ -90,7 +87,7 @@ class BitRateSetter:
 
 
 def _link_lines(name: str, bit_rate: int, *, listen_only: bool) -> Hint | str:
-    """The lines that let the CAN link *name* of Linux run at *bit_rate* (bit/s)."""
+    """Commands that set the Linux CAN link *name* to *bit_rate* (bit/s)."""
     link = kernel_link(name)
     if link is not None and not link.wired:
         return f"{name} is virtual, and has no bit rate"

@@ -1,6 +1,6 @@
-"""How long a request of ours has to wait so that the load of a bus stays at or below a share of it.
+"""Waiting time for a request so that the bus load stays at or below a share.
 
-Counts the frames of the last moments. Does not know what runs on the bus, nor how it is waited.
+The load is measured from the frames of the last moments.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ _WINDOW_S, _EXCHANGES_IN_A_WINDOW = 0.1, 4
 
 
 class BusShare:
-    """The load of a bus of *bit_rate* bit/s, of which at most *percent* (1..100) is to be used.
+    """The load of a bus of *bit_rate* bit/s, of which at most *percent* (1..100) may be used.
 
-    *now_s* tells the time in seconds. What holds for each window of 0.1 s, longer on slow buses, holds for any second.
+    *now_s* returns the time in seconds. The limit holds for each window of 0.1 s, longer on slow buses, and so for any
+    second.
     """
 
     def __init__(self, bit_rate: int, percent: int, now_s: Callable[[], float]) -> None:
@@ -42,7 +43,7 @@ class BusShare:
         self._bits = 0
 
     def count(self, frame: Frame, _sent: bool) -> None:
-        """Take a frame as it passes (Tap); an SDO request counts for its answer, too."""
+        """Count a passing frame (Tap); an SDO request counts for its answer, too."""
         function = 0 if frame.extended else frame.can_id & ~0x7F
         if function == ANSWER_ID:
             return
@@ -53,7 +54,7 @@ class BusShare:
         self._forget()
 
     def wait_s(self) -> float:
-        """How long the next exchange has to wait (s) as far as can be told now; 0 where there is room."""
+        """Waiting time (s) for the next exchange as known now; 0 if the share has room."""
         self._forget()
         left = self._bits
         if left <= self._room:
@@ -65,14 +66,14 @@ class BusShare:
         return self.window_s
 
     def _forget(self) -> None:
-        """Drop what has left the window."""
+        """Drop frames older than the window."""
         since_s = self._now_s() - self.window_s
         while self._frames and self._frames[0][0] <= since_s:
             self._bits -= self._frames.popleft()[1]
 
 
 class KeptShare:
-    """The load of *bus*, at *bit_rate* bit/s, as it is measured while it is to be kept small."""
+    """The load of *bus*, at *bit_rate* bit/s, measured only while a limit applies."""
 
     def __init__(self, bus: CanopenBus, bit_rate: int) -> None:
         self._bus = bus
@@ -94,7 +95,7 @@ class KeptShare:
             self._bus.sleep(min(wait_s, left_s))
 
     def _measured(self, percent: int) -> BusShare | None:
-        """The load, after a first look at it; None where it need not be kept small."""
+        """The load, after a first measurement; None without a limit."""
         with self._lock:
             share = self._share
             if share is not None and share.percent == percent:

@@ -1,4 +1,4 @@
-"""python-can's messages as frames. Does not know what a frame means."""
+"""Convert python-can's messages to frames."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""canopen's own RemoteNode on a bus of ours, for programs that know canopen.
+"""canopen's own RemoteNode on a bus of dvtcli, for programs that use canopen.
 
-Its SDO goes through an SdoTransport that it is given, so that both sides never speak on one channel at a time; frames
-that the bus hears are handed on by a thread of its own. Does not know what dvtcli does on the bus meanwhile.
+Its SDO goes through a given SdoTransport, so that both sides never use a channel at the same time; a separate thread
+forwards received frames.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _NMT = 0x000
 
 
 class CanopenNetwork(canopen.Network):
-    """A canopen network on *bus*, which stays open when this is disconnected.
+    """A canopen network on *bus*, which stays open after a disconnect.
 
-    It hears and sends what *bus* hears and sends; call-backs come in a thread of its own and may use the bus. *refuse*
-    is asked before a frame is sent, and raises where it must not be.
+    The network shares all frames of *bus*; call-backs come in a thread of their own and may use the bus. *refuse*
+    is called before a frame is sent, and raises to forbid it.
     """
 
     def __init__(self, bus: CanopenBus, refuse: Callable[[], None] = lambda: None) -> None:
@@ -71,7 +71,7 @@ class CanopenNetwork(canopen.Network):
 
 
 class _Sender(can.BusABC):
-    """A python-can bus that only sends, on a bus of ours."""
+    """A python-can bus that only sends, over a bus of dvtcli."""
 
     def __init__(self, bus: CanopenBus, refuse: Callable[[], None]) -> None:
         super().__init__(channel=bus.name)
@@ -80,7 +80,7 @@ class _Sender(can.BusABC):
         self._refuse = refuse
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002 - python-can's interface
-        """Send one frame; an NMT command is noted as what it is."""
+        """Send a frame; an NMT command is recorded as a command."""
         self._refuse()
         if msg.arbitration_id == _NMT and not msg.is_extended_id and msg.dlc == 2:
             self._shared.send_nmt(NmtCommand(msg.data[0]), msg.data[1])
@@ -92,7 +92,7 @@ class _Sender(can.BusABC):
 
 
 class _Client(SdoClient):
-    """canopen's SDO client over a channel that others use, too."""
+    """canopen's SDO client over a shared channel."""
 
     def __init__(self, node_id: int, od: objectdictionary.ObjectDictionary, channel: SdoTransport) -> None:
         super().__init__(0x600 + node_id, 0x580 + node_id, od)  # type: ignore[no-untyped-call]
@@ -127,14 +127,14 @@ def _canopens_errors() -> Iterator[None]:
 
 
 class _Node(canopen.RemoteNode):
-    """A remote node whose default SDO channel is handed to it."""
+    """A remote node with a given default SDO channel."""
 
     def __init__(self, node_id: int, od: objectdictionary.ObjectDictionary, channel: SdoTransport) -> None:
         self._channel: SdoTransport | None = channel
         super().__init__(node_id, od)
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
-        """The default channel first; further ones are canopen's own."""
+        """Return the given default channel first; further channels are canopen's own."""
         channel, self._channel = self._channel, None
         if channel is None:
             return cast("SdoClient", super().add_sdo(rx_cobid, tx_cobid))  # type: ignore[no-untyped-call]
@@ -152,7 +152,7 @@ def remote_node(
 
 
 def canopen_dictionary(dictionary: ObjectDictionary | None, node_id: int) -> objectdictionary.ObjectDictionary:
-    """*dictionary* as canopen has it, for *node_id*; an empty one for None."""
+    """*dictionary* in canopen's form, for *node_id*; empty for None."""
     od = objectdictionary.ObjectDictionary()  # type: ignore[no-untyped-call]
     od.node_id = node_id
     if dictionary is None:

@@ -1,6 +1,6 @@
-"""What a CanBus asks of what carries it, besides frames: whether it is gone, full, or lost something, and what to do.
+"""State of a CanBus's driver besides frames: lost connection, full queue, lost frames, and advice.
 
-Most of python-can's drivers say nothing of that. Does not know CANopen.
+Most of python-can's drivers report none of these.
 """
 
 from __future__ import annotations
@@ -16,44 +16,44 @@ _GONE = frozenset(
 
 
 class Carrier:
-    """A carrier of which nothing more is known than what its driver raises."""
+    """A driver that reports nothing but the errors it raises."""
 
     #: what it really runs at (bit/s), None where that is not known
     bit_rate: int | None = None
 
     def hear(self, *, everything: bool) -> None:
-        """Let come *everything*, or only what nodes say to a configurator, where the system can tell that apart."""
+        """Receive *everything*, or only frames for a configurator, if the system can filter."""
 
     def make_room(self) -> None:
-        """Let more frames wait to be read than an answer needs, where the system can do that: each one is wanted."""
+        """Enlarge the receive buffer if possible, since every frame is wanted."""
 
     def hung_up(self) -> bool:
-        """Whether the other end is gone, where the driver only falls silent."""
+        """Whether the other end is gone although the driver raises no error."""
         return False
 
     def is_full(self, error: Exception) -> bool:
-        """Whether *error* of sending only says that a frame had to wait, so that it can be tried again."""
+        """Whether *error* of sending means a full queue, so that a retry may succeed."""
         return getattr(error, "error_code", None) == errno.ENOBUFS
 
     def is_gone(self, error: Exception) -> bool:
-        """Whether *error* of sending says that the way to the bus is no more."""
+        """Whether *error* of sending means that the connection to the bus is lost."""
         number = getattr(error, "error_code", None) or getattr(error, "errno", None)
         return number in _GONE or isinstance(error, ConnectionError)
 
     def is_damaged(self, _error: Exception) -> bool:
-        """Whether an error of receiving is one frame that came damaged, so that the next one can be read."""
+        """Whether an error of receiving concerns one damaged frame, so that the next frame can be read."""
         return False
 
     def lost_frames(self) -> int:
-        """How many frames came so far that were dropped before anybody could read them."""
+        """Number of received frames that were lost before they could be read."""
         return 0
 
     def news(self) -> list[str]:
-        """What should be known of it and was not told yet, in words."""
+        """Unreported news about the driver, in words."""
         return []
 
     def next_step(self, error: Exception) -> Hint | str:
-        """What to do after *error* of sending or receiving."""
+        """Advice after *error* of sending or receiving."""
         if isinstance(error, ConnectionError):
             return "is the server still running?"
         return "is the adapter still plugged in, and the interface up?"

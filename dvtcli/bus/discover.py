@@ -1,7 +1,7 @@
-"""The CAN interfaces of this machine: SocketCAN links, adapters that a driver finds, serial ports.
+"""The CAN interfaces of this machine: SocketCAN links, adapters found by drivers, serial ports.
 
-Imports no CAN library: drivers are asked in a process of their own (`drivers`), so that one that hangs, crashes or
-prints cannot hurt. Opens nothing, and asks no other machine. Does not know nodes, nor who wants to know.
+Imports no CAN library: drivers run in a separate process (`drivers`), so that hangs, crashes and
+output do no harm. Opens nothing, and asks no other machine.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SERIAL_PORTS = ("ttyUSB*", "ttyACM*", "cu.usbmodem*", "cu.usbserial*")
 
 @dataclass(frozen=True, slots=True)
 class FoundInterface:
-    """An interface with python-can's names for it; *about* says what it is, *problem* what to do before it opens."""
+    """An interface with python-can's names; *about* describes it, *problem* tells how to make it usable."""
 
     interface: str
     channel: str
@@ -34,7 +34,7 @@ class FoundInterface:
 
 
 def find_interfaces() -> list[FoundInterface]:
-    """Everything that may be a CAN interface, surest first; drivers get `PATIENCE_S`."""
+    """All possible CAN interfaces, surest first; drivers get `PATIENCE_S`."""
     return [*links(), *adapters(), *serial_ports()]
 
 
@@ -44,7 +44,7 @@ def links() -> list[FoundInterface]:
 
 
 def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) -> list[FoundInterface]:
-    """What the drivers of *interfaces* (default: all that look for adapters by themselves) find on this machine."""
+    """Adapters on this machine found by the drivers of *interfaces* (default: all with safe detection)."""
     command = [*python_words(), "-m", "dvtcli.bus.drivers", *interfaces]
     lines = (_output(command, patience_s) or "").splitlines()
     configurations = json.loads(lines[-1]) if lines else []
@@ -55,7 +55,7 @@ def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) 
 
 
 def _output(command: Sequence[str], patience_s: float) -> str | None:
-    """What *command* prints; None where it fails, crashes, or takes longer than *patience_s*."""
+    """Output of *command*; None if it fails, crashes, or takes longer than *patience_s*."""
     try:
         done = subprocess.run(  # noqa: S603 - our own words
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
@@ -67,14 +67,14 @@ def _output(command: Sequence[str], patience_s: float) -> str | None:
 
 
 def serial_ports(folder: str = "/dev") -> list[FoundInterface]:
-    """USB serial ports, which may be slcan adapters; on Windows all serial ports."""
+    """USB serial ports as possible slcan adapters; on Windows all serial ports."""
     if sys.platform == "win32":
         return [FoundInterface("slcan", name, _PERHAPS) for name in _named_ports()]
     return [_port(path) for path in _ports(folder)]
 
 
 def _named_ports() -> list[str]:
-    """The serial ports that Windows names in its registry, by number."""
+    """Serial ports in the Windows registry, by number."""
     if sys.platform != "win32":
         return []
     import winreg

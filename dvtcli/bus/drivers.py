@@ -1,6 +1,6 @@
 """`python -m dvtcli.bus.drivers [INTERFACE...]`: ask python-can's drivers for their adapters, as JSON.
 
-A process of its own, ended by who started it (`discover`) where a driver hangs. Opens no bus. Interfaces whose
+A separate process that `discover` can end if a driver hangs. Opens no bus. Interfaces whose
 detection reaches other machines, or invents channels, are only asked by name.
 """
 
@@ -46,7 +46,7 @@ _PCAN_USUAL = 500_000
 
 
 def is_missing(error: Exception) -> bool:
-    """Whether *error* of opening says that a library is not there, and not that its adapter is not."""
+    """Whether *error* of opening means a missing library, not a missing adapter."""
     # python-can could not import its module, or calls functions of a library that it could not load
     if isinstance(error, NameError | ImportError | AttributeError | can.CanInterfaceNotImplementedError):
         return True
@@ -54,7 +54,7 @@ def is_missing(error: Exception) -> bool:
 
 
 def what_to_install(interface: str) -> Hint | None:
-    """The next step where the library of *interface* is missing; None where none is known."""
+    """Advice if the library of *interface* is missing; None if unknown."""
     library = _LIBRARIES.get(interface)
     if library is None:
         return None
@@ -66,12 +66,12 @@ def what_to_install(interface: str) -> Hint | None:
 
 
 def why_missing(interface: str) -> str:
-    """What a library that is not there is told as, where its own words are names of functions."""
+    """Text for a missing library, in place of the driver's function names."""
     return f"{_LIBRARIES.get(interface, 'its library')} is not installed"
 
 
 def check_bit_rate(config: Mapping[str, object], bit_rate: int | None) -> None:
-    """Raise BusUnavailable where *bit_rate* (bit/s) is none of PCAN's: python-can takes 500,000 then, in silence."""
+    """Raise BusUnavailable if PCAN lacks *bit_rate* (bit/s): python-can would silently use 500,000."""
     from can.interfaces.pcan.basic import PCAN_BITRATES
 
     if bit_rate is not None and bit_rate not in PCAN_BITRATES and not ({"timing", "fd", "f_clock"} & set(config)):
@@ -84,14 +84,14 @@ def check_bit_rate(config: Mapping[str, object], bit_rate: int | None) -> None:
 
 
 class PcanCarrier(Carrier):
-    """An adapter of PEAK; *asked* is the bit rate (bit/s) that the user wants, None where none was given."""
+    """An adapter of PEAK; *asked* is the requested bit rate (bit/s), None for none."""
 
     def __init__(self, asked: int | None) -> None:
         self.bit_rate = asked or _PCAN_USUAL
         self._news = [] if asked else [f"no bit rate is given: pcan runs at {_PCAN_USUAL} bit/s"]
 
     def news(self) -> list[str]:
-        """A bit rate that was not given."""
+        """A missing bit rate."""
         news, self._news = self._news, []
         return news
 
@@ -103,7 +103,7 @@ _LOOK_S = 6.0
 
 
 def main(interfaces: list[str]) -> None:
-    """Print what is found as one line, and leave without waiting for drivers that hang."""
+    """Print the channels found as one line, and exit without waiting for drivers that hang."""
     asked = interfaces or sorted(set(BACKENDS) - NOT_ASKED)
     found = [channel for name in asked for channel in _detected(name)]
     sys.stdout.write("\n" + json.dumps(found) + "\n")
@@ -112,7 +112,7 @@ def main(interfaces: list[str]) -> None:
 
 
 def _detected(interface: str) -> list[dict[str, str]]:
-    """The channels that one driver finds; none where it is missing or broken."""
+    """Channels found by a driver; none if it is missing or broken."""
     try:
         configurations = can.detect_available_configs(interface, timeout=_LOOK_S / 3)
     except Exception:  # noqa: BLE001 - whatever a driver raises means that it finds nothing

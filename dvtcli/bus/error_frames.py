@@ -1,7 +1,7 @@
-"""Error frames in plain words: what the CAN controller noticed, and what a person does about it.
+"""Error frames in plain words: the CAN controller's report, and advice.
 
-Knows the error classes that Linux puts into an error frame's CAN-ID and data (linux/can/error.h); other drivers' error
-frames are only counted. Does not read the bus.
+Decodes the error classes of Linux in an error frame's CAN-ID and data (linux/can/error.h); other drivers' error
+frames are only counted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _TEXTS = {
 
 @dataclass(slots=True)
 class ErrorFrames:
-    """Error frames of a bus: how many there were, and which kinds were not told yet."""
+    """Error frames of a bus: their number, and kinds not yet reported."""
 
     count: int = 0
     _kinds: dict[str, bool] = field(default_factory=dict)
@@ -46,7 +46,7 @@ class ErrorFrames:
         self.count_one(_kind(message.arbitration_id, bytes(message.data)))
 
     def count_one(self, kind: str | None = None) -> None:
-        """Count one of *kind*, None where it says nothing by itself."""
+        """Count an error frame of *kind*, None for no specific kind."""
         self.count += 1
         if kind is None and self.count >= MANY:
             kind = "bus errors"
@@ -54,7 +54,7 @@ class ErrorFrames:
             self._kinds.setdefault(kind, False)
 
     def news(self) -> list[str]:
-        """Each kind once, with the next step; the worst first, and not what a worse one explains."""
+        """Each kind once, with advice; the worst first, without kinds that a worse kind explains."""
         worst = next((kind for kind in _TEXTS if kind in self._kinds), None)
         if worst is None or self._kinds[worst]:
             return []
@@ -63,7 +63,7 @@ class ErrorFrames:
 
 
 def _kind(error_class: int, data: bytes) -> str | None:
-    """The kind of an error frame, None where it says nothing by itself."""
+    """The kind of an error frame, None for no specific kind."""
     if error_class & _BUS_OFF:
         return "bus-off"
     if error_class & _NO_ACKNOWLEDGE:

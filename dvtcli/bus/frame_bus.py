@@ -1,7 +1,4 @@
-"""A `ReadBus` whose messages are CAN frames: SDO goes over them, and what nodes say by themselves is told apart.
-
-Does not know what carries the frames, nor what a PDO or an object means.
-"""
+"""A `ReadBus` whose messages are CAN frames: SDO runs over them, and node messages are recognised."""
 
 from __future__ import annotations
 
@@ -38,7 +35,7 @@ M = TypeVar("M")
 
 
 class ReadBus(WatchedBus, Generic[M]):
-    """A `WatchedBus` whose messages are read one at a time; *frame_of* makes a frame of one, for those who watch."""
+    """A `WatchedBus` whose messages are read one at a time; *frame_of* converts a message to a frame."""
 
     def __init__(
         self,
@@ -60,24 +57,26 @@ class ReadBus(WatchedBus, Generic[M]):
         self._failure: BusUnavailable | None = None
 
     def tap(self, callback: Tap) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
+        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it. See
+        `on_event`.
+        """
         return self._traffic.tap(callback)
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
-        """The frames that were sent here last, and those that answered them; each with whether it is ours."""
+        """The last frames sent from here and their answers, each with whether it is ours."""
         return self._traffic.exchanged()
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
-        """Yield every frame that arrives within *duration_s* of this call, and those since the last `send`."""
+        """Yield every frame received within *duration_s* of this call, and frames since the last `send`."""
         self._receiver.drain()
         inbox = self._traffic.listen()
         return self._frames(inbox, monotonic() + duration_s)
 
     def idle(self, duration_s: float) -> None:
-        """Read the bus for *duration_s* on behalf of the callbacks, as a background thread does in a loop.
+        """Read the bus for *duration_s* for the callbacks, as a background thread does in a loop.
 
-        Gives way to any thread that waits for something. Raises BusUnavailable if the bus fails, has failed whoever
-        used it, or was closed.
+        Gives way to any waiting thread. Raises BusUnavailable if the bus fails, has failed in any
+        thread, or was closed.
         """
         if self._failure is not None:
             failure = self._failure
@@ -85,7 +84,7 @@ class ReadBus(WatchedBus, Generic[M]):
         self._receiver.idle(duration_s)
 
     def now_s(self) -> float:
-        """The time that deadlines are measured in (time.monotonic)."""
+        """Time base of deadlines in seconds (time.monotonic)."""
         return monotonic()
 
     def delay_s(self) -> float:
@@ -98,14 +97,14 @@ class ReadBus(WatchedBus, Generic[M]):
             self._receiver.idle(duration_s)
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
-        """Wait for what `_deliver` puts into *inbox* until *deadline_s* (as `now_s` tells); None where nothing came."""
+        """Wait for an item of `_deliver` in *inbox* until *deadline_s* (of `now_s`); None if none came."""
         if self._gave_turn_for(inbox, deadline_s):
             item = None if inbox.empty() else inbox.get_nowait()
             return None if isinstance(item, Wake) else item
         return self._receiver.take(inbox, deadline_s)
 
     def drain(self) -> None:
-        """Deliver what has already arrived."""
+        """Deliver received frames without waiting."""
         self._receiver.drain()
 
     def close(self) -> None:
@@ -119,15 +118,15 @@ class ReadBus(WatchedBus, Generic[M]):
 
     @abstractmethod
     def _read(self, wait_s: float) -> M | None:
-        """The next message, None where none came within *wait_s*; raises BusUnavailable where the bus failed."""
+        """The next message, None if none came within *wait_s*. Raises BusUnavailable if the bus failed."""
 
     @abstractmethod
     def _deliver(self, message: M) -> None:
-        """Understand *message*: hand it to whom it answers, and to those who watch."""
+        """Deliver *message* to its receivers and observers."""
 
     @abstractmethod
     def _leave(self) -> None:
-        """Let go of what carries the bus; called once."""
+        """Release the underlying connection; called once."""
 
     def _read_or_fail(self, wait_s: float) -> M | None:
         try:
@@ -138,13 +137,13 @@ class ReadBus(WatchedBus, Generic[M]):
             raise
 
     def _heartbeat(self, frame: Frame) -> None:
-        """Take a heartbeat or boot-up message, and wake who waits for one."""
+        """Process a heartbeat or boot-up message, and wake threads that wait for it."""
         if self._watch.heartbeat(frame):
             for waiter in tuple(self._life_waiters):
                 waiter.put(True)
 
     def _frames(self, inbox: SimpleQueue[Frame | Wake], deadline_s: float) -> Iterator[Frame]:
-        """What comes until *deadline_s*, then what is there by then, read once: a bus may never be quiet."""
+        """Frames until *deadline_s*, and received frames at this moment, once: a bus may never be quiet."""
         while monotonic() < deadline_s:
             frame = self._receiver.take(inbox, deadline_s)
             if frame is None:
@@ -155,7 +154,7 @@ class ReadBus(WatchedBus, Generic[M]):
         yield from _inside(inbox)
 
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until *condition* holds, which signs of life may bring about."""
+        """Wait until *condition* holds, usually by a heartbeat or boot-up."""
         deadline_s = monotonic() + timeout_s
         if self._gave_turn(condition, deadline_s):
             return condition()
@@ -168,12 +167,12 @@ class ReadBus(WatchedBus, Generic[M]):
         return True
 
     def _until(self, ready: Callable[[], bool], deadline_s: float) -> None:
-        """Read until *ready*, or *deadline_s*: whatever is there by then is read."""
+        """Read until *ready*, or *deadline_s*: frames received by then are read."""
         self._receiver.take(_Ready(ready), deadline_s)
 
 
 def _inside(inbox: SimpleQueue[Frame | Wake]) -> Iterator[Frame]:
-    """The frames in *inbox* now, without those that come meanwhile."""
+    """The frames in *inbox* now, without later frames."""
     for _ in range(inbox.qsize()):
         frame = inbox.get_nowait()
         if not isinstance(frame, Wake):
@@ -181,17 +180,17 @@ def _inside(inbox: SimpleQueue[Frame | Wake]) -> Iterator[Frame]:
 
 
 class _Ready(SimpleQueue[bool | Wake]):
-    """An inbox that has something in it as soon as *ready*, wherever that was delivered."""
+    """An inbox with an item as soon as *ready*, regardless of the delivery."""
 
     def __init__(self, ready: Callable[[], bool]) -> None:
         self._ready = ready
 
     def empty(self) -> bool:
-        """Whether nobody is ready yet, and no note of the receiver is here."""
+        """Whether nothing is ready, and no note of the receiver is here."""
         return super().empty() and not self._ready()
 
     def get_nowait(self) -> bool | Wake:
-        """The receiver's note, else that somebody is ready."""
+        """The receiver's note, else True for ready."""
         return True if super().empty() else super().get_nowait()
 
 
@@ -206,7 +205,7 @@ class SdoChannels:
         self._channels: dict[int, SdoChannel] = {}
 
     def channel(self, node_id: int) -> SdoChannel:
-        """The channel of *node_id*; the same object for the same node."""
+        """The channel of *node_id*; always the same object for the same node."""
         if node_id not in self._channels:
             with self._lock:
                 if node_id not in self._channels:
@@ -215,24 +214,24 @@ class SdoChannels:
         return self._channels[node_id]
 
     def receive(self, node_id: int, can_id: int, data: bytes, *, extended: bool) -> None:
-        """Take a frame of *node_id*'s channel, a request or an answer."""
+        """Process a frame of *node_id*'s channel, a request or an answer."""
         client = self._clients.get(node_id)
         if client is not None:
             client.receive(can_id, data, extended=extended)
 
     def restarted(self, node_id: int) -> None:
-        """*node_id* sent a boot-up: what it was asked before that it has forgotten."""
+        """Process a boot-up of *node_id*: earlier requests are lost."""
         client = self._clients.get(node_id)
         if client is not None:
             client.inbox.put(RESTARTED)
 
     def repeated(self, node_id: int) -> int:
-        """How many uploads of *node_id* had to be asked again so far."""
+        """Number of repeated uploads of *node_id* so far."""
         client = self._clients.get(node_id)
         return 0 if client is None else client.repeated
 
     def dropped(self) -> dict[int, DroppedAnswers]:
-        """How many answers did not count so far, by node-ID."""
+        """Number of discarded answers so far, by node-ID."""
         return {node_id: channel.dropped for node_id, channel in dict(self._channels).items()}
 
 
@@ -269,7 +268,7 @@ class FrameBus(ReadBus[M]):
 
     @property
     def carries_frames(self) -> bool:
-        """Frames are all that it carries."""
+        """Always true: the bus carries only frames."""
         return True
 
     @property
@@ -278,9 +277,9 @@ class FrameBus(ReadBus[M]):
         return True
 
     def send(self, frame: Frame) -> None:
-        """Send one frame (SYNC, a PDO); frames that answer it are kept for a `receive` within the next second.
+        """Send a frame (SYNC, a PDO); answers are kept for a `receive` within the next second.
 
-        UsageError for a CAN-ID that does not fit: drivers cut it to its bits, and 0x800 would be an NMT command.
+        Raises UsageError if the CAN-ID does not fit: drivers cut off its bits, and 0x800 would be an NMT command.
         """
         if not fits(frame.can_id, extended=frame.extended):
             raise UsageError(f"CAN-ID 0x{frame.can_id:X} has more than {29 if frame.extended else 11} bits: not sent")
@@ -292,17 +291,17 @@ class FrameBus(ReadBus[M]):
         self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote, dlc=frame.dlc)
 
     def send_sdo(self, can_id: int, data: bytes) -> None:
-        """Send one SDO frame (SdoLink)."""
+        """Send an SDO frame (SdoLink)."""
         self._send(can_id, data)
 
     @abstractmethod
     def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False, dlc: int = 0) -> None:
-        """Send one frame, of which *dlc* is a remote one's, and tell those who watch; raises BusUnavailable."""
+        """Send a frame (*dlc* for a remote frame only), and inform observers. Raises BusUnavailable."""
 
     def _most_at_once(self) -> int:
-        """One as long as a machine may be running: SDO at full speed would keep heartbeats off the bus.
+        """1 while a machine may be running, or if the bit rate is unknown.
 
-        Several keep to the pace of the bit rate; if it is not known, a few keep to `unknown_pace`, or there is one.
+        SDO at full speed would keep heartbeats off the bus; with a known bit rate its pace is limited.
         """
         running = NmtState.OPERATIONAL in self._watch.states.values() or monotonic() - self._pdo_s < QUIET_S
         if running:
@@ -321,7 +320,7 @@ class FrameBus(ReadBus[M]):
         return self._channels.dropped()
 
     def _understand(self, message: M, can_id: int, data: bytes | bytearray, *, extended: bool) -> None:
-        """Hand a data frame to whom it answers: *message* with its CAN-ID and data."""
+        """Deliver data frame *message* with its CAN-ID and data to its receivers."""
         function, node_id = can_id & ~0x7F, can_id & 0x7F
         if function in _SDO_IDS:
             if function == ANSWER_ID:
@@ -336,7 +335,7 @@ class FrameBus(ReadBus[M]):
             self._told(message, can_id, data)
 
     def _told(self, message: M, can_id: int, data: bytes | bytearray) -> None:
-        """Take what a node, or another master, says by itself."""
+        """Process a message of a node, or of another master."""
         function = can_id & ~0x7F
         if function == HEARTBEAT:
             self._heartbeat(self._frame_of(message))
@@ -352,5 +351,5 @@ class FrameBus(ReadBus[M]):
             self._watch.emergency(self._frame_of(message))
 
     def _answered(self, node_id: int) -> None:
-        """An SDO answer of *node_id* came, to whomever."""
+        """Note an SDO answer of *node_id* to any client."""
         self._watch.answered(node_id)

@@ -1,7 +1,4 @@
-"""A CAN link of Linux as what carries a bus: said before it is opened what is missing, and in use what went wrong.
-
-Does not know CANopen, nor how a link is described (see kernel_links).
-"""
+"""A Linux CAN link as the carrier of a bus: checks before opening, and errors in use."""
 
 from __future__ import annotations
 
@@ -35,9 +32,9 @@ _FULL = "Transmit buffer full"
 
 
 def check_link(channel: object) -> None:
-    """Raise BusUnavailable, with the next step, where *channel* is not named, not there or down; OSError without CAN.
+    """Raise BusUnavailable with advice if *channel* is missing, unknown or down; OSError without CAN.
 
-    A socket on a link that is down opens like any other, and python-can leaves one open on a link that is not there.
+    A socket on a link that is down opens without error, and python-can leaves a socket open on a missing link.
     """
     if sys.platform != "linux":
         hint = Hint(Action.CHECK_SETUP, why="which interface has the adapter? {} lists what is there")
@@ -64,7 +61,7 @@ def _not_yet(channel: str, why: str | None, hint: Hint | str) -> BusUnavailable:
 
 
 def which(links: list[KernelLink]) -> Hint:
-    """What to choose from, in words that follow others."""
+    """The available links, in words that follow others."""
     if not links:
         give = Hint(Action.GIVE_CHANNEL, why=" give {}")
         return give + Hint(Action.CHECK_SETUP, why="this machine has no CAN link now ({})")
@@ -76,7 +73,7 @@ def which(links: list[KernelLink]) -> Hint:
 
 
 class KernelCarrier(Carrier):
-    """The socket of python-can's *bus* on the link *channel*; *asked* is the bit rate (bit/s) that the user wants."""
+    """The socket of python-can's *bus* on the link *channel*; *asked* is the requested bit rate (bit/s)."""
 
     def __init__(self, bus: can.BusABC, channel: str, asked: int | None) -> None:
         self._bus = bus
@@ -103,7 +100,7 @@ class KernelCarrier(Carrier):
             self._bus.set_filters(None if everything else cast("can.typechecking.CanFilters", services))
 
     def is_full(self, error: Exception) -> bool:
-        """Whether the transmit queue, or the socket's part of it, is full."""
+        """Whether the transmit queue, or the socket's part of the queue, is full."""
         return super().is_full(error) or (isinstance(error, can.CanOperationError) and str(error) == _FULL)
 
     def lost_frames(self) -> int:
@@ -114,7 +111,7 @@ class KernelCarrier(Carrier):
             return 0
 
     def news(self) -> list[str]:
-        """A bit rate that is not the one asked for, a controller that is off, frames that were lost."""
+        """A bit rate other than requested, a disabled controller, lost frames."""
         news, self._news = self._news, []
         lost = self.lost_frames()
         if lost > self._told_lost:
@@ -123,7 +120,7 @@ class KernelCarrier(Carrier):
         return news
 
     def next_step(self, error: Exception) -> Hint | str:
-        """What the link's state says to do about *error*."""
+        """Advice about *error* from the link's state."""
         if self.is_full(error):
             return (
                 "its transmit queue stays full: does another node acknowledge what is sent? "
@@ -139,7 +136,7 @@ class KernelCarrier(Carrier):
 
 
 def first_news(link: KernelLink, asked: int | None) -> list[str]:
-    """What to know of *link* from the start, where *asked* is the bit rate (bit/s) that the user wants."""
+    """News about *link* at the start; *asked* is the requested bit rate (bit/s)."""
     news = []
     if asked is not None and link.bit_rate is not None and asked != link.bit_rate:
         news.append(
@@ -157,7 +154,7 @@ def _lost(count: int, *, roomy: bool) -> str:
 
 
 def _make_room(link: socket.socket, size: int) -> bool:
-    """Let *size* bytes wait to be read, or as many as the system allows; whether it is all of them."""
+    """Set the receive buffer to *size* bytes, or as large as allowed; whether the full size was set."""
     with suppress(OSError):  # only root may go beyond the limit
         link.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size)
         return True

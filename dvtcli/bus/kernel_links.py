@@ -1,7 +1,6 @@
-"""The CAN links of Linux, as its kernel describes them over rtnetlink: kind, up or down, bit rate, bus-off.
+"""The CAN links of Linux from its kernel over rtnetlink: kind, up or down, bit rate, bus-off.
 
-Changes nothing, needs no rights and no tool; where there is no such kernel, there are no links. Does not know
-python-can, nor what a link is used for.
+Read-only; needs no rights and no tool. Empty on other systems.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ _USUAL_BIT_RATE = 500_000
 
 @dataclass(frozen=True, slots=True)
 class KernelLink:
-    """A link that `ip link` shows: *kind* is "can" for a controller, "vcan" or "vxcan" for what has no wire.
+    """A link in `ip link`: *kind* is "can" for a controller, "vcan" or "vxcan" for a link without wire.
 
-    *bit_rate* is in bit/s, None where it has none or none is set.
+    *bit_rate* is in bit/s, None if it has none or none is set.
     """
 
     name: str
@@ -43,18 +42,18 @@ class KernelLink:
 
     @property
     def wired(self) -> bool:
-        """Whether a controller is behind it, which has a bit rate."""
+        """Whether the link has a controller, and with it a bit rate."""
         return self.kind not in ("vcan", "vxcan")
 
     @property
     def about(self) -> str:
-        """What it is, in a few words."""
+        """Short description of the link."""
         rate = "" if self.bit_rate is None else f", {kbit_s(self.bit_rate)}"
         return f"{'bus-off' if self.bus_off and self.up else 'up' if self.up else 'down'}{rate}"
 
     @property
     def problem(self) -> str | None:
-        """Why nothing goes over it, with the command that mends it; None where something does."""
+        """Why the link carries no frames, with the command to fix it; None if it works."""
         if not self.up:
             return f"it is down: {self.way_up()}"
         if self.bus_off:
@@ -62,23 +61,23 @@ class KernelLink:
         return None
 
     def way_up(self) -> str:
-        """The command that sets it up, with the bit rate that it has where one is set."""
+        """The command to set the link up, with its bit rate if set."""
         needed = f" type can bitrate {_USUAL_BIT_RATE}" if self.wired and self.bit_rate is None else ""
         return f"sudo ip link set {self.name} up{needed}"
 
     def way_to(self, bit_rate: int) -> str:
-        """The commands that let it run at *bit_rate* (bit/s)."""
+        """The commands to run the link at *bit_rate* (bit/s)."""
         down = f"sudo ip link set {self.name} down && " if self.up else ""
         return f"{down}sudo ip link set {self.name} up type can bitrate {bit_rate}"
 
 
 def kbit_s(bit_rate: int) -> str:
-    """A bit rate (bit/s) as people say it."""
+    """A bit rate (bit/s) as text."""
     return f"{bit_rate / 1000:g} kbit/s"
 
 
 def kernel_link(name: str) -> KernelLink | None:
-    """The CAN link called *name*, None where there is none."""
+    """The CAN link *name*, None if missing."""
     return next((link for link in kernel_links() if link.name == name), None)
 
 
@@ -88,7 +87,7 @@ def kernel_links() -> list[KernelLink]:
 
 
 def links_of(told: bytes) -> Iterator[KernelLink]:
-    """The CAN links in what rtnetlink *told*."""
+    """The CAN links in an rtnetlink answer *told*."""
     for kind, body in _messages(told):
         if kind != _NEW_LINK or len(body) < _LINK.size:
             continue
@@ -108,12 +107,12 @@ def _link(said: dict[int, bytes], *, up: bool) -> KernelLink:
 
 
 def _number(data: bytes) -> int:
-    """The 32-bit number that *data* begins with, 0 where it is shorter."""
+    """The 32-bit number at the start of *data*, 0 if shorter."""
     return int(struct.unpack_from("=I", data)[0]) if len(data) >= 4 else 0
 
 
 def _messages(told: bytes) -> Iterator[tuple[int, bytes]]:
-    """Type and body of each message; what is cut off is left out."""
+    """Type and body of each message; a truncated message is left out."""
     while len(told) >= _HEADER.size:
         length, kind, *_ = _HEADER.unpack_from(told)
         if not _HEADER.size <= length <= len(told):
@@ -123,7 +122,7 @@ def _messages(told: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _attributes(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Number and value of each attribute; what is cut off is left out."""
+    """Number and value of each attribute; a truncated attribute is left out."""
     while len(data) >= _ATTRIBUTE.size:
         length, kind = _ATTRIBUTE.unpack_from(data)
         if not _ATTRIBUTE.size <= length <= len(data):
@@ -137,7 +136,7 @@ def _aligned(length: int) -> int:
 
 
 def _told() -> bytes:
-    """What the kernel says of all links; what came so far where it falls silent, nothing where it has no rtnetlink."""
+    """The kernel's answer about all links; partial if it falls silent, empty without rtnetlink."""
     family, told = getattr(socket, "AF_NETLINK", None), b""
     if family is None:
         return told

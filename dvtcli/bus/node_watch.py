@@ -19,7 +19,7 @@ _MOST_CODES = 256
 
 
 def read_emergency(frame: Frame) -> Emergency | None:
-    """The emergency message that *frame* is, also a shortened one (CiA 301, 7.2.7.3.1); None where it is none."""
+    """The emergency message in *frame*, also if shortened (CiA 301, 7.2.7.3.1); None for another frame."""
     node_id = frame.can_id - EMERGENCY
     if frame.extended or frame.remote or not 2 <= len(frame.data) <= 8 or not 1 <= node_id <= 127:
         return None
@@ -28,7 +28,7 @@ def read_emergency(frame: Frame) -> Emergency | None:
 
 
 class NodeWatch:
-    """Remembers what each node said last, and tells *listeners* as it is said."""
+    """Last message of each node; informs *listeners* about each message."""
 
     def __init__(self) -> None:
         self.states: dict[int, NmtState] = {}
@@ -52,9 +52,10 @@ class NodeWatch:
         self.listeners: list[Callable[[NodeEvent], None]] = []
 
     def heartbeat(self, frame: Frame) -> bool:
-        """Take a heartbeat or boot-up message; whether it was one.
+        """Process a heartbeat or boot-up message; whether *frame* was either.
 
-        A node that says boot-up has entered PRE-OPERATIONAL (CiA 301, 7.2.8.3.3); bit 7 is node guarding's toggle bit.
+        After its boot-up message a node is in PRE-OPERATIONAL (CiA 301, 7.2.8.3.3); bit 7 is node guarding's toggle
+        bit.
         """
         node_id = frame.can_id - HEARTBEAT
         if len(frame.data) != 1 or not 1 <= node_id <= 127:
@@ -83,13 +84,13 @@ class NodeWatch:
         self._booted_s.pop(node_id, None)
 
     def request_of_another(self, frame: Frame) -> None:
-        """Take an SDO request that is not ours: it may write (CiA 301, 7.2.4.3), or not."""
+        """Process an SDO request of another client; a download is counted (CiA 301, 7.2.4.3)."""
         node_id = frame.can_id & 0x7F
         if frame.data and frame.data[0] >> 5 in _DOWNLOADS:
             self.downloads_of_others[node_id] = self.downloads_of_others.get(node_id, 0) + 1
 
     def _count_double(self, node_id: int, now_s: float) -> None:
-        """Not on a bus that gives no times: frames that were waiting would seem to come at once."""
+        """Count a boot-up right after another; ignored without timestamps, as waiting frames would seem simultaneous."""
         before_s = self._booted_s.get(node_id)
         if now_s and before_s is not None and 0 <= now_s - before_s < TWICE_S:
             self.double_boot_ups[node_id] = self.double_boot_ups.get(node_id, 0) + 1
@@ -97,7 +98,7 @@ class NodeWatch:
             self._booted_s[node_id] = now_s
 
     def emergency(self, frame: Frame) -> bool:
-        """Take an emergency message, also a shortened one; whether it was one."""
+        """Process an emergency message, also if shortened; whether *frame* was one."""
         said = read_emergency(frame)
         if said is None:
             return False
@@ -115,7 +116,7 @@ class NodeWatch:
             del heard[next(iter(heard))]
 
     def forget_state(self, node_id: int) -> None:
-        """A command was sent to *node_id* (0: to all): what it said before is no longer its state."""
+        """Forget the state of *node_id* (0: all) after a command to it."""
         if node_id == 0:
             self.states.clear()
         else:
@@ -132,15 +133,15 @@ class NodeWatch:
 
 
 class HeardNodes(ABC):
-    """A bus that is asked what its nodes said by themselves since it is open."""
+    """A bus with the messages of its nodes since it was opened."""
 
     def __init__(self) -> None:
         self._watch = NodeWatch()
 
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
-        """The state last heard of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* one.
+        """The last received state of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* state.
 
-        None: nothing was heard. A node that said boot-up is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
+        None: no state was received. After a boot-up a node is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
         """
         self.drain()
         signs = self._watch.signs_of_life
@@ -150,31 +151,31 @@ class HeardNodes(ABC):
         return self._watch.states.get(node_id)
 
     def boot_ups(self, node_id: int) -> int:
-        """How many boot-up messages of *node_id* were seen so far."""
+        """Number of boot-up messages of *node_id* so far."""
         self.drain()
         return self._watch.boot_ups.get(node_id, 0)
 
     def restarts(self, node_id: int) -> int:
-        """How many boot-up messages of *node_id* were seen so far that no reset sent from here explains."""
+        """Number of boot-up messages of *node_id* so far without a reset sent from here."""
         self.drain()
         return self._watch.restarts.get(node_id, 0)
 
     def order_restart(self, node_id: int, within_s: float) -> None:
-        """Let the next boot-up of *node_id* (0: of each node) be no restart if it comes within *within_s* seconds."""
+        """Do not count a boot-up of *node_id* (0: each node) within *within_s* seconds as a restart."""
         self.drain()
         self._watch.order_restart(node_id, within_s)
 
     def upsets(self, node_id: int) -> int:
-        """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again."""
+        """A number that grows with each boot-up of *node_id*, and with each repeated upload."""
         return self.boot_ups(node_id) + self._repeated(node_id)
 
     def downloads_of_others(self, node_id: int) -> int:
-        """How many downloads of other SDO clients to *node_id* were seen since its last boot-up."""
+        """Number of downloads by other SDO clients to *node_id* since its last boot-up."""
         self.drain()
         return self._watch.downloads_of_others.get(node_id, 0)
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        """Its upsets, and the downloads of others to it, as far as what was read of the bus tells."""
+        """The node's upsets, and downloads of others to it, without reading the bus."""
         return (
             self._watch.boot_ups.get(node_id, 0) + self._repeated(node_id),
             self._watch.downloads_of_others.get(node_id, 0),
@@ -185,7 +186,7 @@ class HeardNodes(ABC):
         return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
 
     def heard_nodes(self) -> dict[int, NmtState]:
-        """Every node whose state is known, from heartbeats and boot-ups."""
+        """Every node with a known state, from heartbeats and boot-ups."""
         self.drain()
         return dict(self._watch.states)
 
@@ -195,26 +196,26 @@ class HeardNodes(ABC):
         return self._watch.emergencies.get(node_id)
 
     def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
-        """Every error code that *node_id* sent since the bus is open, the one heard last first."""
+        """Every error code of *node_id* since the bus was opened, latest first."""
         self.drain()
         return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
-        """Call *callback* for each boot-up, state change and emergency; returns what ends that.
+        """Call *callback* for each boot-up, state change and emergency; returns a function that ends the calls.
 
-        It is called by the thread that happens to read the bus: it must be quick and must not use the bus.
+        The thread that reads the bus makes the call: *callback* must be quick and must not use the bus.
         """
         self._watch.listeners.append(callback)
         return lambda: self._watch.listeners.remove(callback)
 
     @abstractmethod
     def drain(self) -> None:
-        """Take what has already arrived, without waiting."""
+        """Process received frames without waiting."""
 
     @abstractmethod
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until *condition* holds, which signs of life may bring about; whether it does after *timeout_s*."""
+        """Wait until *condition* holds, usually by a heartbeat or boot-up; whether it holds after *timeout_s*."""
 
     def _repeated(self, _node_id: int) -> int:
-        """How many uploads of a node had to be asked again so far."""
+        """Number of repeated uploads of a node so far."""
         return 0

@@ -1,4 +1,4 @@
-"""Opening a python-can bus, or one that another package brings. Does not know what the bus is used for."""
+"""Open a python-can bus, or a bus from another package."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ _PASSING = frozenset(
 
 
 def unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailable:
-    """What to raise where *config* did not open since python-can or a driver raised *error*."""
+    """The error for *config* after python-can or a driver raised *error*."""
     if config.get("interface") is None:
         return BusUnavailable(
             "no CAN interface is configured",
@@ -141,7 +141,7 @@ def _setting_hint(interface: str, channel: object, error: Exception) -> Hint | s
 
 
 def _errno_of(error: BaseException | None) -> int | None:
-    """The operating system's number of *error* or of what caused it."""
+    """The operating system's number of *error* or of its cause."""
     while error is not None:
         if isinstance(error, OSError) and error.errno is not None:
             return error.errno
@@ -150,7 +150,7 @@ def _errno_of(error: BaseException | None) -> int | None:
 
 
 class SlcanCarrier(Carrier):
-    """The adapter at *port*; *asked* is the bit rate (bit/s) that the user wants, None where none was given."""
+    """The adapter at *port*; *asked* is the requested bit rate (bit/s), None for none."""
 
     def __init__(self, port: str, asked: int | None) -> None:
         self._damaged = self._told_damaged = 0
@@ -161,13 +161,13 @@ class SlcanCarrier(Carrier):
             )
 
     def is_damaged(self, error: Exception) -> bool:
-        """Whether *error* of receiving is a line that is no frame: characters were lost, and the next line is whole."""
+        """Whether *error* of receiving is a damaged line: characters were lost, and the next line is whole."""
         damaged = isinstance(error, ValueError | IndexError) and not isinstance(error, can.CanError)
         self._damaged += damaged
         return damaged
 
     def news(self) -> list[str]:
-        """A bit rate that was not given, and lines that were damaged."""
+        """A missing bit rate, and damaged lines."""
         news, self._news = self._news, []
         if self._damaged > self._told_damaged:
             lines = plural(self._damaged - self._told_damaged, "damaged line")
@@ -192,7 +192,7 @@ _KEEP_ALIVE = (("TCP_KEEPIDLE", 10), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3))
 
 
 def probe(config: Mapping[str, object]) -> None:
-    """Raise OSError where no server listens at the host and port of *config*, ValueError where it names none."""
+    """Raise OSError if no server listens at host and port of *config*, ValueError if either is missing."""
     port = config.get("port")
     if not isinstance(port, int) or "host" not in config:
         raise ValueError("socketcand needs a host and a port")
@@ -200,7 +200,7 @@ def probe(config: Mapping[str, object]) -> None:
 
 
 class ServerCarrier(Carrier):
-    """The connection of python-can's *bus*, whose driver takes a closed one for a silent bus, in a busy loop."""
+    """The connection of python-can's *bus*, whose driver takes a closed connection for a silent bus, in a busy loop."""
 
     def __init__(self, bus: can.BusABC) -> None:
         link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # it has no other name: no fileno(), no property
@@ -234,11 +234,11 @@ def open_bus(
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
 ) -> CanBus:
-    """Open a CAN interface; raises BusUnavailable with the reason and a hint.
+    """Open a CAN interface. Raises BusUnavailable with the reason and a hint.
 
-    *interface*, *channel*, *bitrate* (bit/s) and *extra* have python-can's names and meaning; what is None
-    comes from python-can's own configuration. *timeout_s* is the SDO time-out, *retries* (0..) how often a
-    read's first request is repeated after it.
+    *interface*, *channel*, *bitrate* (bit/s) and *extra* have python-can's names and meaning; a None value
+    comes from python-can's own configuration. *timeout_s* is the SDO time-out, *retries* (0..) the repetitions of a
+    read's first request after it.
     """
     config = given = given_settings(interface, channel, bitrate, extra or {})
     try:
@@ -265,10 +265,11 @@ def open_bus(
 def open_listening(
     interface: str | None, channel: str | None, bit_rate: int, extra: Mapping[str, object], *, listen_only: bool
 ) -> CanBus:
-    """Open a CAN interface to listen at *bit_rate* (bit/s), and at others after that (`set_bit_rate`).
+    """Open a CAN interface to listen at *bit_rate* (bit/s), and later at others (`set_bit_rate`).
 
-    With *listen_only* without a word; SafetyRefusal where that is not known of it, or its bit rate cannot be set from
-    here. A link of the system's is listened to as it is where that says nothing by its own. BusUnavailable.
+    *listen_only* sends nothing. Raises SafetyRefusal if listen-only mode is not certain, or if its bit rate cannot be
+    set
+    from here; BusUnavailable. A link of the system already in listen-only mode is used with its own bit rate.
     """
     config = given = given_settings(interface, channel, bit_rate, extra)
     try:
@@ -285,7 +286,7 @@ def open_listening(
 
 
 def _look_first(config: Mapping[str, object]) -> None:
-    """What can be seen before it is opened to be of no use; one of OPEN_FAILURES with a better reason."""
+    """Check for obstacles before opening; raises one of OPEN_FAILURES with a better reason."""
     if config["interface"] == "socketcand":
         probe(config)
     if config["interface"] == "socketcan":
@@ -314,10 +315,10 @@ def open_transport(
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
 ) -> CanopenBus:
-    """As `open_bus`, also by a way to a bus that is no python-can interface, and which another package brings.
+    """As `open_bus`, also for a bus of another package that is no python-can interface.
 
-    It is found by an entry point of the group `dvtcli.bus` with the name *interface*: a function with the parameters
-    of this one but the first.
+    Found by an entry point of the group `dvtcli.bus` with the name *interface*: a function with the parameters
+    of this function but the first.
     """
     found = None if interface is None or interface in can.VALID_INTERFACES else transports().get(interface)
     if found is None:
@@ -330,7 +331,7 @@ def open_transport(
 
 
 def _carrier(config: Mapping[str, object], bus: can.BusABC) -> Carrier:
-    """What can be said of *bus* beyond its frames."""
+    """The carrier for *bus*."""
     if config["interface"] == "socketcan":
         return KernelCarrier(bus, str(config["channel"]), bit_rate_of(config))
     if config["interface"] == "pcan":

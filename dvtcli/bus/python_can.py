@@ -38,9 +38,9 @@ LOST_AFTER_S = 1.0
 
 
 class Echoes:
-    """What was sent and may still come back.
+    """Messages sent, for detection of their echoes.
 
-    Whether a bus echoes at all is found out: an echo comes before the answer to what it echoes.
+    Whether a bus echoes is learnt: an echo comes before the answer to its message.
     """
 
     def __init__(self) -> None:
@@ -54,19 +54,19 @@ class Echoes:
         self._echoing = False
 
     def expect(self, message: can.Message, now_s: float) -> None:
-        """*message* is about to be sent at *now_s*: before that, since its echo may be read by another thread."""
+        """Expect the echo of *message*, before it is sent at *now_s*: another thread may read the echo."""
         if self._echoing is not False:
             with self._lock:
                 self._sent.append((_key(message), now_s))
 
     def unsent(self) -> None:
-        """The last one could not be sent."""
+        """Cancel the last message, which could not be sent."""
         with self._lock:
             if self._sent:
                 self._sent.pop()
 
     def is_echo(self, message: can.Message) -> bool:
-        """Whether a received *message* is one of ours come back; each comes back once."""
+        """Whether a received *message* is the echo of a sent message; each has one echo."""
         if not self._sent:
             return False
         key = _key(message)
@@ -82,9 +82,9 @@ class Echoes:
             return True
 
     def caught_up(self, now_s: float) -> None:
-        """At *now_s* everything that had arrived was read: what was sent long before that does not come back.
+        """Drop old messages at *now_s*, when all received frames are read: their echoes will not come.
 
-        Where the bus is known to echo it may: a controller sends again and again until another node acknowledges.
+        On a bus known to echo they stay: a controller repeats a frame until another node acknowledges.
         """
         if self._echoing is not None or not self._sent:
             return
@@ -93,7 +93,7 @@ class Echoes:
                 self._sent.popleft()
 
     def answered(self, can_id: int) -> None:
-        """A request to *can_id* was answered: where no echo was ever seen, it and what was sent before have none."""
+        """Drop requests to *can_id* and earlier messages after an answer, if no echo was ever seen."""
         if self._echoing is not None or not self._sent:
             return
         with self._lock:
@@ -123,9 +123,9 @@ HEARD_S = 0.25
 
 
 class CanBus(FrameBus[can.Message]):
-    """A CANopenBus on a python-can *bus*, called *name* on screens.
+    """A CanopenBus on a python-can *bus*, called *name* on screens.
 
-    *carrier* says what the driver does not. No thread of its own: whoever waits reads the bus. *timeout_s* (s) and
+    *carrier* adds the driver's state. Has no thread: the waiting thread reads the bus. *timeout_s* (s) and
     *retries* are those of `SdoSettings`, *bitrate* is in bit/s.
     """
 
@@ -162,11 +162,11 @@ class CanBus(FrameBus[can.Message]):
 
     @property
     def carries_remote_frames(self) -> bool:
-        """Whether a remote frame can be sent: some ways to a bus would make a data frame of it."""
+        """Whether a remote frame can be sent: some interfaces would turn it into a data frame."""
         return self.name.partition(":")[0] not in _NO_REMOTE_FRAMES
 
     def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """SafetyRefusal where *bit_rate* (bit/s) cannot be set from here, with the way to do it by hand."""
+        """Raise SafetyRefusal if *bit_rate* (bit/s) cannot be set from here, with the manual way."""
         if self._setter is None:
             super().require_settable(bit_rate, listen_only=listen_only)
         else:
@@ -188,30 +188,30 @@ class CanBus(FrameBus[can.Message]):
         self.bitrate = bit_rate
 
     def tap(self, callback: Tap) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that."""
+        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it."""
         self._hear_all()
         self._carrier.make_room()
         return super().tap(callback)
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
-        """Yield every frame that arrives within *duration_s* (s) of this call, and those since the last `send`."""
+        """Yield every frame received within *duration_s* (s) of this call, and frames since the last `send`."""
         self._hear_all()
         return super().receive(duration_s)
 
     def send(self, frame: Frame) -> None:
-        """Send one frame; frames that answer it are kept for a `receive` within the next second."""
+        """Send a frame; answers are kept for a `receive` within the next second."""
         if frame.can_id != NMT_CAN_ID or frame.data[:1] == bytes([NmtCommand.START]):  # PDOs answer no other command
             self._hear_all()
         super().send(frame)
 
     def _hear_all(self) -> None:
-        """From now on every frame counts, and not only those of services."""
+        """Receive every frame from now on, not only services."""
         if self._hears_all_s == inf:
             self._carrier.hear(everything=True)
             self._hears_all_s = monotonic()
 
     def _most_at_once(self) -> int:
-        """One as long as PDOs may be on their way that were not let come yet."""
+        """1 until PDOs that were filtered before would have been received."""
         self._hear_all()
         return super()._most_at_once() if monotonic() - self._hears_all_s >= HEARD_S else 1
 
@@ -227,11 +227,11 @@ class CanBus(FrameBus[can.Message]):
         return [*self._carrier.news(), *self.error_frames.news(), *odd]
 
     def error_frame_count(self) -> int:
-        """How many error frames were received so far."""
+        """Number of error frames received so far."""
         return self.error_frames.count
 
     def lost_frame_count(self) -> int:
-        """How many frames were dropped so far before anybody here could read them."""
+        """Number of frames lost before they could be read."""
         return self._carrier.lost_frames()
 
     def _leave(self) -> None:

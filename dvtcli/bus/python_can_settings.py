@@ -1,4 +1,4 @@
-"""What python-can's own files and environment say of an interface, and what was asked for besides. Opens nothing."""
+"""Settings of an interface from python-can's own files, the environment, and the user. Opens nothing."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _SERVED = "can0"
 def given_settings(
     interface: str | None, channel: str | None, bitrate: int | None, extra: Mapping[str, object]
 ) -> dict[str, object]:
-    """What was asked for, by python-can's keys, and nothing for what is None; texts of *extra* as what they mean.
+    """The user's settings by python-can's keys, without None; texts of *extra* are converted to values.
 
-    The *channel* of a socketcand server may be its address, `127.0.0.1:29536`, where no host and no port are given.
+    The *channel* of a socketcand server may be its address, `127.0.0.1:29536`, if no host and no port are given.
     """
     typed = {key: util.cast_from_string(value) if isinstance(value, str) else value for key, value in extra.items()}
     address = _ADDRESS.fullmatch(channel or "")
@@ -40,7 +40,7 @@ def given_settings(
 
 
 def completed(given: dict[str, object]) -> dict[str, object]:
-    """*given* and what python-can's files and environment add, unless that is for another interface."""
+    """*given* with python-can's files and environment, unless these are for another interface."""
     asked = given.get("interface")
     configured = {**util.load_file_config(), **util.load_environment_config(), **can.rc}
     if asked is not None and configured.get("interface", asked) != asked:
@@ -59,7 +59,7 @@ def is_configured() -> bool:
 
 
 def library_settings() -> dict[str, tuple[object, str]]:
-    """What python-can's files and environment say, by key, each with where it stands."""
+    """Settings of python-can's files and environment, by key, each with its source."""
     files = ", ".join(path for path in util.CONFIG_FILES if Path(path).expanduser().is_file())
     found: dict[str, tuple[object, str]] = {key: (value, files) for key, value in util.load_file_config().items()}
     found |= {key: (value, f"CAN_{key.upper()}") for key, value in util.load_environment_config().items()}
@@ -67,7 +67,7 @@ def library_settings() -> dict[str, tuple[object, str]]:
 
 
 def bus_name(config: Mapping[str, object]) -> str:
-    """What the bus of *config* is called: `slcan:/dev/ttyACM0`, `socketcand:127.0.0.1:29536`."""
+    """Name of the bus of *config*: `slcan:/dev/ttyACM0`, `socketcand:127.0.0.1:29536`."""
     where = config.get("channel")
     if "host" in config:
         where = f"{config['host']}:{config.get('port')}"
@@ -75,9 +75,9 @@ def bus_name(config: Mapping[str, object]) -> str:
 
 
 def is_network(interface: str | None, channel: str | None, extra: Mapping[str, object]) -> bool:
-    """Whether the frames of a bus may leave this machine, by the settings as they were asked for.
+    """Whether the frames of a bus may leave this machine, according to its settings.
 
-    They do not where the interface is an adapter's, or of this machine, and its channel and *extra* are no address.
+    They stay if the interface is an adapter's, or of this machine, and its channel and *extra* are no address.
     """
     asked = interface or library_settings().get("interface", ("", ""))[0]
     addressed = any("://" in str(value) for value in (channel or "", *extra.values()))
@@ -85,7 +85,7 @@ def is_network(interface: str | None, channel: str | None, extra: Mapping[str, o
 
 
 def bit_rate_of(config: Mapping[str, object]) -> int | None:
-    """The bit rate in bit/s that was asked for, None where none was."""
+    """The requested bit rate in bit/s, None for none."""
     try:
         rate = int(str(config.get("bitrate")))
     except ValueError:

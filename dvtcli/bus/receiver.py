@@ -1,7 +1,7 @@
-"""Who reads the bus: whichever thread is waiting for something, so that an answer needs no hand-over.
+"""Bus reading by the waiting threads themselves, so that an answer needs no hand-over.
 
-One waiting thread at a time leads: it reads messages and delivers them, until its own is there; then it
-promotes one of the threads that wait meanwhile. Does not know what a message means, nor who gets it.
+One waiting thread at a time leads: it reads and delivers messages until its own item is there; then it
+promotes another waiting thread.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ _LEAD, _TIME_IS_OVER = Wake(), Wake()
 
 
 def bus_closed() -> BusUnavailable:
-    """The error of whoever uses a bus that was closed."""
+    """The error for use of a closed bus."""
     return BusUnavailable("the bus is closed")
 
 
 class Receiver(Generic[M]):
-    """Reads messages with *read* (seconds to wait -> message or None) and passes each one to *deliver*.
+    """Reads messages with *read* (seconds to wait -> message or None) and passes each to *deliver*.
 
-    If the bus fails, *read* tells it to `fail` and raises BusUnavailable.
+    If the bus fails, *read* calls `fail` and raises BusUnavailable.
     """
 
     def __init__(self, read: Callable[[float], M | None], deliver: Callable[[M], None]) -> None:
@@ -74,9 +74,9 @@ class Receiver(Generic[M]):
         self._seen_s, self._seen_cpu_s = monotonic(), process_time()
 
     def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
-        """The next item that was delivered into *inbox*; None at *deadline_s* (of time.monotonic).
+        """The next item delivered into *inbox*; None at *deadline_s* (of time.monotonic).
 
-        What is on the bus by then counts, however late it is read. An inbox is waited for by one thread at a time.
+        Frames on the bus by then count, however late they are read. Only one thread at a time may wait for an inbox.
         Raises BusUnavailable if the bus fails or is closed.
         """
         try:
@@ -93,7 +93,7 @@ class Receiver(Generic[M]):
             self._leave(inbox)
 
     def drain(self) -> None:
-        """Deliver what has already arrived, without waiting; leaves it to the reading thread if there is one."""
+        """Deliver received frames without waiting; leaves this to the reading thread if one exists."""
         me = object()
         try:
             with self._mutex:
@@ -104,7 +104,7 @@ class Receiver(Generic[M]):
             self._leave(me)
 
     def idle(self, duration_s: float) -> None:
-        """Deliver what arrives within *duration_s*, as a background thread does: anyone who waits goes first."""
+        """Deliver frames received within *duration_s*, as a background thread does: waiting threads go first."""
         if self._closed:
             raise bus_closed()
         me = object()
@@ -120,7 +120,7 @@ class Receiver(Generic[M]):
                 self._leave(me)
 
     def fail(self, failure: BusUnavailable) -> None:
-        """Tell everyone who waits that the bus has failed; who reads it raises it."""
+        """Report a bus failure to all waiting threads; the reading thread raises it."""
         with self._mutex:
             for follower in self._followers:
                 follower.put(Wake(failure))
@@ -134,15 +134,15 @@ class Receiver(Generic[M]):
             self._no_leader.wait_for(lambda: self._leader is None, timeout=0.1)
 
     def delay_s(self, *, anew: bool) -> float:
-        """How long in all this machine kept the bus from being read while somebody waited, in seconds.
+        """Total time in seconds during which this machine kept the bus from being read while a thread waited.
 
-        It ran something else, or stood still. With *anew* nobody has waited until now.
+        The machine ran other work, or stood still. With *anew* no thread has waited until now.
         """
         self._note_delay(counts=not anew)
         return self._delay_s
 
     def _note_delay(self, waited_s: float = 0.0, *, counts: bool = True) -> None:
-        """Count the time that went by since it was noted last, less *waited_s* and what this process computed."""
+        """Count the time since the last call, less *waited_s* and the computing time of this process."""
         now_s, cpu_s = monotonic(), process_time()
         delay_s = now_s - self._seen_s - waited_s - (cpu_s - self._seen_cpu_s)
         self._seen_s, self._seen_cpu_s = now_s, cpu_s
@@ -161,13 +161,13 @@ class Receiver(Generic[M]):
             return False
 
     def _lead_when_quiet(self, me: object) -> bool:
-        """Lead on nobody's behalf, if nobody leads nor did so a moment ago."""
+        """Lead for no particular thread, if no thread leads or led a moment ago."""
         with self._mutex:
             quiet = monotonic() - self._last_wait_s >= QUIET_S
             return quiet and not self._closed and self._take_lead(me)
 
     def _take_lead(self, who: object) -> bool:
-        """Make *who* the leader unless another thread leads; the mutex is held."""
+        """Make *who* the leader unless another thread leads; the caller holds the mutex."""
         thread = threading.get_ident()
         if self._leader is not None and self._leader is not who and self._leading_thread != thread:
             return False
@@ -186,10 +186,10 @@ class Receiver(Generic[M]):
         return None if inbox.empty() else inbox.get_nowait()
 
     def _follow(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
-        """The next item or note; it is the one who reads that says when the time is over, once nothing is waiting.
+        """The next item or note; the reading thread reports the end of the time, once nothing is waiting.
 
-        So nothing depends on the queue's own time-out, which CPython's SimpleQueue may lose after a wake-up in vain. A
-        Queue has locks of its own, which a Ctrl-C may leave taken for good.
+        This avoids the queue's own time-out, which CPython's SimpleQueue may lose after a spurious wake-up. A
+        Queue has locks of its own, which a Ctrl-C may leave locked forever.
         """
         try:
             return inbox.get(timeout=max(deadline_s - monotonic(), 0) + GRACE_S)
@@ -197,7 +197,7 @@ class Receiver(Generic[M]):
             return None
 
     def _slice_s(self, left_s: float) -> float:
-        """How long to read at once with *left_s* to go, so that no follower waits much longer than it wants to."""
+        """Time to read at once with *left_s* to go, so that no follower waits much longer than requested."""
         if not self._followers:
             return min(left_s, SLICE_S)
         with self._mutex:
@@ -213,7 +213,7 @@ class Receiver(Generic[M]):
                     follower.put(_TIME_IS_OVER)
 
     def _leave(self, who: object) -> None:
-        """Stop waiting; a leader promotes a follower whose item is not there yet."""
+        """Stop waiting; a leader promotes a follower without an item."""
         with self._mutex:
             if self._leader is not who:
                 self._followers.pop(who, None)  # type: ignore[call-overload]

@@ -1,7 +1,4 @@
-"""Frames as they pass: for those who receive, those who watch, and those that answer a frame of ours.
-
-Does not know what a frame means, nor how one looks on its way (*frame_of* does).
-"""
+"""Distribution of frames to receivers, observers, and the record of exchanges."""
 
 from __future__ import annotations
 
@@ -39,17 +36,17 @@ class Traffic(Generic[M]):
         self._exchanged: deque[tuple[M, bool, float]] = deque(maxlen=REMEMBERED)
 
     def tap(self, callback: Tap) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame; returns what ends that."""
+        """Call *callback*(frame, sent) for each frame; returns a function that ends it."""
         self._taps.append(callback)
         return lambda: self._taps.remove(callback)
 
     def keep_answers(self) -> None:
-        """From now on, keep what arrives for the next `listen`: an answer may be there before it."""
+        """Keep received frames for the next `listen` from now on: an answer may come before it."""
         self._answers.clear()
         self._kept_until_s = self._now_s() + ANSWERS_KEPT_S
 
     def listen(self) -> SimpleQueue[Frame | Wake]:
-        """A queue that gets every frame from now on for as long as it is referred to, after the kept ones."""
+        """A queue that gets kept frames and all later frames, as long as it is referenced."""
         inbox: SimpleQueue[Frame | Wake] = SimpleQueue()
         if self._kept_until_s is not None and self._now_s() < self._kept_until_s:
             for message in tuple(self._answers):
@@ -71,17 +68,17 @@ class Traffic(Generic[M]):
             self._tell_taps(frame, False)
 
     def sent(self, message: M) -> None:
-        """Pass on a message of ours."""
+        """Distribute a sent message."""
         self._exchanged.append((message, True, time()))
         if self._taps:
             self._tell_taps(self._frame_of(message), True)
 
     def answered(self, message: M) -> None:
-        """Remember a message that belongs to an exchange of ours, or tells what came of it."""
+        """Record a message that belongs to an exchange of dvtcli, or shows its result."""
         self._exchanged.append((message, False, time()))
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
-        """What was exchanged last, oldest first: each frame, and whether it is ours."""
+        """The last exchanges, oldest first: each frame, and whether it is ours."""
         return [(replace(self._frame_of(one), timestamp_s=at_s), ours) for one, ours, at_s in tuple(self._exchanged)]
 
     def _tell_taps(self, frame: Frame, sent: bool) -> None:

@@ -1,7 +1,7 @@
-"""Ways to a bus that other packages bring, by entry points of the group `dvtcli.bus`.
+"""Buses from other packages, by entry points of the group `dvtcli.bus`.
 
-Imports none of those packages: whether one can be loaded is tried in a process of its own, so that
-one that hangs, crashes or prints cannot hurt. Opens nothing. Does not know who wants to know.
+Imports none of those packages: loading is tried in a separate process, so that
+hangs, crashes and output do no harm. Opens nothing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if not callable(EntryPoint("", sys.argv[1], "").load()):
 
 @dataclass(frozen=True, slots=True)
 class Brought:
-    """A way to a bus by its *name*; *about* says whose it is and what is wrong, *problem* what to do then."""
+    """A bus of another package by its *name*; *about* names its package and fault, *problem* the remedy."""
 
     name: str
     about: str
@@ -36,12 +36,12 @@ class Brought:
 
 
 def transports() -> Mapping[str, EntryPoint]:
-    """What is chosen by each name; of two with the same name the last one that is found."""
+    """The entry point for each name; the last found if a name is used twice."""
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def brought() -> Iterator[Brought]:
-    """Each way to a bus of other packages; one that takes longer than `PATIENCE_S` to load is a problem."""
+    """Each bus of other packages; loading longer than `PATIENCE_S` is a problem."""
     from can import VALID_INTERFACES
 
     for name, one in sorted(transports().items()):
@@ -66,7 +66,7 @@ def _package(one: EntryPoint) -> str:
 
 
 def _problem(one: EntryPoint) -> str | None:
-    """Why *one* cannot be loaded; None where it can."""
+    """Why *one* cannot be loaded; None if it can."""
     command = [*python_words(), "-P", "-c", _LOAD, one.value]
     try:
         done = subprocess.run(  # noqa: S603 - our own words

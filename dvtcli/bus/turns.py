@@ -1,7 +1,7 @@
-"""Several pieces of work side by side, of which one runs at a time: who waits gives the turn to another one.
+"""Jobs in turns, one at a time: a waiting job gives the turn to another.
 
-Threads that pass a baton: between two waits nothing else happens, so that what they share needs no locks. Knows neither
-buses nor signals: whoever owns the wire reads it while all of them wait.
+Threads that pass a baton: only waits switch jobs, so that shared data needs no locks. The owner of the bus reads it
+while all jobs wait.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _OF_THREAD: dict[int, Turns] = {}
 
 
 def in_callers_thread(work: Callable[[], T]) -> T:
-    """Do *work* in the thread that asked for what goes on side by side; at once where nothing does."""
+    """Run *work* in the thread that started the jobs; directly if no jobs are running."""
     turns = _OF_THREAD.get(threading.get_ident())
     if turns is None:
         return work()
@@ -39,7 +39,7 @@ def in_callers_thread(work: Callable[[], T]) -> T:
 
 
 class _Errand:
-    """*work* that one thread has another one do; neither waits without a time-out, so that Ctrl-C is seen."""
+    """*work* that one thread runs for another; both wait with a time-out, so that Ctrl-C works."""
 
     def __init__(self, work: Callable[[], None]) -> None:
         self.fault: BaseException | None = None
@@ -47,7 +47,7 @@ class _Errand:
         self._ended = threading.Event()
 
     def run(self) -> None:
-        """Do it, once."""
+        """Run the work, once."""
         if self._ended.is_set():
             return
         try:
@@ -58,7 +58,7 @@ class _Errand:
             self._ended.set()
 
     def wait(self) -> None:
-        """Wait until it is done; raises what it raised."""
+        """Wait until the work is done; raises its error."""
         while not self._ended.wait(_LOOK_S):
             pass
         if self.fault is not None:
@@ -66,7 +66,7 @@ class _Errand:
 
 
 class _Worker:
-    """One piece of work, the *number*-th; *deadline_s* says when it goes on at the latest, *thrown* with what."""
+    """Job *number*; *deadline_s* is its latest continuation, *thrown* the error to raise then."""
 
     def __init__(self, number: int, job: Callable[[], None], back: threading.Lock) -> None:
         self.number = number
@@ -83,7 +83,7 @@ class _Worker:
         self._go.acquire()
 
     def run(self) -> None:
-        """Do the work, in a thread of its own, and give the turn away for good."""
+        """Run the job in its own thread, and give up the turn for good."""
         try:
             self._job()
         except BaseException as fault:  # noqa: BLE001 - it is told where the work was asked for
@@ -93,9 +93,9 @@ class _Worker:
             self._back.release()
 
     def take_turn(self, run: Callable[[_Worker], None]) -> None:
-        """Let it run until it waits again, or ends; called by the thread that has the turn.
+        """Let the job run until it waits or ends; called by the thread with the turn.
 
-        *run* is what its thread does, from the first time on.
+        *run* is the function of its thread, started at the first turn.
         """
         self.ready, self.deadline_s = None, inf
         if self.started:
@@ -106,7 +106,7 @@ class _Worker:
         self._back.acquire()
 
     def wait(self) -> None:
-        """Give the turn away; called by its own thread."""
+        """Give up the turn; called by the job's own thread."""
         self._back.release()
         self._go.acquire()
         if self.thrown is not None:
@@ -115,10 +115,11 @@ class _Worker:
 
 
 class Turns:
-    """*jobs* that take turns, at most *width*() of them at once, which is asked again before each begins.
+    """*jobs* in turns, at most *width*() of them at once, evaluated before each begins.
 
-    *until*(ready, deadline_s) reads the bus until one of them is ready, or that time of *now_s*. Who waits for an
-    answer is told of it: a frame costs the same however many wait.
+    *until*(ready, deadline_s) reads the bus until a job is ready, or until that time of *now_s*. A job that waits for
+    an
+    answer is notified directly: the cost of a frame does not depend on the number of waiting jobs.
     """
 
     def __init__(
@@ -150,7 +151,7 @@ class Turns:
         self.faults: list[BaseException] = []
 
     def mine(self) -> bool:
-        """Whether the present thread is one of them."""
+        """Whether the current thread is a job's."""
         return threading.get_ident() in self._by_thread
 
     def wait(self, ready: Ready, deadline_s: float) -> None:
@@ -177,7 +178,7 @@ class Turns:
             inbox.on_arrival = None
 
     def in_callers_thread(self, work: Callable[[], None]) -> None:
-        """Let the thread that asked for all of them do *work*; called by one of them, which keeps the turn."""
+        """Let the starting thread do *work*; called by a job, which keeps the turn."""
         self._errand = errand = _Errand(work)
         self._wake()
         errand.wait()
@@ -187,7 +188,7 @@ class Turns:
             self._woken.release()
 
     def _waiting(self, deadline_s: float) -> _Worker:
-        """The present thread's piece of work, which waits until *deadline_s* at most."""
+        """The current thread's job, which waits until *deadline_s* at most."""
         worker = self._by_thread[threading.get_ident()]
         worker.waits += 1
         worker.deadline_s = deadline_s
@@ -196,9 +197,9 @@ class Turns:
         return worker
 
     def run(self) -> None:
-        """Run them all; after a fault of one no other is begun, and those that were go on to their end.
+        """Run all jobs; after a fault no further job begins, and running jobs continue to their end.
 
-        A KeyboardInterrupt in this thread tears each of them apart where it waits, and is none of this thread's then.
+        A KeyboardInterrupt in this thread is raised in each waiting job instead of here.
         """
         scheduler = threading.Thread(target=self._schedule, daemon=True)
         while not self._finished:
@@ -236,7 +237,7 @@ class Turns:
                 self._take_turn(worker)
 
     def _ready(self, until_s: float) -> Iterable[_Worker]:
-        """Who goes on: those whose time has come once the bus was read; nobody at *until_s* (as `now_s` tells)."""
+        """Jobs to continue: those with a reached deadline after the bus was read; none at *until_s* (of `now_s`)."""
         if not self._going:
             return ()
         try:
@@ -249,7 +250,7 @@ class Turns:
         return self._take_told() or self._overdue()
 
     def _throw(self, fault: Callable[[], BaseException]) -> Iterable[_Worker]:
-        """All of them go on, each with a *fault* of its own."""
+        """All jobs continue, each with a *fault* of its own."""
         for worker in self._going:
             worker.thrown = fault()
         return tuple(self._going)
@@ -260,7 +261,7 @@ class Turns:
         )
 
     def _take_told(self) -> Iterable[_Worker]:
-        """Those that were told of what they wait for, and of the others those that are ready, each once."""
+        """Notified jobs, and other jobs that are ready, each once."""
         found: dict[_Worker, None] = {}
         while self._told:
             worker, waits = self._told.popleft()
@@ -269,13 +270,13 @@ class Turns:
         return (*found, *(waiting for waiting in self._asked if waiting.ready is not None and waiting.ready()))
 
     def _first_s(self) -> float:
-        """When the first of them does not want to wait any more."""
+        """The earliest deadline."""
         while self._deadlines and self._is_past(*self._deadlines[0]):
             heappop(self._deadlines)
         return self._deadlines[0][0] if self._deadlines else inf
 
     def _overdue(self) -> Iterable[_Worker]:
-        """Those that have waited long enough, in their order."""
+        """Jobs beyond their deadline, in their order."""
         now_s, found = self._now_s(), list[_Worker]()
         while self._first_s() <= now_s:
             found.append(self._workers[heappop(self._deadlines)[1]])
@@ -304,7 +305,7 @@ class Turns:
 
 
 def one_by_one(jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
-    """Run *jobs* one after the other up to the first fault, which is answered."""
+    """Run *jobs* one after the other up to the first fault, and return it."""
     for job in jobs:
         try:
             job()

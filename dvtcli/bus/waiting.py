@@ -1,7 +1,4 @@
-"""Waiting for a bus that is not there: it is tried again and again, seldom, and at once where the kernel has news.
-
-Does not know which bus, nor what is to be done with it.
-"""
+"""Wait for a missing bus: retry with growing pauses, and at once after kernel news."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ _LINK_NEWS = 1
 def wait_for_bus(open_once: Callable[[], B], stopping: Callable[[], bool]) -> B | None:
     """Try *open_once* until the bus opens; None as soon as *stopping*().
 
-    Between two tries is twice the time as before, MOST_S at most; the kernel's news about a link end it.
+    The pause doubles between tries up to MOST_S; kernel news about a link end it.
     """
     pause_s = FIRST_S
     with _link_news() as news:
@@ -38,7 +35,7 @@ def wait_for_bus(open_once: Callable[[], B], stopping: Callable[[], bool]) -> B 
 
 
 def _rested(news: socket.socket | None, pause_s: float, stopping: Callable[[], bool]) -> bool:
-    """Wait *pause_s*, or until *stopping*() or something happened to a link; whether that was it."""
+    """Wait *pause_s*, or until *stopping*() or an event of a link; whether such an event came."""
     end_s = monotonic() + pause_s
     while not stopping() and (left_s := end_s - monotonic()) > 0:
         if news is None:
@@ -58,7 +55,7 @@ def _read_all(news: socket.socket) -> None:
 
 @contextmanager
 def _link_news() -> Iterator[socket.socket | None]:
-    """A socket that can be read when something happens to a link; None where no kernel tells that."""
+    """A socket that is readable after an event of a link; None if the kernel has no such events."""
     family = getattr(socket, "AF_NETLINK", None)
     news = None
     if family is not None:

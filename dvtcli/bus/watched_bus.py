@@ -1,7 +1,6 @@
-"""What every bus does alike, whatever carries it: node-IDs are checked, what nodes say by themselves is remembered.
+"""Common part of every bus: check node-IDs, remember node messages.
 
-A transport fills in how a node's dictionary is reached, how frames or commands are sent, and how it is waited. Knows no
-CAN library, no socket and no clock.
+A transport adds SDO access, frames or commands, and waiting.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ _LSS = {
 
 
 def act_of(frame: Frame) -> str | None:
-    """What *frame* makes nodes do, None where it only asks."""
+    """Effect of *frame* on nodes in words, None if it only asks."""
     if frame.remote:
         return None
     if frame.can_id == REQUEST_ID:
@@ -70,7 +69,7 @@ _RESETTING_S = 5.0
 
 @dataclass(slots=True)
 class Oddities:
-    """What was told already, so that each sign is told once; *now_s* tells the bus's time in seconds."""
+    """Signs already reported, so that each is reported once; *now_s* returns the bus's time in seconds."""
 
     now_s: Callable[[], float] = monotonic
     _dropped: dict[int, DroppedAnswers] = field(default_factory=dict)
@@ -81,9 +80,9 @@ class Oddities:
     _reset_s: dict[int, float] = field(default_factory=dict)
 
     def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
-        """An NMT command is sent, or heard of another master: a reset makes a boot-up expected of *node_id* (0: all).
+        """Note an NMT command, also of another master: after a reset a boot-up of *node_id* (0: all) is expected.
 
-        *boot_ups* were seen before it, and are no answer to it.
+        *boot_ups* were received before and do not answer it.
         """
         if command.is_reset:
             if not self._resets:
@@ -96,7 +95,7 @@ class Oddities:
     def news(
         self, dropped: Mapping[int, DroppedAnswers], boot_ups: Mapping[int, int], double_boot_ups: Mapping[int, int]
     ) -> list[str]:
-        """What is new since the last call, in words; *double_boot_ups* came right after another one."""
+        """News since the last call, in words; *double_boot_ups* came right after another boot-up."""
         found = [text for node_id, now in dropped.items() for text in self._of_channel(node_id, now)]
         found += [text for node_id, count in dict(boot_ups).items() for text in self._of_boot_ups(node_id, count)]
         found += [text for node_id, count in dict(double_boot_ups).items() for text in self._of_doubles(node_id, count)]
@@ -148,9 +147,9 @@ DEFAULT_SHARE_PERCENT = 50
 
 
 class WatchedBus(HeardNodes):
-    """The part of a CanopenBus that is the same for all, called *name* on screens.
+    """The common part of every CanopenBus, called *name* on screens.
 
-    *timeout_s* (s) and *retries* (0..) are those of `SdoSettings`; *bitrate* is in bit/s, None where nobody said.
+    *timeout_s* (s) and *retries* (0..) are those of `SdoSettings`; *bitrate* is in bit/s, None if unknown.
     """
 
     def __init__(
@@ -188,15 +187,15 @@ class WatchedBus(HeardNodes):
         self._acts: dict[str, int] = {}
 
     def sdo(self, node_id: int) -> SdoTransport:
-        """The default SDO channel of *node_id* (1..127); the same object for the same node."""
+        """The default SDO channel of *node_id* (1..127); always the same object for the same node."""
         if not 1 <= node_id <= 127:
             raise UsageError(f"node-ID {node_id} is outside 1..127")
         return self._channel(node_id)
 
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
-        """Do *jobs*, each of which waits for answers of a node of its own: side by side where that harms nobody.
+        """Run *jobs*, each waiting for answers of its own node: in parallel if safe.
 
-        On return none of them goes on. Answers what went wrong, in the order of time; after that none is begun.
+        All jobs have ended on return. Returns their errors in order of time; after an error no job is started.
         """
         if len(jobs) < 2 or self._turns is not None or not self.carries_frames:
             return one_by_one(jobs)
@@ -209,7 +208,7 @@ class WatchedBus(HeardNodes):
         return turns.faults
 
     def begin_transfer(self, turn: Lock) -> None:
-        """Take *turn*, which somebody may hold who waits for an answer (SdoLink)."""
+        """Take *turn*, which a waiting thread may hold (SdoLink)."""
         while not turn.acquire(blocking=False):
             if not self._gave_turn(lambda: not turn.locked(), inf):
                 turn.acquire()
@@ -224,15 +223,15 @@ class WatchedBus(HeardNodes):
             self._pace.rest()
 
     def _most_at_once(self) -> int:
-        """How many nodes may be asked at once, as far as what was read of the bus tells."""
+        """Number of nodes to ask at once, according to the frames read so far."""
         return 1
 
     def _until(self, ready: Callable[[], bool], deadline_s: float) -> None:
-        """Read until *ready*, which what arrives may bring about, or *deadline_s*; as `now_s` tells."""
+        """Read until *ready*, usually by a received frame, or *deadline_s* (of `now_s`)."""
         raise NotImplementedError
 
     def _gave_turn(self, ready: Callable[[], bool], deadline_s: float) -> bool:
-        """Where this thread is one of several that take turns: let others go on until *ready*, or *deadline_s*."""
+        """If this thread is a job in turns, let others continue until *ready*, or *deadline_s*."""
         turns = self._turns
         if turns is None or not turns.mine():
             return False
@@ -264,10 +263,10 @@ class WatchedBus(HeardNodes):
         self._percent = percent or DEFAULT_SHARE_PERCENT
 
     def await_share(self) -> None:
-        """Wait until an SDO exchange leaves the load within the share (SdoLink), 1 s at most.
+        """Wait until an SDO exchange keeps the load within the share (SdoLink), 1 s at most.
 
-        All but a few gaps is the share of several transfers at once. A smaller one is kept while a node was heard
-        OPERATIONAL, or one watches another's heartbeat (0x1016), where the bit rate is known.
+        Only with a known bit rate: several transfers at once may use all but a few gaps, and a smaller
+        share applies while a node is OPERATIONAL, or a node monitors another's heartbeat (0x1016).
         """
         if self.bitrate is not None and (self._share or self._may_run()):
             self._keep_share(self.bitrate)
@@ -300,11 +299,11 @@ class WatchedBus(HeardNodes):
         return 0.0
 
     def takes_bursts(self) -> bool:
-        """Whether the bus may be filled for a moment (SdoLink): nothing runs, or all of it was allowed to us."""
+        """Whether the bus may be filled for a moment (SdoLink): nothing runs, or the whole bus is permitted."""
         return self._percent >= 100 or not self._may_run()
 
     def is_stopped(self, node_id: int) -> bool:
-        """Whether *node_id* was heard to be STOPPED since its last NMT command (SdoLink)."""
+        """Whether the last state of *node_id* since its last NMT command is STOPPED (SdoLink)."""
         return self._watch.states.get(node_id) is NmtState.STOPPED
 
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
@@ -312,13 +311,13 @@ class WatchedBus(HeardNodes):
         (self._consumers.add if consumes else self._consumers.discard)((node_id, sub_index))
 
     def _may_run(self) -> bool:
-        """Whether SDO at full speed could stop a machine: by what it keeps off the bus, PDOs or heartbeats."""
+        """Whether SDO at full speed could stop a machine by keeping PDOs or heartbeats off the bus."""
         return bool(self._consumers) or NmtState.OPERATIONAL in self._watch.states.values()
 
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
-        """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten.
+        """Send an NMT command to *node_id*, or to all nodes with 0; their known states are forgotten.
 
-        255 are the nodes that have no node-ID yet (CiA 305).
+        255 are the nodes without node-ID (CiA 305).
         """
         if not (0 <= node_id <= 127 or node_id == UNCONFIGURED):
             raise UsageError(f"node-ID {node_id} is outside 0..127")
@@ -332,17 +331,17 @@ class WatchedBus(HeardNodes):
         self._command(command, node_id)
 
     def acts(self) -> list[str]:
-        """What was sent since the last call that nodes act on, in words: SDO downloads, NMT, LSS, SYNC, PDOs."""
+        """Frames with an effect on nodes sent since the last call, in words: SDO downloads, NMT, LSS, SYNC, PDOs."""
         acts, self._acts = self._acts, {}
         return [text if count == 1 else f"{text} ({count} times)" for text, count in acts.items()]
 
     def note_act(self, text: str | None) -> None:
-        """Note that *text* is about to be sent (SdoLink); None is nothing that nodes act on."""
+        """Note that *text* is about to be sent (SdoLink); None has no effect on nodes."""
         if text is not None:
             self._acts[text] = self._acts.get(text, 0) + 1
 
     def disturbances(self) -> list[str]:
-        """What was noticed since the last call: another SDO client, two nodes with one node-ID."""
+        """Disturbances since the last call: another SDO client, two nodes with one node-ID."""
         with suppress(BusUnavailable):  # a dead bus has told whoever used it
             self.drain()
         return self._oddities.news(self._dropped(), self._watch.boot_ups, self._watch.double_boot_ups)
@@ -352,27 +351,27 @@ class WatchedBus(HeardNodes):
         return 0
 
     def lost_frame_count(self) -> int:
-        """None that is known of."""
+        """Always 0: losses are unknown."""
         return 0
 
     @property
     def runs_at(self) -> int | None:
-        """The bit rate (bit/s) as far as it is known."""
+        """The bit rate (bit/s), None if unknown."""
         return self.bitrate
 
     def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:  # noqa: ARG002 - of no bit rate
-        """SafetyRefusal: no bit rate can be set here, unless a transport says so."""
+        """Raise SafetyRefusal: bit rates cannot be set, unless a transport overrides this."""
         raise SafetyRefusal(
             f"the bit rate of {self.name} cannot be set from here", hint="a CAN adapter of this machine lets it be set"
         )
 
     def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """SafetyRefusal: no bit rate can be set here, unless a transport says so."""
+        """Raise SafetyRefusal: bit rates cannot be set, unless a transport overrides this."""
         self.require_settable(bit_rate, listen_only=listen_only)
 
     @property
     def carries_frames(self) -> bool:
-        """Whether CAN frames are sent and heard; not unless a transport says so."""
+        """Whether CAN frames are sent and received; False unless a transport overrides this."""
         return False
 
     @property
@@ -381,15 +380,17 @@ class WatchedBus(HeardNodes):
         return False
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
-        """The frames that were sent here last, and those that answered them; none unless a transport keeps them."""
+        """The last frames sent from here and their answers; empty unless a transport records them."""
         return []
 
     @abstractmethod
     def tap(self, callback: Tap) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
+        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it. See
+        `on_event`.
+        """
 
     def send(self, frame: Frame) -> None:
-        """Send one frame (SYNC, a PDO); UsageError where none are carried."""
+        """Send a frame (SYNC, a PDO). Raises UsageError if the bus carries no frames."""
         raise UsageError(
             f"{self.name} carries no CAN frames: 0x{frame.can_id:X} cannot be sent",
             hint="it reads and writes objects, and commands NMT states; an interface of this machine carries frames",
@@ -397,7 +398,7 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def receive(self, duration_s: float) -> Iterator[Frame]:
-        """Yield every frame that arrives within *duration_s*, as it arrives."""
+        """Yield every frame received within *duration_s*, at its arrival."""
 
     @abstractmethod
     def idle(self, duration_s: float) -> None:
@@ -409,7 +410,7 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def sleep(self, duration_s: float) -> None:
-        """Wait *duration_s* of that time (0 and less: not at all)."""
+        """Wait *duration_s* of the bus's time (0 and less: not at all)."""
 
     @abstractmethod
     def close(self) -> None:
@@ -417,21 +418,21 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def _channel(self, node_id: int) -> SdoTransport:
-        """The default SDO channel of *node_id*, which is in 1..127; the same object for the same node."""
+        """The default SDO channel of *node_id* (1..127); always the same object for the same node."""
 
     def _command(self, command: NmtCommand, node_id: int) -> None:
-        """Send an NMT command; as a frame where frames are carried (CiA 301, 7.2.8.3.1)."""
+        """Send an NMT command, as a frame if frames are carried (CiA 301, 7.2.8.3.1)."""
         self.send(Frame(NMT_CAN_ID, bytes([command, node_id])))
 
     def _heard_command(self, data: bytes) -> None:
-        """Another master, a second dvtcli for one, sent an NMT command: what was heard before is no state any more.
+        """Process another master's NMT command (a second dvtcli, for example): known states become invalid.
 
-        After its reset a boot-up is an answer.
+        A boot-up after its reset is expected.
         """
         if len(data) == 2 and data[0] in list(NmtCommand) and data[1] <= 127:
             self._watch.forget_state(data[1])
             self._oddities.commanded(NmtCommand(data[0]), data[1], self._watch.boot_ups)
 
     def _dropped(self) -> Mapping[int, DroppedAnswers]:
-        """How many answers did not count so far, by node-ID."""
+        """Number of discarded answers so far, by node-ID."""
         return {}

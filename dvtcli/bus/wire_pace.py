@@ -1,7 +1,7 @@
-"""When each of several SDO requests that are under way at once may go, so that the frames of others find gaps.
+"""Pace of parallel SDO requests, so that frames of others find gaps on the bus.
 
-Whoever always has a request ready takes every gap of the wire: heartbeats, whose CAN-IDs are higher, never get on it,
-nor does what a node has to say behind its own heartbeat, as its SDO answer. Counts frames; does not know who waits.
+A sender with a request always ready takes every gap of the wire: heartbeats, whose CAN-IDs are higher, never get on
+it, nor do frames queued in a node behind its own heartbeat, such as its SDO answer.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ABORT = 0x80
 
 
 class WirePace:
-    """The pace of a wire of *bit_rate* bit/s; *now_s* tells the time in seconds. For any number of threads."""
+    """The pace of a wire of *bit_rate* bit/s; *now_s* returns the time in seconds. Thread-safe."""
 
     def __init__(self, bit_rate: int, now_s: Callable[[], float]) -> None:
         self._bit_s = 100 / FULL_PERCENT / bit_rate
@@ -52,13 +52,13 @@ class WirePace:
         return slot_s
 
     def count(self, frame: Frame, sent: bool) -> None:
-        """Take a frame as it passes (Tap)."""
+        """Count a passing frame (Tap)."""
         with self._lock:
             bits = frame_bits(frame.can_id, frame.data, frame.extended, frame.remote) - self._counted(frame, sent)
             self._busy_until_s = max(self._busy_until_s, self._now_s()) + bits * self._bit_s
 
     def _counted(self, frame: Frame, sent: bool) -> int:
-        """How many bits were counted already for *frame*, or will not pass because of it; less than 0: more follow."""
+        """Bits of *frame* counted before, or bits that it makes superfluous; below 0: more follow."""
         function, node_id = (0 if frame.extended else frame.can_id & ~0x7F), frame.can_id & 0x7F
         owes = node_id in self._owed
         if function == ANSWER_ID and owes and not sent:
@@ -75,7 +75,7 @@ class WirePace:
 
 
 class KeptPace:
-    """The pace of *bus*, whose frames are counted from the first request that waits until `rest`."""
+    """The pace of *bus*, whose frames are counted from the first waiting request until `rest`."""
 
     def __init__(self, bus: CanopenBus) -> None:
         self._bus = bus
