@@ -90,7 +90,7 @@ class NodeWatch:
             self.downloads_of_others[node_id] = self.downloads_of_others.get(node_id, 0) + 1
 
     def _count_double(self, node_id: int, now_s: float) -> None:
-        """Count a boot-up right after another; ignored without timestamps, as waiting frames would seem simultaneous."""
+        """Count a boot-up right after another; not without timestamps: waiting frames would seem simultaneous."""
         before_s = self._booted_s.get(node_id)
         if now_s and before_s is not None and 0 <= now_s - before_s < TWICE_S:
             self.double_boot_ups[node_id] = self.double_boot_ups.get(node_id, 0) + 1

@@ -1,1 +1,1 @@
-"""What is on the bus right now, and what a recording holds: frames named, decoded, counted and drawn."""
+"""Live bus traffic and recordings: name, decode, count and draw frames."""

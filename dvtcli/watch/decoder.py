@@ -24,10 +24,10 @@ Address = tuple[int, bool]
 
 @dataclass(frozen=True, slots=True)
 class SignalPlace:
-    """Where a signal of a DBC file lies: *bits* bits from *start_bit* on, counted from the lowest bit of byte 0.
+    """Place of a DBC file's signal: *bits* bits from *start_bit* on, counted from the lowest bit of byte 0.
 
-    *start_bit* is its least significant bit; with *is_big_endian* its most significant one, and the others follow
-    downwards in that byte, then from bit 7 of the next one, as DBC files have it.
+    *start_bit* is its least significant bit; with *is_big_endian* its most significant bit, and the others follow
+    downwards in this byte, then from bit 7 of the next byte, as in DBC files.
     """
 
     start_bit: int
@@ -37,10 +37,10 @@ class SignalPlace:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One value in a frame: *object* is `606C:00`, empty where a file gave names only; *key* is unique in its frame.
+    """A value in a frame: *object* is `606C:00`, empty if a file gave only names; *key* is unique in its frame.
 
-    *meaning* is what its raw value means, *bits* how long that is, 0 where nobody knows; *data_type* None likewise.
-    *place* is where it lies by a DBC file; None if the mapping of a PDO says it.
+    *meaning* is its scaling, *bits* its length, 0 if unknown; *data_type* is None if unknown.
+    *place* is its place according to a DBC file; None if from a PDO's mapping.
     """
 
     key: str
@@ -53,18 +53,18 @@ class Signal:
 
     @property
     def unit(self) -> str:
-        """The physical unit, empty where it has none."""
+        """The physical unit, empty for none."""
         return self.meaning.unit
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What a frame carries: *read* turns its data into one value a signal, None where the frame ends before it.
+    """Contents of a frame: *read* turns its data into a value per signal, None if the frame ends before.
 
-    *mapping* is the PDO's, dummies included; empty where a file says where its signals lie. With *is_consumers* it is
-    what an RPDO takes from the frame, which may be less than its producer sends. *byte_length* is how long the frame
-    has to be by *source*, the words for who says so (`the mapping in gen4.eds`); None where nobody does. *guess* says
-    that nobody said this mapping of this very node, and whose is taken instead; empty where somebody did.
+    *mapping* is the PDO's, dummies included; empty if a file gives the places of signals. *is_consumers*: the part
+    that an RPDO receives, perhaps less than the producer sends. *byte_length* is the required length of the frame
+    according to *source*, in words (`the mapping in gen4.eds`); None if unknown. *guess* names the origin of a mapping
+    taken from elsewhere and not from this very node; empty otherwise.
     """
 
     service: Service
@@ -86,7 +86,7 @@ class Layout:
         object.__setattr__(self, "objects", objects)
 
     def values(self, frame: Frame) -> dict[str, Value]:
-        """The signals of *frame* that lie in it completely, by their keys."""
+        """Signals of *frame* that lie completely in it, by key."""
         if frame.remote or not self.signals:
             return {}
         return {
@@ -101,9 +101,9 @@ def _nothing(_data: bytes) -> list[Value | None]:
 
 
 class Decoder:
-    """Knows frames by their address; what it does not know is told by the pre-defined connection set.
+    """Decode frames by their address; unknown frames by the pre-defined connection set.
 
-    *names* are those of nodes, by node-ID; *identities* what 0x1018 of nodes is by what the layouts are from.
+    *names* are node names, by node-ID; *identities* are the 0x1018 values of nodes in the sources of the layouts.
     """
 
     def __init__(self, layouts: Mapping[Address, Layout] | None = None, names: Mapping[int, str] | None = None) -> None:
@@ -116,9 +116,9 @@ class Decoder:
         return len(self._known)
 
     def add(self, layouts: Mapping[Address, Layout]) -> None:
-        """Know *layouts* too; what was known before stays, but what an RPDO takes of a frame yields to its TPDO.
+        """Add *layouts*; known layouts stay, but an RPDO's layout gives way to its TPDO's.
 
-        A guess yields to what anybody says.
+        A guess gives way to any certain layout.
         """
         for address, layout in layouts.items():
             known = self._known.get(address)
@@ -131,11 +131,11 @@ class Decoder:
 
     @property
     def layouts(self) -> Mapping[Address, Layout]:
-        """All that is known for certain."""
+        """All layouts known for certain."""
         return self._known
 
     def layout(self, frame: Frame) -> Layout:
-        """What *frame* carries; a layout without signals where nothing is known of it."""
+        """Layout of *frame*; without signals if unknown."""
         address = frame.can_id, frame.extended
         found = self._known.get(address) or self._guessed.get(address)
         if found is None:
@@ -144,7 +144,7 @@ class Decoder:
         return found
 
     def values(self, frame: Frame) -> dict[str, Value]:
-        """The signals of *frame* that lie in it completely, by their keys."""
+        """Signals of *frame* that lie completely in it, by key."""
         return self.layout(frame).values(frame)
 
 
@@ -155,9 +155,9 @@ def pdo_layouts(
     meanings: Meanings,
     source: str = "",
 ) -> dict[Address, Layout]:
-    """The layouts of a node's enabled PDOs; where a TPDO and an RPDO share a COB-ID, the TPDO's counts.
+    """Layouts of a node's enabled PDOs; a TPDO takes precedence over an RPDO with the same COB-ID.
 
-    *meanings* says what their objects' values mean, *source* in words where the mapping is from.
+    *meanings* gives the scaling of objects, *source* the origin of the mapping in words.
     """
     layouts: dict[Address, Layout] = {}
     for pdo, config in sorted(configs.items(), key=lambda item: not item[0].is_tpdo):
@@ -190,7 +190,7 @@ def _layout(
 
 
 def unique(signals: Iterable[Signal]) -> list[Signal]:
-    """*signals* with keys that differ, also where an object is mapped twice or two objects share a name."""
+    """*signals* with distinct keys, even if an object is mapped twice or two objects share a name."""
     found: list[Signal] = []
     taken: set[str] = set()
     for signal in signals:

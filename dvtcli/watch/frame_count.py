@@ -1,7 +1,4 @@
-"""How often each frame came and how many bits it took: what a bus really carries.
-
-Pure: frames are handed in. Does not know who sends them, nor what they should have been.
-"""
+"""Count frames and their bits: the real bus load. Pure."""
 
 from __future__ import annotations
 
@@ -16,10 +13,11 @@ Identifier = tuple[int, bool]
 
 @dataclass(slots=True)
 class Counted:
-    """The frames of one CAN-ID: how many came, their *bits* with their real stuff bits, and the times between them.
+    """Frames of a CAN-ID: number, *bits* with real stuff bits, and the times between frames.
 
-    *data_bytes* is the length of the longest, *shortest_s* and *longest_s* are between two that came one after the
-    other, None where fewer than two had a time.
+    *data_bytes* is the length of the longest frame, *shortest_s* and *longest_s* are between two consecutive frames,
+    None
+    if fewer than two had a time.
     """
 
     frames: int = 0
@@ -30,7 +28,7 @@ class Counted:
     _last_s: float = 0.0
 
     def add(self, frame: Frame) -> None:
-        """One more came."""
+        """Count *frame*."""
         self.frames += 1
         self.bits += frame_bits(frame.can_id, frame.data, frame.extended, frame.remote)
         self.data_bytes = max(self.data_bytes, len(frame.data))
@@ -50,12 +48,12 @@ class FrameCount:
     by_id: dict[Identifier, Counted] = field(default_factory=dict)
 
     def add(self, frame: Frame) -> None:
-        """Count one frame."""
+        """Count *frame*."""
         self.by_id.setdefault((frame.can_id, frame.extended), Counted()).add(frame)
 
     @property
     def frames(self) -> int:
-        """How many there were in all."""
+        """Total number of frames."""
         return sum(count.frames for count in self.by_id.values())
 
     @property

@@ -1,6 +1,6 @@
-"""What a frame does to those who hear it, and so why somebody is asked before it is sent.
+"""Effect of a frame on its receivers, as the reason to ask before it is sent.
 
-Knows services by their CAN-IDs, and the PDOs of nodes that were looked at. Sends nothing, and asks nobody.
+Based on the services' CAN-IDs and the PDOs of nodes that were read. Sends nothing.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _NMT = {
 
 @dataclass(slots=True)
 class Parties:
-    """Who sends and who takes which frame: of *nodes* it is known, of all others only what the standard presumes.
+    """Producers and consumers of frames: known for *nodes*, presumed by the standard for all others.
 
-    *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *services* are where nodes say that they have
-    SYNC, TIME, EMCY, SDO servers, and the servers that they ask as clients.
+    *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *services* are the nodes' own settings of
+    SYNC, TIME, EMCY, SDO servers, and the servers that they access as clients.
     """
 
     nodes: set[int] = field(default_factory=set)
@@ -48,7 +48,7 @@ class Parties:
     services: dict[Address, dict[Service, None]] = field(default_factory=dict)
 
     def add(self, node_id: int, configs: Mapping[Pdo, PdoConfig]) -> None:
-        """Know the enabled PDOs of a node."""
+        """Add the enabled PDOs of a node."""
         self.nodes.add(node_id)
         for pdo, config in configs.items():
             cob_id = config.communication.cob_id
@@ -58,9 +58,9 @@ class Parties:
 
 
 def effects(frame: Frame, parties: Parties) -> str:
-    """What *frame* may do to the nodes of a bus, in words; empty where nobody is known to act on it.
+    """Possible effect of *frame* on the nodes of a bus, in words; empty if no node is known to react.
 
-    A PDO of a node that was not looked at is presumed to be where the pre-defined connection set has it.
+    A PDO of a node that was not read is presumed at its place in the pre-defined connection set.
     """
     address = frame.can_id, frame.extended
     service = service_of(frame.can_id, extended=frame.extended)
@@ -98,7 +98,7 @@ def _of_service(frame: Frame, service: Service) -> str:
 
 
 def _command(data: bytes) -> str:
-    """An NMT command in words, whether it is well-formed or not."""
+    """An NMT command in words, even if malformed."""
     command = NmtCommand(data[0]) if data and data[0] in set(NmtCommand) else None
     if command is None or len(data) < 2:
         return "NMT: no command of the standard, and what nodes make of it is not known"

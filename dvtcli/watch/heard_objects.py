@@ -1,6 +1,6 @@
-"""What nodes were heard to hold, by the SDO transfers that passed (CiA 301, 7.2.4.3). Knows no object and no file.
+"""Values of nodes from recorded SDO transfers (CiA 301, 7.2.4.3).
 
-Only the default SDO of each node (0x600 and 0x580 + node-ID). Block transfers are followed to their end, not read.
+Only the default SDO of each node (0x600 and 0x580 + node-ID). Block transfers are tracked to their end, not read.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _STORE, _RESTORE, _WITH_PDOS = 0x1010, 0x1011, (1, 2)
 
 
 class _Block(Enum):
-    """Whose frames are pieces of a block, which begin with a number and no command."""
+    """Side whose frames are segments of a block, which begin with a number instead of a command."""
 
     NONE = auto()
     OF_CLIENT = auto()
@@ -43,13 +43,13 @@ class _Block(Enum):
 
 @dataclass(frozen=True, slots=True)
 class HeardValues(ToldValues):
-    """The *values* that one node was heard to hold, behind the same seam as the node."""
+    """Received *values* of a node, with the same interface as the node."""
 
     node_id: int
     values: Mapping[Place, bytes]
 
     def told(self, index: int, sub_index: int) -> bytes:
-        """The last value that was heard; SdoAborted where none was."""
+        """The last received value. Raises SdoAborted if none was received."""
         if (index, sub_index) not in self.values:
             raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX, node=self.node_id)
         return self.values[index, sub_index]
@@ -57,7 +57,7 @@ class HeardValues(ToldValues):
 
 @dataclass(frozen=True, slots=True)
 class _ObservedTransfer:
-    """The bytes that came so far of an object's value; *whole* once all are there."""
+    """Received bytes of an object's value; *whole* if complete."""
 
     place: Place
     data: bytes
@@ -66,7 +66,7 @@ class _ObservedTransfer:
 
 @dataclass(slots=True)
 class _Heard:
-    """One node: what it holds, what it stored, and the transfer that is under way."""
+    """A node: its values, its stored values, and its present transfer."""
 
     values: dict[Place, bytes] = field(default_factory=dict)
     stored: dict[Place, bytes] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class _Heard:
     only: frozenset[int] = frozenset()
 
     def request(self, data: bytes) -> None:
-        """What a client sends. A download counts once the node took it."""
+        """Process a client's frame. A download counts once the node has accepted it."""
         if self.block is _Block.OF_CLIENT and data[0] != _ABORT:
             return
         command = data[0] >> 5
@@ -91,7 +91,7 @@ class _Heard:
         self.down = self._first(data) if command == _DOWNLOADS else None
 
     def answer(self, data: bytes) -> Place | None:
-        """What the node sends; the object of which it says the value by that."""
+        """Process a node's frame; the object whose value it completes."""
         if self.block is _Block.OF_SERVER and data[0] != _ABORT:
             return None
         command, done = data[0] >> 5, None
@@ -113,7 +113,7 @@ class _Heard:
         return done.place
 
     def _first(self, data: bytes) -> _ObservedTransfer | None:
-        """The transfer that begins with *data*; None for an object that is not followed."""
+        """The transfer that begins with *data*; None for an object that is not tracked."""
         return _first(data) if not self.only or _place(data)[0] in self.only else None
 
     def _hold(self, done: _ObservedTransfer, *, written: bool) -> None:
@@ -125,21 +125,21 @@ class _Heard:
         self.values[done.place] = done.data
 
     def start(self) -> None:
-        """A node that starts holds what it stored; of the rest nobody knows."""
+        """Process a start of the node: stored values remain, all others are unknown."""
         self.values = dict(self.stored)
         self.down = self.up = None
         self.block = _Block.NONE
 
 
 class HeardObjects:
-    """Follows the SDO transfers of all nodes: of the objects whose indices are in *only*, or of all."""
+    """Track the SDO transfers of all nodes: for objects with indices in *only*, or for all."""
 
     def __init__(self, only: Collection[int] = ()) -> None:
         self._only = frozenset(only)
         self._nodes: dict[int, _Heard] = {}
 
     def take(self, frame: Frame) -> tuple[int, Place] | None:
-        """Follow *frame*; the node and the object of which it says what that holds now, None for any other frame."""
+        """Process *frame*; node and object whose present value it reveals, None for any other frame."""
         if frame.extended or frame.remote or not frame.can_id & 0x7F:
             return None
         service, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
@@ -155,24 +155,24 @@ class HeardObjects:
         return None if place is None else (node_id, place)
 
     def values(self, node_id: int) -> HeardValues:
-        """What the node with *node_id* holds, as far as it was heard."""
+        """Values of node *node_id* received so far."""
         return HeardValues(node_id, self._nodes[node_id].values if node_id in self._nodes else {})
 
     @property
     def node_ids(self) -> list[int]:
-        """The nodes that were asked or that answered, in order."""
+        """Nodes with requests or answers, in order."""
         return sorted(self._nodes)
 
 
 def is_boot_up(frame: Frame) -> bool:
-    """Whether a node says by *frame* that it has started."""
+    """Whether *frame* is a boot-up message."""
     if frame.extended or frame.remote or not frame.can_id & 0x7F:
         return False
     return frame.can_id & 0x780 == _HEARTBEATS and frame.data == _BOOT_UP
 
 
 def is_taken(frame: Frame) -> bool:
-    """Whether the value that `HeardObjects.take` tells of *frame* was written; else it was read."""
+    """Whether the value that `HeardObjects.take` reports for *frame* was written; otherwise it was read."""
     return frame.data[0] >> 5 in (_TAKEN, _SEGMENT_TAKEN)
 
 
@@ -181,14 +181,14 @@ def _place(data: bytes) -> Place:
 
 
 def _first(data: bytes) -> _ObservedTransfer:
-    """The first frame of a transfer, which carries up to four bytes where it is expedited."""
+    """The first frame of a transfer, with up to four bytes if expedited."""
     expedited, sized = bool(data[0] & 2), bool(data[0] & 1)
     unused = data[0] >> 2 & 3 if expedited and sized else 0
     return _ObservedTransfer(_place(data), data[4 : _SDO_BYTES - unused] if expedited else b"", expedited)
 
 
 def _longer(transfer: _ObservedTransfer | None, data: bytes) -> _ObservedTransfer | None:
-    """*transfer* with a segment more; None where nobody knows of what."""
+    """*transfer* with a further segment; None if the transfer is unknown."""
     if transfer is None or transfer.whole:
         return None
     piece = data[1 : _SDO_BYTES - (data[0] >> 1 & 7)]

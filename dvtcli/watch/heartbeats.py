@@ -1,7 +1,4 @@
-"""When each node's heartbeat is due: by its 0x1017 as far as it was heard, else by the time between the last two.
-
-Pure: frames and times are handed in. Does not know a bus, a clock, or how a missing heartbeat is shown.
-"""
+"""Due time of each node's heartbeat: by its 0x1017 if known, else by the last period. Pure."""
 
 from __future__ import annotations
 
@@ -19,14 +16,14 @@ PERIODS, GRACE_S = 2, 0.5
 
 @dataclass(slots=True)
 class _Beat:
-    """A node's heartbeat: when the last one came and how long it took since the one before (s)."""
+    """A node's heartbeat: time of the last heartbeat, and its period (s)."""
 
     last_s: float
     period_s: float | None = None
 
 
 class Heartbeats:
-    """Follows the heartbeats of all nodes, and the SDO transfers of 0x1017, whoever reads or writes it."""
+    """Track the heartbeats of all nodes, and all SDO transfers of 0x1017."""
 
     def __init__(self) -> None:
         self._beats: dict[int, _Beat] = {}
@@ -35,7 +32,7 @@ class Heartbeats:
         self._told_s: dict[int, float] = {}
 
     def take(self, frame: Frame, now_s: float) -> None:
-        """Take *frame*, which others or we sent at *now_s*; called with every frame, so it must be quick."""
+        """Process *frame*, sent by anyone at *now_s*; called for every frame, so it must be quick."""
         if (heard := self._times.take(frame)) is not None:
             self._note_time(heard, now_s)
         elif is_boot_up(frame):
@@ -55,7 +52,7 @@ class Heartbeats:
 
     @property
     def node_ids(self) -> tuple[int, ...]:
-        """The nodes that send heartbeats."""
+        """Nodes with heartbeats."""
         return tuple(self._beats)
 
     def silence_s(self, node_id: int, now_s: float) -> tuple[float, bool] | None:
@@ -70,7 +67,7 @@ class Heartbeats:
 
 @dataclass(frozen=True, slots=True)
 class HeardTime:
-    """The value of a node's 0x1017 in seconds, and whether it was *written*; else it was read."""
+    """The value of a node's 0x1017 in seconds, and whether it was *written* or read."""
 
     node_id: int
     time_s: float
@@ -78,13 +75,13 @@ class HeardTime:
 
 
 class HeartbeatTimes:
-    """Follows the SDO transfers of 0x1017 on the bus."""
+    """Track the SDO transfers of 0x1017 on the bus."""
 
     def __init__(self) -> None:
         self._objects = HeardObjects({HEARTBEAT_TIME})
 
     def take(self, frame: Frame) -> HeardTime | None:
-        """The heartbeat time of which *frame* ends the transfer; None for every other frame."""
+        """The heartbeat time if *frame* completes its transfer; None for every other frame."""
         heard = self._objects.take(frame)
         if heard is None:
             return None

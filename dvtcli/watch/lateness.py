@@ -13,20 +13,20 @@ _FLOOR_S = 1e-6
 
 @dataclass(slots=True)
 class Lateness:
-    """How much later than due each of many things was; remembers how often which lateness was, not each."""
+    """Statistics of delays, as a histogram."""
 
     #: the most, None of none
     most_s: float | None = None
     _often: Counter[int] = field(default_factory=Counter)
 
     def add(self, late_s: float) -> None:
-        """One was *late_s* seconds late; early ones count as in time."""
+        """Add a delay of *late_s* seconds; early counts as in time."""
         late_s = max(late_s, 0.0)
         self.most_s = max(self.most_s or 0.0, late_s)
         self._often[ceil(_STEPS * log2(max(late_s, _FLOOR_S) / _FLOOR_S))] += 1
 
     def nearly_all_s(self) -> float | None:
-        """What 99 % of them kept to, in seconds; None of none."""
+        """The 99 % quantile in seconds; None without delays."""
         if self.most_s is None:
             return None
         left = 0.99 * self._often.total()

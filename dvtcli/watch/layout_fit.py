@@ -1,4 +1,4 @@
-"""Whether a frame is as long as the layout by which it is read, and whether anybody said that layout of its sender."""
+"""Check whether a frame's length fits its layout, and whether the layout is certain for its sender."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dvtcli.watch.decoder import Address, Layout
 
 
 def guess(frame: Frame, layout: Layout) -> str:
-    """That *frame* is read by a *layout* which nobody said of its node, in words; empty where it has no values so."""
+    """Note for a *frame* with values by a guessed *layout*, in words; empty otherwise."""
     return f"{_cob_id(frame)}: {layout.guess}" if layout.guess and layout.signals and not frame.remote else ""
 
 
@@ -19,15 +19,15 @@ def _cob_id(frame: Frame) -> str:
 
 
 def doubts(frame: Frame, layout: Layout) -> list[str]:
-    """Why the values of *frame* may be others than *layout* reads: it is a guess, it does not fit; in words."""
+    """Reasons to doubt the values of *frame* by *layout*, in words: it is a guess, or does not fit."""
     return [text for text in (guess(frame, layout), misfit(frame, layout)) if text]
 
 
 def misfit(frame: Frame, layout: Layout) -> str:
-    """What is wrong with reading *frame* by *layout*, in words; empty where its length fits.
+    """Mismatch between the lengths of *frame* and *layout*, in words; empty if they fit.
 
-    A TPDO is sent as long as it is mapped. A node takes the front of a frame that is longer than its RPDO, and nothing
-    of a shorter one (CiA 301, 7.4.7).
+    A TPDO is sent as long as it is mapped. A node takes the front of a frame longer than its RPDO, and nothing
+    of a shorter frame (CiA 301, 7.4.7).
     """
     length, mapped = len(frame.data), layout.byte_length
     if frame.remote or mapped is None or not layout.signals or length == mapped:
@@ -43,7 +43,7 @@ def misfit(frame: Frame, layout: Layout) -> str:
 
 
 class Misfits:
-    """Tells *tell* of frames that *layout_of* them only guesses, or that do not fit it, once each for each CAN-ID."""
+    """Reports frames to *tell* if *layout_of* is a guess or does not fit, each once for each CAN-ID."""
 
     def __init__(self, layout_of: Callable[[Frame], Layout], tell: Callable[[str], None]) -> None:
         self._layout_of = layout_of
@@ -52,7 +52,7 @@ class Misfits:
         self._seen: dict[Address, int | None] = {}
 
     def look(self, frame: Frame) -> None:
-        """Look at *frame*; what is not longer or shorter than the one before costs nothing."""
+        """Check *frame*; cheap if its length is unchanged."""
         address, length = (frame.can_id, frame.extended), len(frame.data)
         seen = self._seen.get(address, -1)
         if seen == length or seen is None or frame.remote:

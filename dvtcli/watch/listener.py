@@ -28,14 +28,14 @@ FOREIGN_CLOCK_S = 60.0
 
 
 class ListenedBus(Protocol):
-    """What listening needs of a bus."""
+    """Functions of a bus for listening."""
 
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame; returns what ends that."""
+        """Call *callback*(frame, sent) for each frame; returns a function that ends it."""
         ...
 
     def drain(self) -> None:
-        """Deliver what has already arrived, without waiting."""
+        """Deliver received frames without waiting."""
         ...
 
     def idle(self, duration_s: float) -> None:
@@ -43,16 +43,16 @@ class ListenedBus(Protocol):
         ...
 
     def lost_frame_count(self) -> int:
-        """How many frames were dropped so far before anybody could read them."""
+        """Number of frames lost before they could be read."""
         ...
 
 
 class Listener:
-    """Everything that passes on *bus*, also what is sent from here; at most *waiting* frames are kept.
+    """Record all frames on *bus*, including sent frames; at most *waiting* frames are kept.
 
-    What carries a *secret* is kept with zeros for it: whoever logs in is not to find the passcode in a recording.
-    Use it in a `with`: it listens inside of it, from *began_s* on (of time.monotonic). What had arrived before, and
-    nobody had read, does not count. Times of its frames are seconds since 1970.
+    Bytes of a *secret* are replaced by zeros: a recording must not reveal the passcode of a login.
+    Use it in a `with`: it listens inside, from *began_s* on (of time.monotonic). Earlier unread frames
+    do not count. Times of its frames are seconds since 1970.
     """
 
     def __init__(self, bus: ListenedBus, secret: SdoValues, waiting: int = WAITING) -> None:
@@ -72,12 +72,12 @@ class Listener:
 
     @property
     def overflowed(self) -> int:
-        """Frames that came while too many waited to be taken."""
+        """Frames lost because too many waited to be taken."""
         return self._overflowed
 
     @property
     def dropped(self) -> int:
-        """Frames that are missing: those, and those that this computer dropped before they could be read."""
+        """Missing frames: the overflowed frames, and frames that this computer lost before they could be read."""
         if not self._stopping.is_set():
             self._lost = self._bus.lost_frame_count() - self._lost_before
         return self._overflowed + self._lost
@@ -98,7 +98,7 @@ class Listener:
         self.stop()
 
     def stop(self) -> None:
-        """Listen no longer; what came so far can still be taken."""
+        """Stop listening; recorded frames can still be taken."""
         if self._stopping.is_set():
             return
         _ = self.dropped  # as it is now: later ones are not missed
@@ -115,7 +115,7 @@ class Listener:
             self._arrived.set()
 
     def _keep(self, frame: Frame, _sent: bool) -> None:
-        """Called by whichever thread reads or sends, with every frame: it only dates and keeps it."""
+        """Date and keep a frame; called by the thread that reads or sends, for every frame."""
         frame, _ = self._secret.without(frame)  # also of what is not kept: a transfer goes on in the next frame
         if len(self._frames) >= self._most:
             self._overflowed += 1
@@ -125,10 +125,10 @@ class Listener:
             self._arrived.set()
 
     def take(self, wait_s: float = 0.0) -> list[Frame]:
-        """What came since the last call; waits up to *wait_s* for the first one.
+        """Frames since the last call; waits up to *wait_s* for the first frame.
 
-        Where the listening ended, raises what ended it once everything that came before was taken: BusUnavailable for a
-        bus that failed.
+        After a failure, raises its error once all earlier frames were taken: BusUnavailable for a
+        failed bus.
         """
         if not self._frames and wait_s > 0 and self._failure is None:
             self._arrived.wait(wait_s)
@@ -141,9 +141,9 @@ class Listener:
         return [self._frames.popleft() for _ in range(count)]
 
     def _dated(self, frame: Frame) -> Frame:
-        """*frame* with a time of day: some drivers count from their start, and a frame sent from here has no time.
+        """*frame* with the time of day: some drivers count from their start, and a sent frame has no time.
 
-        A time that is far from now, as a gateway may send it, is no time: the frame came now.
+        A time far from now, as from some gateways, is ignored: the frame came now.
         """
         now_s = time()
         if not frame.timestamp_s:

@@ -1,7 +1,4 @@
-"""All that was seen on the bus: one row for each frame, its signals' courses, and the events.
-
-Pure: takes frames, answers what is known. Does not know a bus, a clock or a screen.
-"""
+"""All traffic seen on the bus: a row for each frame, its signals' histories, and the events. Pure."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ _WITHOUT_PDOS = dict.fromkeys((NmtState.PRE_OPERATIONAL, NmtState.STOPPED), ": n
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that is worth a line: an emergency, an NMT command, a change of state."""
+    """An event worth a line: an emergency, an NMT command, a change of state."""
 
     time_s: float
     text: str
@@ -35,7 +32,7 @@ class Event:
 
 @dataclass(slots=True)
 class SeenFrame:
-    """A frame as it came last, how often it came, and when each of its bytes changed."""
+    """The last frame of an address, the number of frames, and the time of each byte's last change."""
 
     layout: Layout
     can_id: int
@@ -54,12 +51,12 @@ class SeenFrame:
 
     @property
     def service(self) -> Service:
-        """What the frame is."""
+        """The frame's service."""
         return self.layout.service
 
 
 class FrameStore:
-    """Takes every frame; *decoder* says what it carries, *bitrate* (bit/s) what the bus takes, None: not known."""
+    """Takes every frame; *decoder* gives its contents, *bitrate* (bit/s) is the bus's, None if unknown."""
 
     def __init__(self, decoder: Decoder, bitrate: int | None = None) -> None:
         self.decoder = decoder
@@ -74,7 +71,7 @@ class FrameStore:
         self.unlisted = 0
 
     def take(self, frame: Frame) -> bool:
-        """Take *frame*, whose time is its `timestamp_s`; whether it says anything new."""
+        """Process *frame* with its time `timestamp_s`; whether it has any news."""
         self.frames += 1
         self.load.add(frame, frame.timestamp_s)
         self._follow_heartbeat_time(frame)
@@ -104,7 +101,7 @@ class FrameStore:
         return first or changed or news
 
     def _follow_heartbeat_time(self, frame: Frame) -> None:
-        """Forget how often a node's heartbeat came if *frame* acknowledges another 0x1017: it comes by the new one."""
+        """Forget a heartbeat's period if *frame* acknowledges another value of 0x1017."""
         heard = self._heartbeat_times.take(frame)
         row = self.rows.get((HEARTBEATS + heard.node_id, False)) if heard is not None and heard.written else None
         if row is not None:
@@ -120,7 +117,7 @@ class FrameStore:
         return row
 
     def _note_doubts(self, row: SeenFrame, frame: Frame) -> bool:
-        """Whether *frame* cannot be what the row's layout says, or that is a guess, and it was not said before."""
+        """Add an event if *frame* does not fit the row's layout, or if the layout is a guess; whether it was new."""
         guessed = "" if row.is_guess else guess(frame, row.layout)
         wrong = "" if row.is_misfit else misfit(frame, row.layout)
         row.is_guess, row.is_misfit = row.is_guess or bool(guessed), row.is_misfit or bool(wrong)
@@ -130,7 +127,7 @@ class FrameStore:
         return bool(guessed or wrong)
 
     def _note_bytes(self, row: SeenFrame, data: bytes, time_s: float) -> bool:
-        """Whether *data* differs from what the row held; notes when each byte changed."""
+        """Note changed bytes; whether *data* differs from the row's."""
         if data == row.data:
             return False
         before, row.data = row.data, data
@@ -160,7 +157,7 @@ class FrameStore:
         return True
 
     def know(self, decoder: Decoder) -> None:
-        """Take what *decoder* says from now on, also of what came before: counts stay, values are read anew."""
+        """Use *decoder* from now on, also for earlier frames: counts stay, values are decoded again."""
         self.decoder = decoder
         for row in self.rows.values():
             layout = decoder.layout(Frame(row.can_id, row.data, row.extended))
@@ -184,7 +181,7 @@ class FrameStore:
         self.events.append(Event(time_s, text, bad=True))
 
     def sorted_rows(self) -> list[SeenFrame]:
-        """The rows in the order of their CAN-IDs, 29-bit ones behind them, SDO, of which most is dvtcli's own, last."""
+        """Rows in the order of their CAN-IDs, 29-bit CAN-IDs behind, SDO (mostly dvtcli's own) last."""
         return sorted(self.rows.values(), key=lambda row: (row.service.kind == "sdo", row.extended, row.can_id))
 
     def forget(self) -> None:

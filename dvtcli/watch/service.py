@@ -1,6 +1,6 @@
-"""Which service a frame belongs to, by its CAN-ID (CiA 301, 7.3.3: the pre-defined connection set).
+"""A frame's service by its CAN-ID (CiA 301, 7.3.3: the pre-defined connection set).
 
-Does not know how a device was really configured: `decoder` does.
+For the devices' real configuration see `decoder`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dvtcli.domain.ports import Frame
 
 
 class Service(NamedTuple):
-    """What a frame is: *kind* for machines, *label* for people, and the *node* it is about (None: all, or unknown)."""
+    """A frame's service: *kind* for machines, *label* for people, and the *node* (None: all, or unknown)."""
 
     kind: str
     label: str
@@ -37,7 +37,7 @@ _PDO_FUNCTIONS = range(0x180, 0x580, 0x80)
 
 
 def service_of(can_id: int, *, extended: bool) -> Service:
-    """The service that the pre-defined connection set gives *can_id*; `other` where it gives none."""
+    """The service of *can_id* in the pre-defined connection set; `other` if it has none."""
     if extended:
         return Service("other", "29-bit frame")
     if can_id in _FIXED:
@@ -52,7 +52,7 @@ def service_of(can_id: int, *, extended: bool) -> Service:
 
 
 def event_of(frame: Frame, service: Service) -> str | None:
-    """An emergency or an NMT command on one line; None for any other frame, and for a malformed one."""
+    """An emergency or an NMT command as a line; None for any other or malformed frame."""
     if service.kind == "emcy" and len(frame.data) >= 2:
         code = int.from_bytes(frame.data[:2], "little")
         rest = frame.data[2:].hex(" ").upper()
@@ -64,7 +64,7 @@ def event_of(frame: Frame, service: Service) -> str | None:
 
 
 def state_in(frame: Frame, service: Service) -> NmtState | None:
-    """The state that a heartbeat carries (INITIALISING: a boot-up), else None."""
+    """The state in a heartbeat (INITIALISING: a boot-up), else None."""
     if service.kind != "heartbeat" or len(frame.data) != 1 or frame.remote:
         return None
     state = frame.data[0] & 0x7F

@@ -1,6 +1,6 @@
-"""How often a frame comes and how its values move: rate, jitter, least and most, and what happened lately.
+"""Statistics of a frame and its values: rate, jitter, minimum and maximum, and recent history. Pure.
 
-Pure: times are given in seconds, nothing is read from a clock.
+Times are in seconds.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ HIGH_LOAD = 0.7
 
 
 class BusLoad:
-    """The load of a bus of *bitrate* bit/s (None: not known); frames and questions may come from two threads."""
+    """The load of a bus of *bitrate* bit/s (None: unknown); thread-safe for one writer and one reader."""
 
     def __init__(self, bitrate: int | None) -> None:
         self._bitrate = bitrate
@@ -32,7 +32,7 @@ class BusLoad:
         self._slots: deque[tuple[int, int, int]] = deque(maxlen=SLOTS + 1)
 
     def add(self, frame: Frame, now_s: float) -> None:
-        """Count a *frame* that was seen at *now_s*."""
+        """Count *frame*, received at *now_s*."""
         slot = int(now_s * SLOTS / WINDOW_S)
         bits = 0 if self._bitrate is None else frame_bits(frame.can_id, frame.data, frame.extended, frame.remote)
         if self._slots and self._slots[-1][0] == slot:
@@ -42,13 +42,13 @@ class BusLoad:
             self._slots.append((slot, 1, bits))
 
     def share(self, now_s: float) -> float | None:
-        """The share of the bit rate, 0..1, that the frames of the last whole slots took; None where it is not known."""
+        """Bus load (0..1) in the last whole slots; None without a bit rate."""
         if self._bitrate is None:
             return None
         return sum(bits for _, bits in self._lately(now_s)) / (self._bitrate * WINDOW_S)
 
     def frames_a_second(self, now_s: float) -> float:
-        """The frames of the last whole slots."""
+        """Frames per second in the last whole slots."""
         return sum(frames for frames, _ in self._lately(now_s)) / WINDOW_S
 
     def _lately(self, now_s: float) -> list[tuple[int, int]]:
@@ -80,7 +80,7 @@ class Rhythm:
         return [later - before for before, later in pairwise(self.times_s)]
 
     def rate_hz(self, now_s: float) -> float | None:
-        """Frames a second: 0 where the frame is overdue at *now_s*, None where too few came to tell."""
+        """Frames per second: 0 if the frame is overdue at *now_s*, None if too few frames came."""
         gaps = self._gaps()
         if not gaps:
             return None
@@ -90,13 +90,13 @@ class Rhythm:
         return 1 / mean_s if mean_s > 0 else None
 
     def jitter_s(self) -> float | None:
-        """The standard deviation of the time between two frames, in seconds; None where too few came to tell."""
+        """The standard deviation of the time between two frames, in seconds; None if too few frames came."""
         gaps = self._gaps()
         return pstdev(gaps) if len(gaps) >= 2 else None
 
 
 class Point(NamedTuple):
-    """What a value was within one `POINT_S`: *time_s* is its beginning."""
+    """Range of a value within a `POINT_S`, beginning at *time_s*."""
 
     time_s: float
     low: float
@@ -118,7 +118,7 @@ def physical_points(points: Iterable[Point], meaning: Scaling) -> list[Point]:
 
 
 class ValueHistory:
-    """How one signal moved: its value now, the least and the most, and the last minute as points."""
+    """History of a signal: present value, minimum and maximum, and the last minute as points."""
 
     __slots__ = ("changed_s", "high", "last", "low", "points")
 
@@ -130,7 +130,7 @@ class ValueHistory:
         self.high: float | None = None
 
     def take(self, value: Value, time_s: float) -> bool:
-        """The signal was *value* at *time_s*; whether that is another value than before."""
+        """Add *value* at *time_s*; whether it differs from the previous value."""
         changed = value != self.last
         if changed:
             self.last, self.changed_s = value, time_s
@@ -156,7 +156,7 @@ class ValueHistory:
 
 
 def spark(values: Sequence[float], levels: str) -> str:
-    """*values* as one character each, from the first of *levels* (the least) to the last (the most)."""
+    """*values* as characters, from the first of *levels* (minimum) to the last (maximum)."""
     if not values:
         return ""
     low, span = min(values), max(values) - min(values)

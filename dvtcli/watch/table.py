@@ -13,7 +13,7 @@ Place = tuple[Address, str]
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One *signal* with its full *name*, which does not change with what other nodes map, and has no unit."""
+    """A *signal* with its full *name*, independent of other nodes' mappings, and without unit."""
 
     name: str
     signal: Signal
@@ -31,9 +31,9 @@ class Column:
 
 
 class SignalRows:
-    """Turns frames into values: those whose signals *decoder* knows and *wanted* (small letters) chooses.
+    """Turns frames into values of the signals in *decoder* that match *wanted* (small letters).
 
-    Frames without any such signal are only counted in *other*.
+    *other* counts frames without such a signal.
     """
 
     def __init__(self, decoder: Decoder, wanted: str = "") -> None:
@@ -49,14 +49,14 @@ class SignalRows:
         self.other = 0
 
     def _by_frame(self) -> dict[Address, tuple[int | None, ...]]:
-        """The column of each signal of each frame that has any."""
+        """The column of each signal by frame address."""
         return {
             address: tuple(self._numbers.get((address, signal.key)) for signal in self.decoder.layouts[address].signals)
             for address in {address for address, _ in self._numbers}
         }
 
     def decode_by(self, decoder: Decoder) -> bool:
-        """Take what *decoder* knows from now on; whether it knows the same signals, which the columns are for."""
+        """Use *decoder* from now on; False if its signals differ from the columns."""
         if chosen_columns(decoder, self._wanted).keys() != self._numbers.keys():
             return False
         self.decoder = decoder
@@ -64,11 +64,11 @@ class SignalRows:
         return True
 
     def layout(self, frame: Frame) -> Layout:
-        """The layout of *frame*; another one where it was decoded anew meanwhile."""
+        """The layout of *frame*; may change after new decoding."""
         return self.decoder.layout(frame)
 
     def values(self, frame: Frame) -> list[tuple[int, Value]] | None:
-        """The raw values of one frame, each with the number of its column; None where it has none of the signals."""
+        """The raw values of a frame, each with its column number; None without any of the signals."""
         address = frame.can_id, frame.extended
         numbers = self._of_frames.get(address)
         if numbers is None or frame.remote:
@@ -83,7 +83,7 @@ class SignalRows:
         ]
 
     def row(self, frame: Frame) -> list[Value | None] | None:
-        """The cells of one frame, None where it has none of the signals."""
+        """The cells of a frame, None without any of the signals."""
         values = self.values(frame)
         if values is None:
             return None
@@ -93,18 +93,18 @@ class SignalRows:
         return cells
 
     def title(self, frame: Frame) -> str:
-        """The name of a frame that has a row."""
+        """The name of a frame with a row."""
         return title(self.decoder.layouts[frame.can_id, frame.extended])
 
 
 def title(layout: Layout) -> str:
-    """A frame's name: `TPDO1 node 5`, or the message's of a DBC file."""
+    """A frame's name: `TPDO1 node 5`, or the message name of a DBC file."""
     service = layout.service
     return f"{service.label} node {service.node}" if service.node else service.label
 
 
 def all_columns(decoder: Decoder) -> dict[Place, Column]:
-    """The column of each signal: its frame's name, its object and its own name."""
+    """A column for each signal, named by frame, object and signal."""
     return {
         (address, signal.key): Column(_name(layout, signal), signal)
         for address, layout in decoder.layouts.items()
@@ -113,7 +113,7 @@ def all_columns(decoder: Decoder) -> dict[Place, Column]:
 
 
 def chosen_columns(decoder: Decoder, wanted: str) -> dict[Place, Column]:
-    """Those columns that have *wanted* (small letters) in their names."""
+    """Columns whose name contains *wanted* (small letters)."""
     return {place: column for place, column in all_columns(decoder).items() if wanted in column.name.lower()}
 
 
@@ -122,5 +122,5 @@ def _name(layout: Layout, signal: Signal) -> str:
 
 
 def signal_name(title: str, place: str, key: str) -> str:
-    """The full name of the signal *key* in the frame *title*: with its object *place* unless it begins with that."""
+    """The full name of the signal *key* in the frame *title*: with its object *place* unless *key* begins with it."""
     return " ".join(filter(None, [title, "" if key.startswith(place) else place, key]))

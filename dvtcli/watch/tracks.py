@@ -20,7 +20,7 @@ _Place = TypeVar("_Place", bound=Hashable)
 
 @dataclass(slots=True)
 class Track:
-    """One signal: its full *name*, and its samples as times (s since 1970) and raw numbers."""
+    """A signal with its full *name*, and its samples as times (s since 1970) and raw numbers."""
 
     name: str
     signal: Signal
@@ -34,9 +34,9 @@ class Track:
 
 
 def find_tracks(words: Sequence[str], columns: Mapping[_Place, Column]) -> dict[_Place, Track]:
-    """An empty track for each of *columns* that *words* name, in their order.
+    """An empty track for each of *columns* named in *words*, in their order.
 
-    A word is a signal's name or object, as they are shown; UsageError with the nearest names where none fits.
+    A word is a signal's name or object, as displayed. Raises UsageError with the nearest names if none fits.
     """
     found: dict[_Place, Track] = {}
     for word in words:
@@ -78,7 +78,7 @@ def _unknown(word: str, names: list[str]) -> UsageError:
 
 
 def fill(tracks: Mapping[Place, Track], frames: Iterable[Frame], decoder: Decoder) -> tuple[float, float]:
-    """Put every sample of *frames* into its track; the recording's first and last time (s since 1970)."""
+    """Add the samples of *frames* to their tracks; the recording's first and last time (s since 1970)."""
     addresses = {address for address, _ in tracks}
     first_s = last_s = None
     for frame in frames:
@@ -96,7 +96,7 @@ def fill(tracks: Mapping[Place, Track], frames: Iterable[Frame], decoder: Decode
 
 
 def fill_rows(tracks: Mapping[int, Track], rows: Iterable[tuple[float, list[float | None]]]) -> tuple[float, float]:
-    """Put the cells of *rows* into the track of their column's number; the first and last time (s)."""
+    """Add the cells of *rows* to the track of their column's number; the first and last time (s)."""
     first_s = last_s = None
     for time_s, cells in rows:
         first_s = time_s if first_s is None else min(first_s, time_s)

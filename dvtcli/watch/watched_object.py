@@ -1,4 +1,4 @@
-"""One object that is read again and again: what it held, when that was, and why it cannot be read. Reads nothing."""
+"""An object that is read repeatedly: last value, time, and error. Reads nothing."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from dvtcli.watch.statistics import ValueHistory
 
 @dataclass(slots=True)
 class WatchedObject:
-    """The object of *node* that *signal* names; *problem* is why it could not be read the last time, empty if it was.
+    """The object *signal* of *node*; *problem* is the error of the last read, empty for none.
 
-    *read_s* is when it was read last (s since 1970), None where it never was.
+    *read_s* is the time of the last successful read (s since 1970), None for none.
     """
 
     node: int
@@ -23,10 +23,10 @@ class WatchedObject:
     problem: str = ""
 
     def take(self, signal: Signal, value: Value, time_s: float) -> None:
-        """It held *value* at *time_s*; *signal* says what is known of it."""
+        """Note *value* at *time_s*; *signal* is its description."""
         self.signal, self.read_s, self.problem = signal, time_s, ""
         self.course.take(value, time_s)
 
     def fail(self, problem: str) -> None:
-        """It could not be read, as *problem* says; what it held before stays."""
+        """Note a failed read with *problem*; the last value stays."""
         self.problem = problem

@@ -1,1 +1,1 @@
-"""What every bit of a frame says, service by service."""
+"""Every bit of a frame explained, service by service."""

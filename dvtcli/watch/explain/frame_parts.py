@@ -1,7 +1,4 @@
-"""Every bit of a frame, named: its CAN-ID, its service, and what its bytes say.
-
-Sends nothing. Does not know where mappings, names and meanings come from.
-"""
+"""Every bit of a frame, named: CAN-ID, service, and data bytes. Pure."""
 
 from __future__ import annotations
 
@@ -47,7 +44,7 @@ _BLOCK = {
 
 
 def sdo_parts(data: bytes, *, request: bool, name_of: NameOf) -> Iterator[FramePart]:
-    """The parts of an SDO *request*, or of an answer."""
+    """Parts of an SDO *request*, or of an answer."""
     cut = Bytes(data)
     if len(data) < _SDO_BYTES:
         yield from cut.rest(0, "too short: an SDO has 8 bytes")
@@ -90,7 +87,7 @@ def _abort(cut: Bytes, name_of: NameOf) -> Iterator[FramePart]:
 
 
 def _initiate(cut: Bytes, name_of: NameOf) -> Iterator[FramePart]:
-    """A transfer's first frame that has data with it, or says how much there will be."""
+    """Parts of a transfer's first frame with data or the announced size."""
     expedited, sized = cut.raw(1, 1), cut.raw(0, 1)
     yield cut.part(4, 1, "reserved")
     unused = cut.raw(2, 2) if expedited and sized else 0
@@ -121,7 +118,7 @@ def _segment(cut: Bytes) -> Iterator[FramePart]:
 
 
 def _readable(data: bytes) -> str:
-    """Bytes as text where all of them are letters, signs or blanks."""
+    """Bytes as text if all are printable ASCII."""
     return repr(data.decode("ascii")) if data and all(0x20 <= byte < 0x7F for byte in data) else ""
 
 
@@ -174,7 +171,7 @@ _COUNTERS = range(1, 241)
 
 
 def nmt_parts(data: bytes) -> Iterator[FramePart]:
-    """An NMT command, and whom it is for."""
+    """An NMT command and its addressee."""
     cut = Bytes(data)
     if data:
         word = NmtCommand(data[0]).word if data[0] in set(NmtCommand) else "reserved"
@@ -187,7 +184,7 @@ def nmt_parts(data: bytes) -> Iterator[FramePart]:
 
 
 def sync_parts(data: bytes) -> Iterator[FramePart]:
-    """SYNC: nothing, or its counter."""
+    """SYNC: empty, or its counter."""
     cut = Bytes(data)
     if data:
         said = str(data[0]) if data[0] in _COUNTERS else "reserved: SYNC counts from 1 to 240 at most"
@@ -211,7 +208,7 @@ def time_parts(data: bytes) -> Iterator[FramePart]:
 
 
 def emergency_parts(data: bytes) -> Iterator[FramePart]:
-    """An emergency: its code, the error register, and what the maker adds."""
+    """An emergency: code, error register, and manufacturer-specific data."""
     cut = Bytes(data)
     if len(data) < 2:
         yield from cut.rest(0, "too short: EMCY has 8 bytes")
@@ -253,13 +250,13 @@ _FUNCTION_NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class KnownNode:
-    """What is known of one node: its dictionary, if any, and what its objects mean."""
+    """Dictionary of a node, if any, and meanings of its objects."""
 
     dictionary: ObjectDictionary | None
     meanings: Meanings
 
     def value(self, index: int, sub_index: int, data: bytes | None) -> tuple[str, str]:
-        """What the object is called, and what its value in *data* says; empty for what nobody knows."""
+        """Name of the object, and text of its value in *data*; empty if unknown."""
         entry = self.dictionary.entry(index, sub_index) if self.dictionary is not None else None
         name = self.dictionary.display_name(index, sub_index) if self.dictionary is not None else ""
         name = name or standard_name(index, sub_index)
@@ -275,14 +272,14 @@ class KnownNode:
 
 
 def said(value: Value, meaning: Scaling, bits: int) -> str:
-    """*value* in words: with its unit or meaning where there is one."""
+    """*value* in words, with unit or meaning if known."""
     if isinstance(value, bytes):
         return value.hex(" ").upper()
     return meaning.text(value, bits) or str(value)
 
 
 def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNode]) -> list[FramePart]:
-    """Every part of *frame*, the CAN-ID's first; *described* says what is known of a node, by node-ID."""
+    """Every part of *frame*, the CAN-ID's first; *described* returns the known data of a node, by node-ID."""
     known = decoder.layout(frame)
     parts = list(_id_parts(frame, known))
     if frame.remote:
@@ -320,7 +317,7 @@ def _id_parts(frame: Frame, known: Layout) -> Iterator[FramePart]:
 
 
 def _pdo_parts(data: bytes, known: Layout) -> Iterator[FramePart]:
-    """The objects that a PDO carries, with the bits that have names; bytes as they are where no mapping is known."""
+    """Objects in a PDO, with named bits; plain bytes without a known mapping."""
     cut, end = Bytes(data), 8 * len(data)
     if not known.mapping:
         yield from cut.rest(0, "data") if not known.signals else _signal_parts(cut, known)
@@ -340,7 +337,7 @@ def _pdo_parts(data: bytes, known: Layout) -> Iterator[FramePart]:
 
 
 def _of_rest(known: Layout, bits: int) -> str:
-    """What to say of the *bits* behind the mapping: less than a byte of them fills up the last one."""
+    """Text for the *bits* behind the mapping: less than 8 bits are padding."""
     if bits < _BYTE:
         return "fills up the byte"
     if known.is_consumers:
@@ -349,7 +346,7 @@ def _of_rest(known: Layout, bits: int) -> str:
 
 
 def _cut_off(cut: Bytes, field: Field, known: Layout, end: int) -> Iterator[FramePart]:
-    """What is there of an object that does not lie in the frame completely."""
+    """The existing part of an object that is cut off by the frame's end."""
     if field.start_bit >= end:
         return
     of = field.entry
@@ -370,7 +367,7 @@ def _object_parts(cut: Bytes, field: Field, signal: Signal, value: Value | None)
 
 
 def _signal_parts(cut: Bytes, known: Layout) -> Iterator[FramePart]:
-    """The signals of a DBC file that lie in the frame."""
+    """Signals of a DBC file in the frame."""
     for signal, value in zip(known.signals, known.read(cut.data), strict=True):
         if value is not None and signal.place is not None:
             text = said(value, signal.meaning, signal.place.bits)

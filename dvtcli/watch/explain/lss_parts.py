@@ -1,4 +1,4 @@
-"""An LSS frame (CiA 305), byte by byte. Does not know who sent it."""
+"""An LSS frame (CiA 305), byte by byte."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _REFUSALS = {
 
 
 def lss_parts(data: bytes, *, request: bool) -> Iterator[FramePart]:
-    """The parts of an LSS master's *request*, or of a slave's answer."""
+    """Parts of an LSS master's *request*, or of a slave's answer."""
     if not data:
         return
     cut, service = Bytes(data), data[0]

@@ -1,4 +1,4 @@
-"""The parts of a frame, each with its bits, its raw number and what it says. Knows no service and no screen."""
+"""Parts of a frame, each with bits, raw number and text."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ BIT_INDENT = "  "
 
 @dataclass(frozen=True, slots=True)
 class FramePart:
-    """*bits* bits of a frame from *start_bit* on, counted from the lowest bit of byte 0; in the CAN-ID *in_id*.
+    """*bits* bits of a frame from *start_bit* on, counted from the lowest bit of byte 0; in the CAN-ID if *in_id*.
 
-    *name* is what it is, *text* what its *raw* number says; *object* is `606C:00` where it is an object's. With
-    *is_big_endian* *start_bit* is its most significant bit, and the others follow as in `SignalPlace`.
+    *name* is the part's name, *text* the meaning of its *raw* number; *object* is `606C:00` if the part is an object's.
+    With *is_big_endian*, *start_bit* is its most significant bit, and the others follow as in `SignalPlace`.
     """
 
     start_bit: int
@@ -30,7 +30,7 @@ class FramePart:
 
     @property
     def place(self) -> str:
-        """Where it lies: `byte 0`, `bytes 1-2`, `byte 0 bits 5-7`, `CAN-ID bits 7-10`."""
+        """Place of the part: `byte 0`, `bytes 1-2`, `byte 0 bits 5-7`, `CAN-ID bits 7-10`."""
         first, last = self.start_bit, self.start_bit + self.bits - 1
         if self.in_id:
             return f"CAN-ID {_span('bit', first, last)}"
@@ -44,12 +44,12 @@ class FramePart:
 
     @property
     def is_bit_of_value(self) -> bool:
-        """Whether it is a bit that has a name within the value of the part above it."""
+        """Whether the part is a named bit within the value of the part above."""
         return self.name.startswith(BIT_INDENT)
 
     @property
     def raw_text(self) -> str:
-        """The raw number in hex, with all its digits; one bit as 0 or 1."""
+        """The raw number in hex, with all its digits; a single bit as 0 or 1."""
         return str(self.raw) if self.bits == 1 else f"0x{self.raw:0{(self.bits + 3) // 4}X}"
 
 
@@ -58,12 +58,12 @@ def _span(word: str, first: int, last: int) -> str:
 
 
 def _sent_at(bit: int) -> int:
-    """The place of *bit* (from the lowest of byte 0) if bits are counted from the highest of byte 0; and back."""
+    """Convert *bit* between counting from the lowest and from the highest bit of byte 0, either way."""
     return bit ^ 7
 
 
 def _big_endian_span(first: int, bits: int) -> str:
-    """Where *bits* bits lie from *first* on, counted from the highest bit of byte 0."""
+    """Place of *bits* bits from *first* on, counted from the highest bit of byte 0."""
     last = first + bits - 1
     if first % 8 == 0 and bits % 8 == 0:
         return _span("byte", first // 8, last // 8)
@@ -74,7 +74,7 @@ def _big_endian_span(first: int, bits: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Bytes:
-    """A frame's data, cut into parts; what lies behind its end is left out."""
+    """A frame's data, cut into parts; nothing beyond its end."""
 
     data: bytes
 
@@ -83,7 +83,7 @@ class Bytes:
         return FramePart(start_bit, bits, self.raw(start_bit, bits), name, text, of)
 
     def signal_part(self, place: SignalPlace, name: str, text: str, of: str) -> FramePart:
-        """The signal of a DBC file at *place*."""
+        """The part for a DBC file's signal at *place*."""
         if not place.is_big_endian:
             return self.part(place.start_bit, place.bits, name, text, of)
         behind = 8 * len(self.data) - _sent_at(place.start_bit) - place.bits
@@ -91,7 +91,7 @@ class Bytes:
         return FramePart(place.start_bit, place.bits, raw, name, text, of, is_big_endian=True)
 
     def raw(self, start_bit: int, bits: int) -> int:
-        """Their number; what is not there reads 0."""
+        """Number in the bits; missing bits read 0."""
         return int.from_bytes(self.data, "little") >> start_bit & (1 << bits) - 1
 
     def number(self, first: int, length: int) -> int:
@@ -99,6 +99,6 @@ class Bytes:
         return self.raw(8 * first, 8 * length)
 
     def rest(self, first: int, name: str) -> Iterator[FramePart]:
-        """What lies from byte *first* to the end, if anything does."""
+        """The part from byte *first* to the end, if any."""
         if first < len(self.data):
             yield self.part(8 * first, 8 * (len(self.data) - first), name)
