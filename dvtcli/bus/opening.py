@@ -268,8 +268,7 @@ def open_listening(
     """Open a CAN interface to listen at *bit_rate* (bit/s), and later at others (`set_bit_rate`).
 
     *listen_only* sends nothing. Raises SafetyRefusal if listen-only mode is not certain, or if its bit rate cannot be
-    set
-    from here; BusUnavailable. A link of the system already in listen-only mode is used with its own bit rate.
+    set from here; BusUnavailable. A link of the system already in listen-only mode is used with its own bit rate.
     """
     config = given = given_settings(interface, channel, bit_rate, extra)
     try:

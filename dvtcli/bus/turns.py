@@ -118,8 +118,7 @@ class Turns:
     """*jobs* in turns, at most *width*() of them at once, evaluated before each begins.
 
     *until*(ready, deadline_s) reads the bus until a job is ready, or until that time of *now_s*. A job that waits for
-    an
-    answer is notified directly: the cost of a frame does not depend on the number of waiting jobs.
+    an answer is notified directly: the cost of a frame does not depend on the number of waiting jobs.
     """
 
     def __init__(

@@ -101,8 +101,7 @@ def acts(entry: OdEntry, names: str, types: DeviceTypes) -> Acts | None:
     """Immediate effect of a write to *entry*, named *names*, on a device of *types*; None for no effect.
 
     Makers have drives with outputs, and I/O modules with drives: an object at an output's or a command's index acts on
-    a
-    device of any profile, unless the device's profile says otherwise, or no RPDO can write it and its name does not
+    a device of any profile, unless the device's profile says otherwise, or no RPDO can write it and its name does not
     suggest process data.
     """
     if entry.index not in PROFILES:

@@ -162,29 +162,23 @@ class DeviceProfile:
 
     *vendor_ids*, *product_codes* and *product_masks* (mask, value) select the identities (0x1018) of the family.
     *pdo_count* PDOs each way; *max_entries* a mapping; *max_entry_bits* an entry; *granularity* bits; *rtr_bit* the
-    policy for bit 30 by direction; *extended_ids* whether 29-bit CAN-IDs are allowed; *transmission_types* the
-    allowed ranges; *event_timer_types* types of a TPDO with a working event timer; *max_time_count* the highest
-    inhibit time (100 µs) and event timer (ms), if the EDS is silent; *partial_entries* whether an entry may be
-    shorter than its object; *rw_in_tpdo*/*rww_in_tpdo*/*rw_in_rpdo* judgement of objects with this access in this
-    direction (None: fine); *pre_operational_gate* whether PDO writes need PRE-OPERATIONAL; *state_object* the object
-    with
-    the device's NMT state; *state_request* the object to request a state (u8: 1 pre-operational, 0 operational),
-    *master_object* the object that reads 1 in a master; *extended_error* the object with the reason after 0x08000000
-    and
-    *reasons* its texts; *dummies* the supported dummy indices; *login* how to unlock access, if locked;
-    *hints* the usual meaning of an abort code at a kind of step, if the maker says more than the standard;
-    *reversed_entries* whether a mapping entry has its fields in reverse order on the wire; *filler* the content (u32)
-    of
-    unused entries if the count of a mapping is read-only (None: it is writable);
-    *silent_rpdo* the device's reaction to a silent RPDO producer, if any;
+    policy for bit 30 by direction; *extended_ids* whether 29-bit CAN-IDs are allowed; *transmission_types* the allowed
+    ranges; *event_timer_types* types of a TPDO with a working event timer; *max_time_count* the highest inhibit time
+    (100 µs) and event timer (ms), if the EDS is silent; *partial_entries* whether an entry may be shorter than its
+    object; *rw_in_tpdo*/*rww_in_tpdo*/*rw_in_rpdo* judgement of objects with this access in this direction (None:
+    fine); *pre_operational_gate* whether PDO writes need PRE-OPERATIONAL; *state_object* the object with the device's
+    NMT state; *state_request* the object to request a state (u8: 1 pre-operational, 0 operational), *master_object* the
+    object that reads 1 in a master; *extended_error* the object with the reason after 0x08000000 and *reasons* its
+    texts; *dummies* the supported dummy indices; *login* how to unlock access, if locked; *hints* the usual meaning of
+    an abort code at a kind of step, if the maker says more than the standard; *reversed_entries* whether a mapping
+    entry has its fields in reverse order on the wire; *filler* the content (u32) of unused entries if the count of a
+    mapping is read-only (None: it is writable); *silent_rpdo* the device's reaction to a silent RPDO producer, if any;
     *fault_list* the family's own error list, *faults* the meaning of its error codes; *software_identification* the
     value of 0x1F56 for the right program, by program number (1..254): a number of 32 bits, or "crc32" for the CRC of
-    the
-    sent program; *physical* the scaling of its objects;
-    *aliases* typed names → objects; *type_texts* the maker's words for a transmission type and *type_notes*
-    remarks on it; *warn_mapped* objects that should not feed a TPDO; *vpdo* its virtual PDOs; *configuration* ranges
-    of manufacturer-specific indices that a file or a clone may write, *no_configuration* ranges never written;
-    *learnt* whether `learn` wrote the profile.
+    the sent program; *physical* the scaling of its objects; *aliases* typed names → objects; *type_texts* the maker's
+    words for a transmission type and *type_notes* remarks on it; *warn_mapped* objects that should not feed a TPDO;
+    *vpdo* its virtual PDOs; *configuration* ranges of manufacturer-specific indices that a file or a clone may write,
+    *no_configuration* ranges never written; *learnt* whether `learn` wrote the profile.
     """
 
     name: str = "generic"

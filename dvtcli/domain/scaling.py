@@ -188,8 +188,7 @@ class Scaling:
 
         None for anything else, such as a number alone (already raw). A number is accurate to its last digit: `23.4 V`
         is the nearest raw value that rounds to 23.4 V. Without *whole* the result is a real number. Raises ValueError
-        for
-        another unit, for a number without a close raw value, for another raw value in parentheses, and for a word
+        for another unit, for a number without a close raw value, for another raw value in parentheses, and for a word
         with several raw values.
         """
         found = None if _is_raw(text, whole=whole) else self._by_word(text.strip())

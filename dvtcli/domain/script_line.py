@@ -108,8 +108,7 @@ def backup_lines(
     """A script that sets all *pdos* to this configuration, on a device of this *identity* only.
 
     The script disables PDOs first, since other nodes may use a CAN-ID by the time it runs; except PDOs in *fixed*,
-    whose
-    COB-IDs are read-only. Parts that no script could set become comments.
+    whose COB-IDs are read-only. Parts that no script could set become comments.
     """
     pin = identity_line(identity)
     lines = ["# dvtcli script 1", *([pin] if pin else []), serial_line(identity)]

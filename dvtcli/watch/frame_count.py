@@ -16,8 +16,7 @@ class Counted:
     """Frames of a CAN-ID: number, *bits* with real stuff bits, and the times between frames.
 
     *data_bytes* is the length of the longest frame, *shortest_s* and *longest_s* are between two consecutive frames,
-    None
-    if fewer than two had a time.
+    None if fewer than two had a time.
     """
 
     frames: int = 0

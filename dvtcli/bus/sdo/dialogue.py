@@ -84,8 +84,7 @@ class _Wait:
     """A wait of *timeout_s* (s) for frames over *link*, beginning with the first `take`.
 
     The wait is extended by the time during which this machine kept the bus from being read: an answer could not be
-    seen,
-    and a node or an adapter driven by this machine could not send.
+    seen, and a node or an adapter driven by this machine could not send.
     """
 
     def __init__(self, link: SdoLink, timeout_s: float) -> None:
@@ -273,8 +272,8 @@ class Dialogue:
         """After a time-out, make sure that no late answer can be mistaken for the next request's.
 
         A server answers in order: once a read of another object is answered, all earlier requests were answered, or
-        never
-        will be. Otherwise, a late acknowledgement of a write would pass for the acknowledgement of its repetition.
+        never will be. Otherwise, a late acknowledgement of a write would pass for the acknowledgement of its
+        repetition.
         """
         self._multiplexer = _FENCE[1:4]
         self._asked.append(self._multiplexer)

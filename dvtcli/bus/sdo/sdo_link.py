@@ -92,8 +92,7 @@ class DroppedAnswers:
 
     *stale*: late, or a second answer to the same request; *foreign*: for an object that was not requested, or with a
     29-bit CAN-ID; *malformed*: not 8 bytes, or an unknown command specifier; *doubled*: the *stale* answers that are
-    not
-    late; *other_client*: requests of other clients on the node's SDO channel.
+    not late; *other_client*: requests of other clients on the node's SDO channel.
     """
 
     stale: int = 0

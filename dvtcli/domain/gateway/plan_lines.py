@@ -82,8 +82,7 @@ class Around:
     """Actions that a node needs besides its writes.
 
     *preop*: its PDOs can only be set in PRE-OPERATIONAL; *start*: it was OPERATIONAL; *stores*: the sub-indices of
-    0x1010
-    to store.
+    0x1010 to store.
     """
 
     preop: bool = False

@@ -122,8 +122,7 @@ def linked(producer: LinkSide, consumer: LinkSide) -> Linked:
     """The mapping with which *consumer* receives *producer*.
 
     A mapping stays if it has the producer's length and no object spans two of the producer's. Otherwise each object
-    gets
-    the only place of its length and type, in frame order if ambiguous; dummies skip the rest.
+    gets the only place of its length and type, in frame order if ambiguous; dummies skip the rest.
     """
     refused = tuple(_refused(producer, consumer))
     if refused:

@@ -52,11 +52,9 @@ class Lacked:
 class NodePlan:
     """A node's part: *plan* leads from present to intended values of the device of this *identity* (0x1018).
 
-    *name* is the node's name in the file, *line* its line (0: none), *title* the device's own name.
-    *wanted* and *values* are all PDOs and single objects in the file, also equal ones;
-    *pruned* are PDOs to disable since the file does not name them; *store* is the argument of `store` once all nodes
-    are
-    verified, empty for nothing.
+    *name* is the node's name in the file, *line* its line (0: none), *title* the device's own name. *wanted* and
+    *values* are all PDOs and single objects in the file, also equal ones; *pruned* are PDOs to disable since the file
+    does not name them; *store* is the argument of `store` once all nodes are verified, empty for nothing.
     """
 
     name: str

@@ -23,9 +23,8 @@ class Stream:
     """A recurring frame: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
 
     *label* names it, *node* is its sender. *why* gives the reason for its period, or for a missing period.
-    *deadline_us*
-    counts from the planned transmission; *window_us* from SYNC, if the device has a window (0x1007). *assumed*: the
-    period is an assumption.
+    *deadline_us* counts from the planned transmission; *window_us* from SYNC, if the device has a window (0x1007).
+    *assumed*: the period is an assumption.
     """
 
     kind: str

@@ -45,8 +45,7 @@ class PdoWish:
 
     *cob_id* is bits 28..0 or `auto`; *extended* is bit 29, *rtr_allowed* bit 30 clear, *enabled* bit 31 clear.
     *mapping* is the whole mapping in frame order, () for an empty mapping. *keys* are the places of its keys in the
-    file,
-    by sub-index of the communication parameter, 0 for the mapping.
+    file, by sub-index of the communication parameter, 0 for the mapping.
     """
 
     pdo: Pdo

@@ -69,13 +69,11 @@ class Producer:
 class Proposal:
     """A PDO's present and requested configuration, with all data for the rules.
 
-    *others* are the node's other PDOs in their final state, and *cob_ids* their COB-IDs if known without the
-    rest (None: use *others*); *dictionary* is None without an EDS; *lengths* are
-    object lengths in bits learnt by reading the device; *services* returns the CAN-IDs of services, and
-    whether they have 29 bits, each with its use: SYNC, the node's EMCY, further SDO channels of all known nodes
-    (empty: the standard's defaults);
-    *elsewhere* returns the TPDOs of the other known nodes;
-    *absent* has the abort codes with which the device refused uploads of missing objects.
+    *others* are the node's other PDOs in their final state, and *cob_ids* their COB-IDs if known without the rest
+    (None: use *others*); *dictionary* is None without an EDS; *lengths* are object lengths in bits learnt by reading
+    the device; *services* returns the CAN-IDs of services, and whether they have 29 bits, each with its use: SYNC, the
+    node's EMCY, further SDO channels of all known nodes (empty: the standard's defaults); *elsewhere* returns the TPDOs
+    of the other known nodes; *absent* has the abort codes with which the device refused uploads of missing objects.
     """
 
     node_id: int
