@@ -16,7 +16,7 @@ from dvtcli.errors import BusUnavailable, SafetyRefusal
 
 @cache
 def silent_settings() -> Mapping[str, Mapping[str, object]]:
-    """Settings for listen-only mode of each interface that supports it, by its name."""
+    """Settings for listen-only mode by interface name, if supported."""
     told = tomllib.loads((files("dvtcli.bus") / "listen_only.toml").read_text("utf-8"))
     states = {state.name: state for state in can.BusState}
     return {

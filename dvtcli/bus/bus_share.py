@@ -1,6 +1,6 @@
-"""Waiting time for a request so that the bus load stays at or below a share.
+"""Waiting time before a request that keeps the bus load at or below a share.
 
-The load is measured from the frames of the last moments.
+The load is measured from recent frames.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""canopen's own RemoteNode on a bus of dvtcli, for programs that use canopen.
+"""canopen's own RemoteNode on a dvtcli bus, for programs that use canopen.
 
-Its SDO goes through a given SdoTransport, so that both sides never use a channel at the same time; a separate thread
+SDO goes through a given SdoTransport, so that both sides never use a channel at the same time; a separate thread
 forwards received frames.
 """
 
@@ -71,7 +71,7 @@ class CanopenNetwork(canopen.Network):
 
 
 class _Sender(can.BusABC):
-    """A python-can bus that only sends, over a bus of dvtcli."""
+    """A send-only python-can bus over a dvtcli bus."""
 
     def __init__(self, bus: CanopenBus, refuse: Callable[[], None]) -> None:
         super().__init__(channel=bus.name)
@@ -146,7 +146,7 @@ class _Node(canopen.RemoteNode):
 def remote_node(
     network: CanopenNetwork, node_id: int, dictionary: ObjectDictionary | None, channel: SdoTransport
 ) -> canopen.RemoteNode:
-    """canopen's node with *node_id* in *network*, with the objects of *dictionary*; its SDO goes through *channel*."""
+    """canopen's node *node_id* in *network*, with the objects in *dictionary*; its SDO goes through *channel*."""
     od = canopen_dictionary(dictionary, node_id)
     return network.add_node(_Node(node_id, od, channel))
 

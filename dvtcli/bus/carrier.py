@@ -1,6 +1,6 @@
-"""State of a CanBus's driver besides frames: lost connection, full queue, lost frames, and advice.
+"""Driver state besides frames: lost connection, full queue, lost frames, and advice.
 
-Most of python-can's drivers report none of these.
+Most python-can drivers report none of these.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ class Carrier:
         return False
 
     def is_full(self, error: Exception) -> bool:
-        """Whether *error* of sending means a full queue, so that a retry may succeed."""
+        """Whether sending failed with *error* because a queue was full, so that a retry may succeed."""
         return getattr(error, "error_code", None) == errno.ENOBUFS
 
     def is_gone(self, error: Exception) -> bool:
-        """Whether *error* of sending means that the connection to the bus is lost."""
+        """Whether *error* while sending means a lost connection to the bus."""
         number = getattr(error, "error_code", None) or getattr(error, "errno", None)
         return number in _GONE or isinstance(error, ConnectionError)
 
     def is_damaged(self, _error: Exception) -> bool:
-        """Whether an error of receiving concerns one damaged frame, so that the next frame can be read."""
+        """Whether an error while receiving concerns one damaged frame, so that the next frame can be read."""
         return False
 
     def lost_frames(self) -> int:
-        """Number of received frames that were lost before they could be read."""
+        """Number of frames lost before they could be read."""
         return 0
 
     def news(self) -> list[str]:

@@ -57,13 +57,14 @@ class ReadBus(WatchedBus, Generic[M]):
         self._failure: BusUnavailable | None = None
 
     def tap(self, callback: Tap) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it. See
-        `on_event`.
+        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it.
+
+        See `on_event`.
         """
         return self._traffic.tap(callback)
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
-        """The last frames sent from here and their answers, each with whether it is ours."""
+        """See `CanopenBus.exchanged`."""
         return self._traffic.exchanged()
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
@@ -75,8 +76,7 @@ class ReadBus(WatchedBus, Generic[M]):
     def idle(self, duration_s: float) -> None:
         """Read the bus for *duration_s* for the callbacks, as a background thread does in a loop.
 
-        Gives way to any waiting thread. Raises BusUnavailable if the bus fails, has failed in any
-        thread, or was closed.
+        Gives way to any waiting thread. Raises BusUnavailable after a failure in any thread, or if the bus was closed.
         """
         if self._failure is not None:
             failure = self._failure
@@ -320,7 +320,7 @@ class FrameBus(ReadBus[M]):
         return self._channels.dropped()
 
     def _understand(self, message: M, can_id: int, data: bytes | bytearray, *, extended: bool) -> None:
-        """Deliver data frame *message* with its CAN-ID and data to its receivers."""
+        """Deliver data frame *message* to its receivers."""
         function, node_id = can_id & ~0x7F, can_id & 0x7F
         if function in _SDO_IDS:
             if function == ANSWER_ID:

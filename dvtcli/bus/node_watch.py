@@ -98,7 +98,7 @@ class NodeWatch:
             self._booted_s[node_id] = now_s
 
     def emergency(self, frame: Frame) -> bool:
-        """Process an emergency message, also if shortened; whether *frame* was one."""
+        """Process an emergency message, also if shortened; False for another frame."""
         said = read_emergency(frame)
         if said is None:
             return False
@@ -151,31 +151,31 @@ class HeardNodes(ABC):
         return self._watch.states.get(node_id)
 
     def boot_ups(self, node_id: int) -> int:
-        """Number of boot-up messages of *node_id* so far."""
+        """See `CanopenBus.boot_ups`."""
         self.drain()
         return self._watch.boot_ups.get(node_id, 0)
 
     def restarts(self, node_id: int) -> int:
-        """Number of boot-up messages of *node_id* so far without a reset sent from here."""
+        """See `CanopenBus.restarts`."""
         self.drain()
         return self._watch.restarts.get(node_id, 0)
 
     def order_restart(self, node_id: int, within_s: float) -> None:
-        """Do not count a boot-up of *node_id* (0: each node) within *within_s* seconds as a restart."""
+        """See `CanopenBus.order_restart`."""
         self.drain()
         self._watch.order_restart(node_id, within_s)
 
     def upsets(self, node_id: int) -> int:
-        """A number that grows with each boot-up of *node_id*, and with each repeated upload."""
+        """See `CanopenBus.upsets`."""
         return self.boot_ups(node_id) + self._repeated(node_id)
 
     def downloads_of_others(self, node_id: int) -> int:
-        """Number of downloads by other SDO clients to *node_id* since its last boot-up."""
+        """See `CanopenBus.downloads_of_others`."""
         self.drain()
         return self._watch.downloads_of_others.get(node_id, 0)
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        """The node's upsets, and downloads of others to it, without reading the bus."""
+        """See `CanopenBus.happened`."""
         return (
             self._watch.boot_ups.get(node_id, 0) + self._repeated(node_id),
             self._watch.downloads_of_others.get(node_id, 0),
@@ -186,25 +186,22 @@ class HeardNodes(ABC):
         return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
 
     def heard_nodes(self) -> dict[int, NmtState]:
-        """Every node with a known state, from heartbeats and boot-ups."""
+        """See `CanopenBus.heard_nodes`."""
         self.drain()
         return dict(self._watch.states)
 
     def emergency(self, node_id: int) -> Emergency | None:
-        """The last emergency message of *node_id*."""
+        """See `CanopenBus.emergency`."""
         self.drain()
         return self._watch.emergencies.get(node_id)
 
     def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
-        """Every error code of *node_id* since the bus was opened, latest first."""
+        """See `CanopenBus.heard_emergencies`."""
         self.drain()
         return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
-        """Call *callback* for each boot-up, state change and emergency; returns a function that ends the calls.
-
-        The thread that reads the bus makes the call: *callback* must be quick and must not use the bus.
-        """
+        """See `CanopenBus.on_event`."""
         self._watch.listeners.append(callback)
         return lambda: self._watch.listeners.remove(callback)
 

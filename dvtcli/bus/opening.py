@@ -141,7 +141,7 @@ def _setting_hint(interface: str, channel: object, error: Exception) -> Hint | s
 
 
 def _errno_of(error: BaseException | None) -> int | None:
-    """The operating system's number of *error* or of its cause."""
+    """The operating system's error number for *error* or its cause."""
     while error is not None:
         if isinstance(error, OSError) and error.errno is not None:
             return error.errno
@@ -267,8 +267,8 @@ def open_listening(
 ) -> CanBus:
     """Open a CAN interface to listen at *bit_rate* (bit/s), and later at others (`set_bit_rate`).
 
-    *listen_only* sends nothing. Raises SafetyRefusal if listen-only mode is not certain, or if its bit rate cannot be
-    set from here; BusUnavailable. A link of the system already in listen-only mode is used with its own bit rate.
+    *listen_only* sends nothing. Raises SafetyRefusal if listen-only mode is not certain, or if the bit rate cannot be
+    set from here; BusUnavailable. A system link already in listen-only mode is used with its own bit rate.
     """
     config = given = given_settings(interface, channel, bit_rate, extra)
     try:
@@ -314,10 +314,10 @@ def open_transport(
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
 ) -> CanopenBus:
-    """As `open_bus`, also for a bus of another package that is no python-can interface.
+    """As `open_bus`, also for another package's bus that is no python-can interface.
 
-    Found by an entry point of the group `dvtcli.bus` with the name *interface*: a function with the parameters
-    of this function but the first.
+    Found by an entry point *interface* in the group `dvtcli.bus`: a function with all parameters of this function but
+    the first.
     """
     found = None if interface is None or interface in can.VALID_INTERFACES else transports().get(interface)
     if found is None:

@@ -125,8 +125,8 @@ HEARD_S = 0.25
 class CanBus(FrameBus[can.Message]):
     """A CanopenBus on a python-can *bus*, called *name* on screens.
 
-    *carrier* adds the driver's state. Has no thread: the waiting thread reads the bus. *timeout_s* (s) and
-    *retries* are those of `SdoSettings`, *bitrate* is in bit/s.
+    *carrier* adds the driver's state. The waiting thread reads the bus. *timeout_s* (s) and *retries* are those of
+    `SdoSettings`, *bitrate* is in bit/s.
     """
 
     def __init__(
@@ -166,7 +166,7 @@ class CanBus(FrameBus[can.Message]):
         return self.name.partition(":")[0] not in _NO_REMOTE_FRAMES
 
     def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """Raise SafetyRefusal if *bit_rate* (bit/s) cannot be set from here, with the manual way."""
+        """See `CanopenBus.require_settable`."""
         if self._setter is None:
             super().require_settable(bit_rate, listen_only=listen_only)
         else:
@@ -188,7 +188,7 @@ class CanBus(FrameBus[can.Message]):
         self.bitrate = bit_rate
 
     def tap(self, callback: Tap) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it."""
+        """See `CanopenBus.tap`."""
         self._hear_all()
         self._carrier.make_room()
         return super().tap(callback)
@@ -227,11 +227,11 @@ class CanBus(FrameBus[can.Message]):
         return [*self._carrier.news(), *self.error_frames.news(), *odd]
 
     def error_frame_count(self) -> int:
-        """Number of error frames received so far."""
+        """See `CanopenBus.error_frame_count`."""
         return self.error_frames.count
 
     def lost_frame_count(self) -> int:
-        """Number of frames lost before they could be read."""
+        """See `CanopenBus.lost_frame_count`."""
         return self._carrier.lost_frames()
 
     def _leave(self) -> None:

@@ -75,9 +75,9 @@ def bus_name(config: Mapping[str, object]) -> str:
 
 
 def is_network(interface: str | None, channel: str | None, extra: Mapping[str, object]) -> bool:
-    """Whether the frames of a bus may leave this machine, according to its settings.
+    """Whether frames may leave this machine, according to the bus settings.
 
-    They stay if the interface is an adapter's, or of this machine, and its channel and *extra* are no address.
+    They stay on a local interface if its channel and *extra* are no address.
     """
     asked = interface or library_settings().get("interface", ("", ""))[0]
     addressed = any("://" in str(value) for value in (channel or "", *extra.values()))

@@ -74,7 +74,7 @@ class Receiver(Generic[M]):
         self._seen_s, self._seen_cpu_s = monotonic(), process_time()
 
     def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
-        """The next item delivered into *inbox*; None at *deadline_s* (of time.monotonic).
+        """The next item delivered into *inbox*; None at *deadline_s* (time.monotonic).
 
         Frames on the bus by then count, however late they are read. Only one thread at a time may wait for an inbox.
         Raises BusUnavailable if the bus fails or is closed.
@@ -186,10 +186,10 @@ class Receiver(Generic[M]):
         return None if inbox.empty() else inbox.get_nowait()
 
     def _follow(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
-        """The next item or note; the reading thread reports the end of the time, once nothing is waiting.
+        """The next item or note; the reading thread reports the deadline, once nothing is waiting.
 
         This avoids the queue's own time-out, which CPython's SimpleQueue may lose after a spurious wake-up. A
-        Queue has locks of its own, which a Ctrl-C may leave locked forever.
+        Queue's own locks may stay locked forever after a Ctrl-C.
         """
         try:
             return inbox.get(timeout=max(deadline_s - monotonic(), 0) + GRACE_S)

@@ -1,4 +1,4 @@
-"""Distribution of frames to receivers, observers, and the record of exchanges."""
+"""Distribution of frames to receivers and observers, and the last exchanges."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Traffic(Generic[M]):
             self._tell_taps(self._frame_of(message), True)
 
     def answered(self, message: M) -> None:
-        """Record a message that belongs to an exchange of dvtcli, or shows its result."""
+        """Record a message that belongs to a dvtcli exchange, or shows its result."""
         self._exchanged.append((message, False, time()))
 
     def exchanged(self) -> list[tuple[Frame, bool]]:

@@ -28,7 +28,7 @@ if not callable(EntryPoint("", sys.argv[1], "").load()):
 
 @dataclass(frozen=True, slots=True)
 class Brought:
-    """A bus of another package by its *name*; *about* names its package and fault, *problem* the remedy."""
+    """Another package's bus by *name*; *about* names its package and fault, *problem* the remedy."""
 
     name: str
     about: str

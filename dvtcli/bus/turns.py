@@ -1,7 +1,6 @@
 """Jobs in turns, one at a time: a waiting job gives the turn to another.
 
-Threads that pass a baton: only waits switch jobs, so that shared data needs no locks. The owner of the bus reads it
-while all jobs wait.
+Only waits switch threads, so that shared data needs no locks. The owner of the bus reads it while all jobs wait.
 """
 
 from __future__ import annotations
@@ -95,7 +94,7 @@ class _Worker:
     def take_turn(self, run: Callable[[_Worker], None]) -> None:
         """Let the job run until it waits or ends; called by the thread with the turn.
 
-        *run* is the function of its thread, started at the first turn.
+        *run* is its thread's function, started at the first turn.
         """
         self.ready, self.deadline_s = None, inf
         if self.started:
@@ -115,10 +114,10 @@ class _Worker:
 
 
 class Turns:
-    """*jobs* in turns, at most *width*() of them at once, evaluated before each begins.
+    """*jobs* in turns, at most *width*() at once, evaluated before each begins.
 
-    *until*(ready, deadline_s) reads the bus until a job is ready, or until that time of *now_s*. A job that waits for
-    an answer is notified directly: the cost of a frame does not depend on the number of waiting jobs.
+    *until*(ready, deadline_s) reads the bus until a job is ready, or until this time (of *now_s*). A job that waits for
+    an answer is notified directly: a frame's cost does not depend on the number of waiting jobs.
     """
 
     def __init__(

@@ -35,7 +35,7 @@ def wait_for_bus(open_once: Callable[[], B], stopping: Callable[[], bool]) -> B 
 
 
 def _rested(news: socket.socket | None, pause_s: float, stopping: Callable[[], bool]) -> bool:
-    """Wait *pause_s*, or until *stopping*() or an event of a link; whether such an event came."""
+    """Wait *pause_s*, or until *stopping*() or a link event; True for a link event."""
     end_s = monotonic() + pause_s
     while not stopping() and (left_s := end_s - monotonic()) > 0:
         if news is None:
@@ -55,7 +55,7 @@ def _read_all(news: socket.socket) -> None:
 
 @contextmanager
 def _link_news() -> Iterator[socket.socket | None]:
-    """A socket that is readable after an event of a link; None if the kernel has no such events."""
+    """A socket that is readable after a link event; None if the kernel has no such events."""
     family = getattr(socket, "AF_NETLINK", None)
     news = None
     if family is not None:

@@ -80,7 +80,7 @@ class Oddities:
     _reset_s: dict[int, float] = field(default_factory=dict)
 
     def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
-        """Note an NMT command, also of another master: after a reset a boot-up of *node_id* (0: all) is expected.
+        """Note any master's NMT command: after a reset a boot-up of *node_id* (0: all) is expected.
 
         *boot_ups* were received before and do not answer it.
         """
@@ -187,16 +187,13 @@ class WatchedBus(HeardNodes):
         self._acts: dict[str, int] = {}
 
     def sdo(self, node_id: int) -> SdoTransport:
-        """The default SDO channel of *node_id* (1..127); always the same object for the same node."""
+        """See `CanopenBus.sdo`."""
         if not 1 <= node_id <= 127:
             raise UsageError(f"node-ID {node_id} is outside 1..127")
         return self._channel(node_id)
 
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
-        """Run *jobs*, each waiting for answers of its own node: in parallel if safe.
-
-        All jobs have ended on return. Returns their errors in order of time; after an error no job is started.
-        """
+        """See `CanopenBus.side_by_side`."""
         if len(jobs) < 2 or self._turns is not None or not self.carries_frames:
             return one_by_one(jobs)
         self.drain()
@@ -303,7 +300,7 @@ class WatchedBus(HeardNodes):
         return self._percent >= 100 or not self._may_run()
 
     def is_stopped(self, node_id: int) -> bool:
-        """Whether the last state of *node_id* since its last NMT command is STOPPED (SdoLink)."""
+        """See `SdoLink.is_stopped`."""
         return self._watch.states.get(node_id) is NmtState.STOPPED
 
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
@@ -331,7 +328,7 @@ class WatchedBus(HeardNodes):
         self._command(command, node_id)
 
     def acts(self) -> list[str]:
-        """Frames with an effect on nodes sent since the last call, in words: SDO downloads, NMT, LSS, SYNC, PDOs."""
+        """See `CanopenBus.acts`."""
         acts, self._acts = self._acts, {}
         return [text if count == 1 else f"{text} ({count} times)" for text, count in acts.items()]
 
@@ -385,8 +382,9 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def tap(self, callback: Tap) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it. See
-        `on_event`.
+        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it.
+
+        See `on_event`.
         """
 
     def send(self, frame: Frame) -> None:
@@ -398,7 +396,7 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def receive(self, duration_s: float) -> Iterator[Frame]:
-        """Yield every frame received within *duration_s*, at its arrival."""
+        """See `CanopenBus.receive`."""
 
     @abstractmethod
     def idle(self, duration_s: float) -> None:
@@ -410,7 +408,7 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def sleep(self, duration_s: float) -> None:
-        """Wait *duration_s* of the bus's time (0 and less: not at all)."""
+        """See `CanopenBus.sleep`."""
 
     @abstractmethod
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""Pace of parallel SDO requests, so that frames of others find gaps on the bus.
+"""Pace of parallel SDO requests, so that frames from others find gaps on the bus.
 
-A sender with a request always ready takes every gap of the wire: heartbeats, whose CAN-IDs are higher, never get on
-it, nor do frames queued in a node behind its own heartbeat, such as its SDO answer.
+A sender with a request always ready takes every gap: heartbeats, whose CAN-IDs are higher, never get on
+the bus, nor do frames queued in a node behind its own heartbeat, such as its SDO answer.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ABORT = 0x80
 
 
 class WirePace:
-    """The pace of a wire of *bit_rate* bit/s; *now_s* returns the time in seconds. Thread-safe."""
+    """The pace on a wire at *bit_rate* bit/s; *now_s* returns the time in seconds. Thread-safe."""
 
     def __init__(self, bit_rate: int, now_s: Callable[[], float]) -> None:
         self._bit_s = 100 / FULL_PERCENT / bit_rate
@@ -58,7 +58,7 @@ class WirePace:
             self._busy_until_s = max(self._busy_until_s, self._now_s()) + bits * self._bit_s
 
     def _counted(self, frame: Frame, sent: bool) -> int:
-        """Bits of *frame* counted before, or bits that it makes superfluous; below 0: more follow."""
+        """Bits counted before for *frame*, or made superfluous by it; below 0: more follow."""
         function, node_id = (0 if frame.extended else frame.can_id & ~0x7F), frame.can_id & 0x7F
         owes = node_id in self._owed
         if function == ANSWER_ID and owes and not sent:

@@ -82,7 +82,7 @@ def arbitration(can_id: int, *, extended: bool, remote: bool) -> int:
 
 
 def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int, int]:
-    """Start of frame (0), arbitration and control field as one number, and its length in bits."""
+    """Start of frame (0), arbitration and control field as a number, and its bit count."""
     if extended:
         base, extension = can_id >> 18 & 0x7FF, can_id & 0x3FFFF
         return base << 27 | 0b11 << 25 | extension << 7 | remote << 6 | length, 39
@@ -90,7 +90,7 @@ def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int,
 
 
 def _stuffed_part(can_id: int, data: bytes, extended: bool, remote: bool) -> tuple[int, int]:
-    """The bits from the start of the frame to the end of its CRC as one number, and their count."""
+    """Bits from the start of the frame to the CRC's end as a number, and their count."""
     content, bits = header(can_id, len(data), extended, remote)
     sent = b"" if remote else data
     content, bits = content << 8 * len(sent) | int.from_bytes(sent, "big"), bits + 8 * len(sent)

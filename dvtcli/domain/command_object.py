@@ -75,9 +75,8 @@ def is_control_word(index: int, entry: OdEntry | None, names: str) -> bool:
 
 
 def commanded_by_other(heard: int, hears: OdEntry | None, sent: int, sends: OdEntry | None) -> bool:
-    """Whether object *heard*, a standard command or output, receives object *sent*, not a command.
+    """Whether a standard command or output *heard* receives *sent*, another object that is not a command.
 
-    *hears* and *sends* are their descriptions in files. An object of the same index is intended;
-    manufacturer-specific objects are not judged.
+    *hears* and *sends* are their descriptions in files. Manufacturer-specific objects are not judged.
     """
     return heard != sent and is_standard_command(heard, hears) and not is_command(sent, sends)

@@ -1,4 +1,4 @@
-"""Objects of a device that count as configuration: a file or a clone may write them.
+"""Configuration objects: a file or a clone may write them.
 
 Based on CiA 301, 302, the file and the profile, not on values or the device's state: a power stage that is on
 forbids more. Every other object has a reason (`NotWritten`).
@@ -50,7 +50,7 @@ _SETTINGS: Mapping[int, frozenset[int]] = {_ENCODER: frozenset({0x6200})}
 
 
 class Acts(Enum):
-    """Immediate effect of a write to an object of a device profile."""
+    """Immediate effect when a device profile's object is written."""
 
     COMMAND = auto()
     OUTPUT = auto()
@@ -61,9 +61,8 @@ class Acts(Enum):
 class DeviceTypes:
     """Device profiles that a device claims.
 
-    *said* are the profile numbers in 0x1000 (`401`) of the node and of its file; only 0 for none or unknown.
-    *is_several*: the device has logical devices; *logical* are the profile numbers of those with a known type of
-    their own, by logical device from 0.
+    *said* are the profile numbers in 0x1000 (`401`) according to node and file; only 0 for none or unknown.
+    *is_several*: the device has logical devices; *logical* are their profile numbers if known, by number from 0.
     """
 
     said: frozenset[int] = frozenset({0})
@@ -72,14 +71,14 @@ class DeviceTypes:
 
     @classmethod
     def of(cls, *types: bytes, logical: Mapping[int, bytes] | None = None) -> DeviceTypes:
-        """Device profiles from *types*, values of 0x1000, and from the types of *logical* devices."""
+        """Device profiles from *types*, values of 0x1000, and from *logical* devices' types."""
         numbers = frozenset(int.from_bytes(device_type[:2], "little") for device_type in types)
         is_several = any(int.from_bytes(device_type[2:4], "little") == _SEVERAL for device_type in types)
         own = {device: int.from_bytes(one[:2], "little") for device, one in (logical or {}).items()}
         return cls(numbers - {0} or frozenset({0}), is_several, own)
 
     def at(self, index: int) -> frozenset[int]:
-        """Profile numbers that may define the object at *index* of `PROFILES`; 0 among them: any profile."""
+        """Profile numbers that may define the object at *index* in `PROFILES`; 0 means any profile."""
         device = (index - PROFILES.start) // _LOGICAL_DEVICE
         if device in self.logical:
             return self.said | {self.logical[device]}
@@ -87,22 +86,22 @@ class DeviceTypes:
 
 
 def logical_types() -> Mapping[int, int]:
-    """Index of the device type of each logical device, from 0 (CiA 301, 7.5.2.1)."""
+    """Index of each logical device's type, by number from 0 (CiA 301, 7.5.2.1)."""
     devices = range(len(PROFILES) // _LOGICAL_DEVICE)
     return {device: _LAST_OF_FIRST + device * _LOGICAL_DEVICE for device in devices}
 
 
 def in_first(index: int) -> int:
-    """The index of the first logical device that corresponds to *index* of `PROFILES`."""
+    """The first logical device's index for *index* in `PROFILES`."""
     return PROFILES.start + (index - PROFILES.start) % _LOGICAL_DEVICE
 
 
 def acts(entry: OdEntry, names: str, types: DeviceTypes) -> Acts | None:
-    """Immediate effect of a write to *entry*, named *names*, on a device of *types*; None for no effect.
+    """Immediate effect when *entry*, named *names*, is written on a device with *types*; None for no effect.
 
     Makers have drives with outputs, and I/O modules with drives: an object at an output's or a command's index acts on
-    a device of any profile, unless the device's profile says otherwise, or no RPDO can write it and its name does not
-    suggest process data.
+    any device, unless the device's profile says otherwise, or no RPDO can write it and its name does not suggest
+    process data.
     """
     if entry.index not in PROFILES:
         return None
@@ -153,7 +152,7 @@ class NotWritten(StrEnum):
 
     @property
     def is_lifted_by_include(self) -> bool:
-        """Whether the user may write the object nevertheless by naming it; a command only by its own address."""
+        """Whether the user can include the object by naming it; a command only by its own address."""
         return self in (
             NotWritten.MAKERS, NotWritten.MAKERS_RPDO, NotWritten.NAMED_COMMAND, NotWritten.NAMED_PROCESS_DATA,
             NotWritten.RPDO_MAPPABLE,
@@ -161,7 +160,7 @@ class NotWritten(StrEnum):
 
     @property
     def may_be_setting(self) -> bool:
-        """Whether the object may still be configuration: comparisons count it and a DCF of a node contains it."""
+        """Whether the object may be configuration after all: comparisons count it and a node's DCF contains it."""
         return self.is_lifted_by_include and self is not NotWritten.NAMED_PROCESS_DATA
 
 
@@ -214,11 +213,11 @@ def is_named_as_command(name: str, whole: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """The objects of a device that a file may write, according to its *profile*.
+    """Objects that a file may write, according to the device's *profile*.
 
-    *types* are the device profiles that the device claims. *named* are manufacturer-specific objects that a file names
-    as configuration, *included* ranges of indices that the user names, *included_objects* single sub-indices
-    that the user names, *taken* objects mapped in an RPDO now. *dictionary* has the names of whole objects.
+    *types* are the device profiles that the device claims. *named* are manufacturer-specific objects named in a file
+    as configuration, *included* the user's ranges of indices, *included_objects* the user's single sub-indices,
+    *taken* objects mapped in an RPDO now. *dictionary* has the names of whole objects.
     """
 
     profile: DeviceProfile
@@ -247,7 +246,7 @@ class Configuration:
         return _by_standard(entry.index) or self._by_profiles(entry) or _by_access(entry) or self._by_name(entry)
 
     def _by_profiles(self, entry: OdEntry) -> NotWritten | None:
-        """Reasons from the device's own profile and from the device profile that it claims."""
+        """Reasons from the device's own profile and its claimed device profile."""
         place, own = (entry.index, entry.sub_index), self.profile
         if own.login is not None and place in (own.login.level, own.login.passcode, own.login.user_id):
             return NotWritten.PASSCODE
@@ -294,7 +293,7 @@ class Configuration:
         return is_sure and within(entry.index, self.included)
 
     def _is_setting(self, entry: OdEntry) -> bool:
-        """Whether an RPDO-mappable object is a setting by its standard or name, so that a range may write it."""
+        """Whether an RPDO-mappable object is a setting by standard or name; a range may write a setting."""
         in_drive = entry.index in PROFILES and in_first(entry.index) in _OF_DRIVES
         if entry.index < _MAKERS.start or (in_drive and self.types.at(entry.index) & {0, DRIVE}):
             return True
@@ -323,7 +322,7 @@ _ONE_BY_ONE = {
 def configuration_of(
     dictionary: ObjectDictionary, profile: DeviceProfile, included: Collection[Range] = ()
 ) -> Configuration:
-    """Configuration of a device described by *dictionary*; *included* are ranges of indices that the user names."""
+    """Configuration of a device with *dictionary*; *included* are the user's ranges of indices."""
     return Configuration(profile, device_types(dictionary), included=included, dictionary=dictionary)
 
 

@@ -1,4 +1,4 @@
-"""The state of a drive in words, from its statusword (CiA 402-2)."""
+"""Drive states in words (CiA 402-2)."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ STATES = (
 
 
 def drive_state(statusword: int) -> str:
-    """State of a drive in words for *statusword* (0…0xFFFF); empty if the standard has no such state."""
+    """Drive state in words for *statusword* (0…0xFFFF); empty if not in the standard."""
     return next((text for mask, bits, text in STATES if statusword & mask == bits), "")

@@ -15,7 +15,7 @@ _OPENING = ("login", "nmt preop", "fpo")
 
 
 def end_state(lines: Iterable[str], before: Mapping[Pdo, PdoConfig], after: Mapping[Pdo, PdoConfig]) -> list[str]:
-    """Lines that bring a node from *before* to the final state of *lines*, without trial and error.
+    """Lines that bring a node from *before* to the final state after *lines*, without trial and error.
 
     *before* and *after* are the PDOs changed by *lines*, before the first and after the last line; a PDO missing in
     *before* is written completely. `store` stays if nothing was changed after it; `restore` discards all lines
@@ -65,7 +65,7 @@ def _since_restore(lines: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _keys(line: str) -> list[Pdo | str]:
-    """PDOs that *line* sets, or words that name an object or a pin; empty if it sets nothing."""
+    """PDOs that *line* sets, or words for an object or a pin; empty if it sets nothing."""
     command, *words = line.split()
     if command in _ON_PDOS:
         return [Pdo.parse(word) for word in words if _is_pdo(word)]
@@ -84,7 +84,7 @@ def _is_pdo(word: str) -> bool:
 
 
 def _in_the_way(pdos: Sequence[Pdo], before: Mapping[Pdo, PdoConfig], after: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
-    """PDOs that still hold a CAN-ID when another PDO, earlier in the script, is to get it."""
+    """PDOs that hold a CAN-ID which an earlier PDO in the script is to get."""
     found = []
     for number, pdo in enumerate(pdos):
         held = before[pdo].communication.cob_id if pdo in before else None

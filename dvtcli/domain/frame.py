@@ -1,4 +1,4 @@
-"""Position of each object in a PDO's data, and conversion between bytes and values.
+"""Position of mapped objects in a PDO's data, and conversion between bytes and values.
 
 CiA 301, 7.4.7: the first mapped object starts at bit 0 of byte 0, the next object follows without a gap, the least
 significant bit first. Callers supply the data types.
@@ -60,7 +60,7 @@ def layout(entries: Iterable[PdoMappingEntry]) -> tuple[Field, ...]:
 
 
 def unpack(entries: Iterable[PdoMappingEntry], data: bytes) -> list[tuple[PdoMappingEntry, int | None]]:
-    """Raw bits of every entry except dummies; None for an entry that lies outside *data* or only partly in it."""
+    """Raw bits per entry, without dummies; None for an entry that is not completely in *data*."""
     word, length = int.from_bytes(data, "little"), 8 * len(data)
     return [
         (field.entry, word >> field.start_bit & (1 << field.bits) - 1 if field.end_bit <= length else None)
@@ -70,7 +70,7 @@ def unpack(entries: Iterable[PdoMappingEntry], data: bytes) -> list[tuple[PdoMap
 
 
 def pack(entries: Iterable[PdoMappingEntry], raw_of: Callable[[PdoMappingEntry], int]) -> bytes:
-    """The frame with the lowest bits of *raw_of* each entry; the bits of dummies are 0."""
+    """The frame with the lowest bits of each *raw_of* entry, and 0 for dummies."""
     fields = layout(entries)
     word = 0
     for field in fields:
@@ -109,7 +109,7 @@ def values_reader(entries: Iterable[PdoMappingEntry], type_of: TypeOf) -> Callab
 
 
 def encode(entries: Iterable[PdoMappingEntry], values: Mapping[tuple[int, int], Value], type_of: TypeOf) -> bytes:
-    """The frame that carries *values*, by index and sub-index; dummies are sent as 0.
+    """The frame with *values*, by index and sub-index, and 0 for dummies.
 
     Raises ValueError if a mapped object has no value, or if a value does not fit its type or its bits.
     """
@@ -146,7 +146,7 @@ def _raw(value: Value, entry: PdoMappingEntry, data_type: DataType | None) -> in
 
 
 def _raw_number(value: Value, entry: PdoMappingEntry, data_type: DataType | None) -> int:
-    """Check a number against the limits of its type and its mapped bits. Raises ValueError if it does not fit."""
+    """Check a number against its type and mapped bits. Raises ValueError if it does not fit."""
     if not isinstance(value, int):
         raise ValueError(f"{value!r} is not a number, as {entry.object} needs")
     if data_type is not None:

@@ -38,7 +38,7 @@ class LatestFrame:
 
 
 class LastFrames:
-    """Remembers the last data frame of each CAN-ID, at most `MOST` of them."""
+    """Remembers the last data frame per CAN-ID, for at most `MOST` CAN-IDs."""
 
     def __init__(self) -> None:
         self._heard: OrderedDict[tuple[int, bool], LatestFrame] = OrderedDict()

@@ -117,9 +117,9 @@ class Action(Enum):
 class Hint:
     """A next step: *action* with its *arguments* (`node` is a node-ID), and its purpose *why*.
 
-    The action replaces `{}` in *why*, without marks at the end behind a colon; else it comes in front. Text
-    from outside, such as a path, must pass `verbatim` before it goes into *why*. Without an action *why* is advice,
-    printed as it is. `+` chains steps.
+    The action replaces `{}` in *why* (without marks if at the end behind a colon), else it comes in front. Text
+    from outside, such as a path, must pass `verbatim` first. Without an action *why* is advice, printed as it is.
+    `+` chains steps.
     """
 
     action: Action | None
@@ -176,7 +176,7 @@ def has_place(why: str) -> bool:
 
 
 def sentence(hint: Hint, write: Callable[[Hint], str]) -> str:
-    """All steps of *hint* in one line; *write* returns the words for the action of a step."""
+    """All steps of *hint* in one line; *write* returns the words for a step's action."""
     text = ""
     for step in hint:
         said = step.why if step.action is None else _placed(step.why, write(step))
@@ -189,7 +189,7 @@ _BRACES = re.compile(r"\{\{|\}\}|\{\}")
 
 
 def _placed(why: str, action: str) -> str:
-    """*why* with its *action*, and with the braces that `verbatim` doubled restored."""
+    """*why* with its *action*, and with braces doubled by `verbatim` restored."""
     if why.endswith(": {}"):
         action = action.strip("`")
     if not has_place(why):
@@ -200,7 +200,7 @@ def _placed(why: str, action: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """The `next` field of a document: the words of the first step of *hint* that can be run as it is."""
+    """The `next` field of a document: the first runnable step of *hint*, in words."""
 
     hint: Hint
 
@@ -220,7 +220,7 @@ def plain_json(value: object) -> str | None:
 
 
 def filled(template: str, arguments: Mapping[str, Any]) -> list[str]:
-    """The words of *template* with the *arguments*.
+    """Fill *template* with *arguments*, as words.
 
     `{name}` is an argument's value, or each of several; without the argument the word is left out; `{name?word}` is the
     word if the argument is true; `{name|WORD}` is the value, or the placeholder WORD.

@@ -29,7 +29,7 @@ _OWN = 0xFF
 
 @dataclass(frozen=True, slots=True, order=True)
 class LssAddress:
-    """LSS address: the four numbers of a node's identity (0x1018:1..4), each of 32 bits."""
+    """LSS address: the four 32-bit numbers of a node's identity (0x1018:1..4)."""
 
     vendor: int
     product: int

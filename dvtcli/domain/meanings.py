@@ -80,7 +80,7 @@ Rules = Mapping[ObjectRange, Meaning]
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """Definitions of the CiA device profile *number*; 301, not a profile, applies to every device.
+    """Definitions in the CiA device profile *number*; 301, not a profile, applies to every device.
 
     *names* are the standard's object names, small letters and `_`: if a device claims another profile or
     none, an object counts only if its file uses this name.
@@ -121,7 +121,7 @@ class Meanings:
     """Meanings of a device's objects: the first match in *own*, else its file and *standards*.
 
     With *only_described*, an object missing in *dictionary* has words and bits, but no unit, as its
-    sign is unknown. A unit in the device's own file takes precedence over a standard's.
+    sign is unknown. The device's own file takes precedence over a standard for a unit.
     """
 
     def __init__(

@@ -52,8 +52,8 @@ _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 def is_named_as_process_data(name: str) -> bool:
     """Whether *name* suggests a command, a setpoint, a measured value, an input or an output.
 
-    `Torque set-point`, `StatusWord left` and `Key switch` do; `Nominal current` and `Output current limit` are
-    settings, as is any name without a known word.
+    `Torque set-point`, `StatusWord left` and `Key switch` do; `Nominal current`, `Output current limit` and any name
+    without a known word do not.
     """
     words = _words(name)
     return bool(_PROCESS.search(words)) and not _SETTING.search(words)
@@ -66,7 +66,7 @@ def is_named_as_control_word(name: str) -> bool:
 
 
 def is_named_as_setting(name: str, whole: str) -> bool:
-    """Whether an object's *name* marks a setting and neither it nor the *whole* object's name suggests an action.
+    """Whether *name* marks a setting, and neither it nor the *whole* object's name suggests an action.
 
     `Nominal current` and `Velocity loop Kp` do. `Operation mode`, `Torque offset`, `Torque limit command` and
     `Commands.Maximum torque` are ambiguous: the user has to name them.

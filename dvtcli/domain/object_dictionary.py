@@ -45,7 +45,7 @@ class ObjectType(IntEnum):
 
 
 def standard_default(index: int, sub_index: int, node_id: int) -> int | None:
-    """COB-ID that CiA 301 defines for a service of node *node_id* without a value in the file, None if undefined.
+    """CiA 301's COB-ID for a service of node *node_id* without a value in the file, None if undefined.
 
     Source: CiA 301, 7.5.2.5 (SYNC), 7.5.2.16 (TIME), 7.5.2.14 (EMCY), 7.5.2.33 and 7.5.2.34 (SDO channels; further
     channels do not exist: bit 31).

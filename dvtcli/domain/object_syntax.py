@@ -104,7 +104,7 @@ def _by_name(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]
 
 
 def _only(found: list[OdEntry], dictionary: ObjectDictionary, text: str) -> OdEntry | None:
-    """The unambiguous entry: a one-entry object's own name wins over sub-indices of the same name."""
+    """The unambiguous entry: a one-entry object's own name wins over equal names of sub-indices."""
     if len(found) == 1:
         return found[0]
     whole = [entry for entry in found if len(dictionary[entry.index].entries) == 1]
@@ -128,8 +128,8 @@ def resolve_entry(
 ) -> MappedObject | Skipped:
     """A mapping entry as typed: an object, optionally `/BITS`, or `dummy/BITS`.
 
-    The whole word is tried as a name before `/` is read as a length, since names contain `/`. Raises the errors of
-    `resolve_object`; ValueError for a length outside 1..64.
+    The whole word is tried as a name first, since names contain `/`. Raises as `resolve_object`, and ValueError for a
+    length outside 1..64.
     """
     try:
         return MappedObject(*resolve_object(text, dictionary, aliases))

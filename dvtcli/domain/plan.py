@@ -136,8 +136,8 @@ Change = PdoChange | ValueChange
 class Plan:
     """The changes for one node, in order.
 
-    The plan may be part of a larger change: *looked_at* are PDOs that the caller reads completely after the last
-    part, and rolls back with it.
+    In a larger change, *looked_at* are PDOs that the caller reads completely after the last part, and rolls back with
+    it.
     """
 
     node_id: int

@@ -125,8 +125,8 @@ class CanopenBus(Protocol):
     def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
         """Raise SafetyRefusal if *bit_rate* (bit/s) cannot be set from here, with the manual way.
 
-        With *listen_only*, also if the interface is not known to support listen-only mode: a node that reads at a
-        wrong bit rate acknowledges and signals errors, and so destroys other nodes' frames.
+        With *listen_only*, also if the interface may not support listen-only mode: a node that acknowledges and signals
+        errors at a wrong bit rate destroys other nodes' frames.
         """
         ...
 
@@ -199,7 +199,7 @@ class CanopenBus(Protocol):
         ...
 
     def heard_nodes(self) -> dict[int, NmtState]:
-        """State of every node known from its heartbeats and boot-ups, by node-ID."""
+        """Every node's state known from heartbeats and boot-ups, by node-ID."""
         ...
 
     def emergency(self, node_id: int) -> Emergency | None:
@@ -218,8 +218,9 @@ class CanopenBus(Protocol):
         ...
 
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it. See
-        `on_event`.
+        """Call *callback*(frame, sent) for each frame received or sent; returns a function that ends it.
+
+        See `on_event`.
         """
         ...
 

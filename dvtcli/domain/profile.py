@@ -108,7 +108,7 @@ class VpdoGroup:
 
 
 class StepKind(StrEnum):
-    """Kind of write in a PDO's change, as far as an abort code's meaning depends on it."""
+    """Kind of write in a PDO's change, if relevant for an abort code's meaning."""
 
     ENTRY = "entry"
     COUNT = "count"
@@ -240,7 +240,7 @@ class DeviceProfile:
         return masked or product_code in self.product_codes
 
     def hint(self, index: int, sub_index: int, abort: int) -> str | None:
-        """Usual meaning of the abort code *abort* of a write to *index*:*sub_index* in this family, or None."""
+        """Usual meaning of *abort* for a write to *index*:*sub_index* in this family, or None."""
         return self.hints.get(step_kind(index, sub_index), {}).get(abort)
 
     def allows_type(self, transmission_type: int) -> bool:

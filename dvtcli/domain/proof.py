@@ -13,7 +13,7 @@ RESTART_NAMES = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: 
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """Comparison after a restart: number of *compared* PDOs and *objects* with *against*, and the differences.
+    """Comparison after a restart: number of *compared* PDOs and *objects*, *against* what, and differences.
 
     *unproved* is the reason if a match proves nothing, and *hint* the remedy. *canary* is a value changed for the
     test, *put_back* set if it had to be restored afterwards; *lost* are unstored changes lost by the restart.

@@ -86,7 +86,7 @@ def said_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
 
 
 def resolved(want: PdoWant, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
-    """Configuration for *want* on the PDO of *proposal*; *lengths* are the lengths that were not typed, in bits.
+    """Configuration for *want* on the PDO in *proposal*; *lengths* are the untyped lengths, in bits.
 
     Raises ValueError if a length stays unknown, the device's dummies cannot add up to the skipped bits, `auto` finds
     no free CAN-ID, or a CAN-ID needs --extended.

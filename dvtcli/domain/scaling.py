@@ -81,7 +81,7 @@ class Scaling:
 
     @property
     def scale(self) -> str:
-        """The value of one count, with its unit: `1/256 V`."""
+        """One count's value and unit: `1/256 V`."""
         return scale_text(self.factor, self.unit)
 
     def to_physical(self, raw: float) -> Fraction | float:
@@ -114,7 +114,7 @@ class Scaling:
         return tuple(self.bits.get(bit, f"bit {bit}") for bit in range(raw.bit_length()) if raw >> bit & 1)
 
     def quantity(self, raw: float) -> str:
-        """The physical number of *raw* with its unit: `48.0 V`."""
+        """The physical number for *raw*, with unit: `48.0 V`."""
         return f"{self.number_text(raw)} {self.unit}".rstrip()
 
     def words(self, raw: Value) -> str:
@@ -125,7 +125,7 @@ class Scaling:
         return word or (self.quantity(raw) if self.has_number else "")
 
     def word(self, raw: int) -> str:
-        """The word for *raw*, or the names of its bits; empty for neither."""
+        """The word for *raw*, or its bits' names; empty for neither."""
         word = self.meaning(raw)
         if not word and self.bits and not self.states and raw >= 0:
             return ", ".join(self.set_bits(raw)) or "none"
@@ -184,7 +184,7 @@ class Scaling:
         return _MOST_DECIMALS
 
     def to_raw(self, text: str, *, whole: bool = True) -> float | None:
-        """The raw value of *text*: a number with a unit (`48V`, `48 mV`), a word, or output of `text`.
+        """The raw value for *text*: a number with a unit (`48V`, `48 mV`), a word, or output of `text`.
 
         None for anything else, such as a number alone (already raw). A number is accurate to its last digit: `23.4 V`
         is the nearest raw value that rounds to 23.4 V. Without *whole* the result is a real number. Raises ValueError
@@ -220,7 +220,7 @@ class Scaling:
         return named[0] if named else None
 
     def _in_own_unit(self, match: re.Match[str]) -> tuple[Fraction, Fraction]:
-        """The number of *match* in the object's own unit, and the weight of its last digit."""
+        """The number in *match* in the object's own unit, and its last digit's weight."""
         unit = spelled((match["unit"] or "").strip())
         ratio = times(unit, self.unit) if unit else None if self.unit else Fraction(1)
         if ratio is None:
@@ -267,7 +267,7 @@ def _number(text: str) -> int | None:
 
 
 def _with_last_digit(text: str) -> tuple[Fraction, Fraction]:
-    """A decimal number, and the weight of its last digit."""
+    """A decimal number, and its last digit's weight."""
     mantissa, _, exponent = text.lower().partition("e")
     decimals = len(mantissa.partition(".")[2])
     return Fraction(text), Fraction(10) ** (int(exponent or 0) - decimals)

@@ -40,7 +40,7 @@ def _value(data: bytes) -> str:
 
 
 def change_line(change: PdoChange) -> str:
-    """The line, or lines, for a change of one PDO; empty without changes."""
+    """The line, or lines, for a PDO change; empty without changes."""
     if not change.steps:
         return ""
     before, after, pdo = change.before, change.after, change.pdo
@@ -105,7 +105,7 @@ def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommuni
 def backup_lines(
     identity: Mapping[str, int | None], pdos: Mapping[Pdo, PdoConfig], fixed: Collection[Pdo] = ()
 ) -> list[str]:
-    """A script that sets all *pdos* to this configuration, on a device of this *identity* only.
+    """A script that sets all *pdos* to this configuration, on a device with this *identity* only.
 
     The script disables PDOs first, since other nodes may use a CAN-ID by the time it runs; except PDOs in *fixed*,
     whose COB-IDs are read-only. Parts that no script could set become comments.
@@ -124,7 +124,7 @@ def backup_of(pdo: Pdo, config: PdoConfig) -> list[str]:
 
 
 def serial_line(identity: Mapping[str, int | None]) -> str:
-    """The comment with the serial number of the device of this *identity*."""
+    """The comment with the device's serial number."""
     serial = identity.get("serial")
     return "# no serial number" if serial is None else f"# serial number 0x{serial:08X}"
 

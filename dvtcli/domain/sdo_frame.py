@@ -1,7 +1,7 @@
-"""Values of certain objects in SDO frames, tracked frame by frame (CiA 301, 7.2.4.3).
+"""Find values of certain objects in SDO frames (CiA 301, 7.2.4.3).
 
-Covers expedited, segmented and block transfers of any client. If a frame is ambiguous, such as the segments of an
-unfinished block, it counts as a value.
+Covers expedited, segmented and block transfers by any client. An ambiguous frame, such as a segment of an unfinished
+block, counts as a value.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class _Way:
         return found
 
     def _in_block(self, data: bytes) -> bool:
-        """Whether a frame is a segment of a block; during a transfer of the objects every frame but its end is."""
+        """Whether a frame is a block segment; during a transfer of the objects every frame but its end is."""
         command, number = data[0], data[0] & 0x7F
         if not self._next or not number or (self._next == 1 and data == self._beginning):
             return False

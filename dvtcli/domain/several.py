@@ -23,7 +23,7 @@ def hex_preview(data: bytes) -> str:
 
 
 def value_text(data: bytes) -> str:
-    """An object's value in words: a number if its length allows, else its first bytes."""
+    """An object's value in words: a number if possible, else its first bytes."""
     if len(data) in (1, 2, 4, 8):
         return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
     return hex_preview(data) or "empty"

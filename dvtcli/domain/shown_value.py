@@ -33,7 +33,7 @@ def value_text(value: Value | None, meaning: Scaling = NOTHING, bits: int = 0, *
 
 
 def step_text(step: Step, data: bytes | None, known: ScaledValue | None) -> str:
-    """*data* of the object of *step* with its meaning if *known*; else in the usual notation."""
+    """*data* for the object in *step* with its meaning if *known*; else in the usual notation."""
     value = None if known is None else known.value(data)
     if known is None or value is None or isinstance(value, bytes):
         return step.text(data)

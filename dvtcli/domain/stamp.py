@@ -9,7 +9,7 @@ from datetime import date, timedelta
 
 @dataclass(frozen=True, slots=True)
 class WhoStored:
-    """Node-IDs of nodes that *stored*, nodes that did not, and nodes whose store is *unknown*.
+    """Node-IDs that *stored*, that did not, and with *unknown* result.
 
     *not_held*: nodes that acknowledged their store, but then did not hold the planned values.
     """

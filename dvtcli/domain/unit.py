@@ -58,7 +58,7 @@ def _word(unit: str) -> str:
 
 
 def _split(unit: str) -> tuple[tuple[int, str] | None, str]:
-    """The power of ten and the base of *unit*'s first part, None if it takes no prefix; and its other parts."""
+    """Power of ten and base of a unit's first part, None without prefix; and its other parts."""
     word = _word(unit)
     rest = unit[len(word) :]
     if word in _BASES:
@@ -86,7 +86,7 @@ def parse_offset(text: str) -> Fraction:
 
 
 def parse_scale(text: str) -> tuple[Fraction, str]:
-    """The value of one count, and its unit: `1/256 V`, `0.1 %`, `100 us`; without a number, the text is the unit."""
+    """One count's value, and its unit: `1/256 V`, `0.1 %`, `100 us`; without a number, the text is the unit."""
     text = " ".join(text.split())
     match = _SCALE.fullmatch(text)
     if match is None:
@@ -96,7 +96,7 @@ def parse_scale(text: str) -> tuple[Fraction, str]:
 
 
 def scale_text(factor: Fraction, unit: str) -> str:
-    """The value of one count with its unit, as input for `parse_scale`: `1/256 V`."""
+    """One count's value with its unit, as input for `parse_scale`: `1/256 V`."""
     if factor == 1:
         return unit
     exact = factor.numerator == 1 and (factor * 1000).denominator > 1

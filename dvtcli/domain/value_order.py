@@ -55,12 +55,12 @@ def is_dependent(index: int, sub_index: int) -> bool:
 
 
 def in_order(steps: Iterable[Step]) -> list[Step]:
-    """Downloads that bring the objects of *steps*, one step each, to their new values, in an order CiA 301 allows.
+    """Downloads that bring the objects in *steps*, one step each, to their new values in an order CiA 301 allows.
 
     Obstructive old values are released first: a service stops before its CAN-ID changes (7.5.2.5,
     7.5.2.15, 7.5.2.17, 7.5.2.33), the SYNC period is 0 while the counter's overflow changes (7.5.2.22), and of two
     consumer heartbeat times for one node the old time goes first (7.5.2.19). SYNC is produced once its period is set.
-    Without releases there is one download for each step. Backwards the order is that of the steps reversed.
+    Without releases each step is one download. The order also holds backwards.
     """
     wanted = list(steps)
     released = [(step, _released(step, wanted)) for step in wanted if step.index != CONSUMER_TIMES]
@@ -92,7 +92,7 @@ _RELEASED = "release it: it is frozen, or in the way"
 
 
 def _released(step: Download, beside: Sequence[Download]) -> bytes | None:
-    """Value of the object of *step* while other objects are written; None if it is not in the way."""
+    """Value for the object in *step* while other objects are written; None if it is not in the way."""
     if step.before is None:
         return None
     held, wanted = (int.from_bytes(data, "little") for data in (step.before, step.after))

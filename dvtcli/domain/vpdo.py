@@ -22,7 +22,7 @@ RULES = (
 
 @dataclass(frozen=True, slots=True)
 class Pins:
-    """The pins of a group *name*: *values* are the connected objects' indices by pin, the first *active* count.
+    """The pins in a group *name*: *values* are the connected objects' indices by pin, the first *active* count.
 
     Source: Sevcon PDO Fundamentals rev 2, 2.2: sub 0 is the number of active mappings, sub k belongs to pin k.
     """

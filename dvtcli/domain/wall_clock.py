@@ -29,7 +29,7 @@ def local_clock(time_s: float, timespec: str = "seconds") -> str:
 
 
 def _split(time_s: float) -> tuple[int, int]:
-    """The whole seconds of a time and its microseconds, rounded like `datetime.fromtimestamp`."""
+    """Whole seconds and microseconds of a time, rounded like `datetime.fromtimestamp`."""
     part, whole = modf(time_s)
     carried, microseconds = divmod(round(part * 1e6), 1_000_000)
     return int(whole) + carried, microseconds

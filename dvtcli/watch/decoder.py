@@ -24,10 +24,10 @@ Address = tuple[int, bool]
 
 @dataclass(frozen=True, slots=True)
 class SignalPlace:
-    """Place of a DBC file's signal: *bits* bits from *start_bit* on, counted from the lowest bit of byte 0.
+    """Place of a signal in a DBC file: *bits* bits from *start_bit* on, counted from the lowest bit in byte 0.
 
-    *start_bit* is its least significant bit; with *is_big_endian* its most significant bit, and the others follow
-    downwards in this byte, then from bit 7 of the next byte, as in DBC files.
+    *start_bit* is the least significant bit; with *is_big_endian* the most significant bit, and the others follow
+    downwards in this byte, then from bit 7 in the next byte, as in DBC files.
     """
 
     start_bit: int
@@ -37,10 +37,10 @@ class SignalPlace:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A value in a frame: *object* is `606C:00`, empty if a file gave only names; *key* is unique in its frame.
+    """A value in a frame: *object* is `606C:00`, empty if a file gave only names; *key* is unique in the frame.
 
-    *meaning* is its scaling, *bits* its length, 0 if unknown; *data_type* is None if unknown.
-    *place* is its place according to a DBC file; None if from a PDO's mapping.
+    *meaning* is the scaling, *bits* the length, 0 if unknown; *data_type* is None if unknown.
+    *place* is the place according to a DBC file; None if from a PDO's mapping.
     """
 
     key: str
@@ -59,12 +59,12 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Contents of a frame: *read* turns its data into a value per signal, None if the frame ends before.
+    """Contents of a frame: *read* turns data into a value per signal, None if the frame ends before.
 
-    *mapping* is the PDO's, dummies included; empty if a file gives the places of signals. *is_consumers*: the part
-    that an RPDO receives, perhaps less than the producer sends. *byte_length* is the required length of the frame
-    according to *source*, in words (`the mapping in gen4.eds`); None if unknown. *guess* names the origin of a mapping
-    taken from elsewhere and not from this very node; empty otherwise.
+    *mapping* is the PDO's, dummies included; empty if a file gives the signals' places. *is_consumers*: only the part
+    that an RPDO receives. *byte_length* is the required length according to *source*, in words (`the mapping in
+    gen4.eds`); None if unknown. *guess* names the origin of a mapping taken from elsewhere and not from this very node;
+    empty otherwise.
     """
 
     service: Service
@@ -86,7 +86,7 @@ class Layout:
         object.__setattr__(self, "objects", objects)
 
     def values(self, frame: Frame) -> dict[str, Value]:
-        """Signals of *frame* that lie completely in it, by key."""
+        """Signals completely in *frame*, by key."""
         if frame.remote or not self.signals:
             return {}
         return {
@@ -144,7 +144,7 @@ class Decoder:
         return found
 
     def values(self, frame: Frame) -> dict[str, Value]:
-        """Signals of *frame* that lie completely in it, by key."""
+        """Signals completely in *frame*, by key."""
         return self.layout(frame).values(frame)
 
 

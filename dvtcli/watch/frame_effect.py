@@ -1,4 +1,4 @@
-"""Effect of a frame on its receivers, as the reason to ask before it is sent.
+"""A frame's effect on its receivers, as the reason to ask before sending it.
 
 Based on the services' CAN-IDs and the PDOs of nodes that were read. Sends nothing.
 """
@@ -36,9 +36,9 @@ _NMT = {
 
 @dataclass(slots=True)
 class Parties:
-    """Producers and consumers of frames: known for *nodes*, presumed by the standard for all others.
+    """Frames' producers and consumers: known for *nodes*, presumed by the standard for all others.
 
-    *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *services* are the nodes' own settings of
+    *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *services* are the nodes' own settings for
     SYNC, TIME, EMCY, SDO servers, and the servers that they access as clients.
     """
 
@@ -58,9 +58,9 @@ class Parties:
 
 
 def effects(frame: Frame, parties: Parties) -> str:
-    """Possible effect of *frame* on the nodes of a bus, in words; empty if no node is known to react.
+    """Possible effect of *frame* on a bus, in words; empty if no node is known to react.
 
-    A PDO of a node that was not read is presumed at its place in the pre-defined connection set.
+    If a node was not read, its PDOs are presumed as in the pre-defined connection set.
     """
     address = frame.can_id, frame.extended
     service = service_of(frame.can_id, extended=frame.extended)

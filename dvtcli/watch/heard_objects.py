@@ -34,7 +34,7 @@ _STORE, _RESTORE, _WITH_PDOS = 0x1010, 0x1011, (1, 2)
 
 
 class _Block(Enum):
-    """Side whose frames are segments of a block, which begin with a number instead of a command."""
+    """Side that sends block segments, which begin with a number instead of a command."""
 
     NONE = auto()
     OF_CLIENT = auto()
@@ -91,7 +91,7 @@ class _Heard:
         self.down = self._first(data) if command == _DOWNLOADS else None
 
     def answer(self, data: bytes) -> Place | None:
-        """Process a node's frame; the object whose value it completes."""
+        """Process a node's frame; return the object whose value is complete now."""
         if self.block is _Block.OF_SERVER and data[0] != _ABORT:
             return None
         command, done = data[0] >> 5, None
@@ -139,7 +139,7 @@ class HeardObjects:
         self._nodes: dict[int, _Heard] = {}
 
     def take(self, frame: Frame) -> tuple[int, Place] | None:
-        """Process *frame*; node and object whose present value it reveals, None for any other frame."""
+        """Process *frame*; return node and object with a new known value, None for any other frame."""
         if frame.extended or frame.remote or not frame.can_id & 0x7F:
             return None
         service, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
@@ -172,7 +172,7 @@ def is_boot_up(frame: Frame) -> bool:
 
 
 def is_taken(frame: Frame) -> bool:
-    """Whether the value that `HeardObjects.take` reports for *frame* was written; otherwise it was read."""
+    """Whether the value from `HeardObjects.take` for *frame* was written; otherwise it was read."""
     return frame.data[0] >> 5 in (_TAKEN, _SEGMENT_TAKEN)
 
 

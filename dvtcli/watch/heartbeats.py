@@ -16,14 +16,14 @@ PERIODS, GRACE_S = 2, 0.5
 
 @dataclass(slots=True)
 class _Beat:
-    """A node's heartbeat: time of the last heartbeat, and its period (s)."""
+    """A node's last heartbeat and its period (s)."""
 
     last_s: float
     period_s: float | None = None
 
 
 class Heartbeats:
-    """Track the heartbeats of all nodes, and all SDO transfers of 0x1017."""
+    """Track all nodes' heartbeats, and all SDO transfers of 0x1017."""
 
     def __init__(self) -> None:
         self._beats: dict[int, _Beat] = {}
@@ -32,7 +32,7 @@ class Heartbeats:
         self._told_s: dict[int, float] = {}
 
     def take(self, frame: Frame, now_s: float) -> None:
-        """Process *frame*, sent by anyone at *now_s*; called for every frame, so it must be quick."""
+        """Process *frame*, sent by anyone at *now_s*; called for every frame: must be quick."""
         if (heard := self._times.take(frame)) is not None:
             self._note_time(heard, now_s)
         elif is_boot_up(frame):

@@ -19,7 +19,7 @@ def _cob_id(frame: Frame) -> str:
 
 
 def doubts(frame: Frame, layout: Layout) -> list[str]:
-    """Reasons to doubt the values of *frame* by *layout*, in words: it is a guess, or does not fit."""
+    """Reasons to doubt values of *frame* by *layout*, in words: a guess, or a misfit."""
     return [text for text in (guess(frame, layout), misfit(frame, layout)) if text]
 
 

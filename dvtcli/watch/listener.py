@@ -50,9 +50,9 @@ class ListenedBus(Protocol):
 class Listener:
     """Record all frames on *bus*, including sent frames; at most *waiting* frames are kept.
 
-    Bytes of a *secret* are replaced by zeros: a recording must not reveal the passcode of a login.
-    Use it in a `with`: it listens inside, from *began_s* on (of time.monotonic). Earlier unread frames
-    do not count. Times of its frames are seconds since 1970.
+    Bytes of a *secret* are replaced by zeros: a recording must not reveal a login's passcode.
+    Use it in a `with`: recording begins at *began_s* (time.monotonic). Earlier unread frames
+    do not count. Frame times are seconds since 1970.
     """
 
     def __init__(self, bus: ListenedBus, secret: SdoValues, waiting: int = WAITING) -> None:

@@ -32,7 +32,7 @@ class Event:
 
 @dataclass(slots=True)
 class SeenFrame:
-    """The last frame of an address, the number of frames, and the time of each byte's last change."""
+    """An address's last frame, frame count, and the time of each byte's last change."""
 
     layout: Layout
     can_id: int

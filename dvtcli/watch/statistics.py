@@ -90,7 +90,7 @@ class Rhythm:
         return 1 / mean_s if mean_s > 0 else None
 
     def jitter_s(self) -> float | None:
-        """The standard deviation of the time between two frames, in seconds; None if too few frames came."""
+        """Standard deviation of the time between frames, in seconds; None if too few frames came."""
         gaps = self._gaps()
         return pstdev(gaps) if len(gaps) >= 2 else None
 

@@ -122,5 +122,5 @@ def _name(layout: Layout, signal: Signal) -> str:
 
 
 def signal_name(title: str, place: str, key: str) -> str:
-    """The full name of the signal *key* in the frame *title*: with its object *place* unless *key* begins with it."""
+    """The full name of signal *key* in frame *title*: with its object *place* unless *key* begins with it."""
     return " ".join(filter(None, [title, "" if key.startswith(place) else place, key]))

@@ -96,7 +96,7 @@ def fill(tracks: Mapping[Place, Track], frames: Iterable[Frame], decoder: Decode
 
 
 def fill_rows(tracks: Mapping[int, Track], rows: Iterable[tuple[float, list[float | None]]]) -> tuple[float, float]:
-    """Add the cells of *rows* to the track of their column's number; the first and last time (s)."""
+    """Add the cells in *rows* to the tracks of their columns; the first and last time (s)."""
     first_s = last_s = None
     for time_s, cells in rows:
         first_s = time_s if first_s is None else min(first_s, time_s)

@@ -1,6 +1,6 @@
 """SDO block download: up to 127 segments before the server acknowledges (CiA 301, 7.2.4.3.9 to 7.2.4.3.11).
 
-An acknowledgement names neither object nor sub-block: before the last segment of a sub-block any is discarded.
+An acknowledgement names neither object nor sub-block: if received before a sub-block's last segment, it is discarded.
 If the server checks no CRC, wrong data cannot be detected after a disorder: the transfer
 is then aborted, and the caller sends the data in segments.
 """

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class SdoChannel:
-    """The SdoTransport of a node: one transfer at a time, other threads wait for their turn."""
+    """A node's SdoTransport: one transfer at a time, other threads wait."""
 
     def __init__(self, client: StrictSdoClient) -> None:
         self._client = client
@@ -27,7 +27,7 @@ class SdoChannel:
 
     @property
     def dropped(self) -> DroppedAnswers:
-        """Number of discarded answers of this node, and signs of another SDO client."""
+        """Discarded answers from this node, and signs of another SDO client."""
         return self._client.dropped
 
     def upload(
@@ -68,7 +68,7 @@ class SdoChannel:
             link.end_transfer(self._turn)
 
     def _note(self, index: int, sub_index: int, data: bytes) -> None:
-        """Inform the bus of a heartbeat consumer: a late heartbeat stops its machine."""
+        """Inform the bus about a heartbeat consumer: a late heartbeat stops its machine."""
         if index == _HEARTBEAT_CONSUMERS and sub_index:
             self._client.link.consumes_heartbeat(self._client.node_id, sub_index, consumes=any(data))
 

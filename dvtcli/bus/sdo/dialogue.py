@@ -1,7 +1,7 @@
 """Requests to a node's SDO server and their answers: every answer is checked before it counts.
 
-Multiplexer, command specifier and toggle bit of every answer must fit (CiA 301, 7.2.4.3). canopen 2.4.1 mistakes a late
-acknowledgement of an earlier write for the present acknowledgement, even if the device aborts the present write.
+Multiplexer, command specifier and toggle bit must fit (CiA 301, 7.2.4.3). canopen 2.4.1 mistakes an earlier write's
+late acknowledgement for the present acknowledgement, even if the device aborts the present write.
 One transfer at a time: see channel.
 """
 
@@ -83,8 +83,8 @@ _MOST_DELAY_S = 2.0
 class _Wait:
     """A wait of *timeout_s* (s) for frames over *link*, beginning with the first `take`.
 
-    The wait is extended by the time during which this machine kept the bus from being read: an answer could not be
-    seen, and a node or an adapter driven by this machine could not send.
+    While this machine keeps the bus from being read, the wait is extended: an answer could not be seen, and a node or
+    an adapter driven by this machine could not send.
     """
 
     def __init__(self, link: SdoLink, timeout_s: float) -> None:
@@ -216,7 +216,7 @@ class Dialogue:
         return None
 
     def sweep(self) -> int:
-        """Discard unrequested frames received so far; their number. Raises the errors of `next_frame`."""
+        """Discard unrequested frames received so far and return their number. Raises as `next_frame`."""
         self.link.drain()
         count = 0
         while not self.inbox.empty():
@@ -261,7 +261,7 @@ class Dialogue:
         self.requested = True
 
     def discard(self) -> None:
-        """Discard frames received so far: an answer before its request does not count."""
+        """Discard frames received so far: an answer must not precede its request."""
         self.link.drain()
         while not self.inbox.empty():
             item = self.inbox.get_nowait()
@@ -269,11 +269,10 @@ class Dialogue:
                 self.drop(item)
 
     def _settle(self, multiplexer: bytes) -> None:
-        """After a time-out, make sure that no late answer can be mistaken for the next request's.
+        """After a time-out, make sure that no late answer is mistaken for the next request's.
 
-        A server answers in order: once a read of another object is answered, all earlier requests were answered, or
-        never will be. Otherwise, a late acknowledgement of a write would pass for the acknowledgement of its
-        repetition.
+        A server answers in order: once a read of another object is answered, no earlier answer can follow. Otherwise, a
+        write's late acknowledgement would pass for its repetition's.
         """
         self._multiplexer = _FENCE[1:4]
         self._asked.append(self._multiplexer)

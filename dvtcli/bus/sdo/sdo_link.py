@@ -46,7 +46,7 @@ class SdoLink(Protocol):
         ...
 
     def await_share(self) -> None:
-        """Wait until a request and its answer fit into the permitted share of the bus."""
+        """Wait until a request and its answer fit into the permitted bus share."""
         ...
 
     def takes_bursts(self) -> bool:
@@ -54,7 +54,7 @@ class SdoLink(Protocol):
         ...
 
     def is_stopped(self, node_id: int) -> bool:
-        """Whether the last state of *node_id* since its last NMT command is STOPPED."""
+        """Whether the last known state since the last NMT command to *node_id* is STOPPED."""
         ...
 
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
@@ -88,11 +88,11 @@ class SdoLink(Protocol):
 
 @dataclass(slots=True)
 class DroppedAnswers:
-    """Number of discarded answers of a node.
+    """Number of discarded answers from a node.
 
     *stale*: late, or a second answer to the same request; *foreign*: for an object that was not requested, or with a
     29-bit CAN-ID; *malformed*: not 8 bytes, or an unknown command specifier; *doubled*: the *stale* answers that are
-    not late; *other_client*: requests of other clients on the node's SDO channel.
+    not late; *other_client*: other clients' requests on the node's SDO channel.
     """
 
     stale: int = 0

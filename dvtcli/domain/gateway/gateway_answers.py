@@ -13,7 +13,7 @@ from dvtcli.domain.glyphs import ascii_only
 
 
 class GatewayError(IntEnum):
-    """Error codes of the gateway itself; a node's refusal has its SDO abort code."""
+    """Error codes of the gateway itself; a node's refusal has an SDO abort code."""
 
     NOT_SUPPORTED = 100
     SYNTAX = 101

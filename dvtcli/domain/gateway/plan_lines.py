@@ -79,10 +79,10 @@ _PHASES = ("producers off", "consumers off", "writing", "consumers on", "produce
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """Actions that a node needs besides its writes.
+    """Actions besides writes for a node.
 
-    *preop*: its PDOs can only be set in PRE-OPERATIONAL; *start*: it was OPERATIONAL; *stores*: the sub-indices of
-    0x1010 to store.
+    *preop*: PDOs can only be set in PRE-OPERATIONAL; *start*: it was OPERATIONAL; *stores*: the sub-indices of 0x1010
+    to store.
     """
 
     preop: bool = False

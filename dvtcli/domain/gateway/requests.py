@@ -85,7 +85,7 @@ class ReadPdo:
 
 @dataclass(frozen=True, slots=True)
 class WritePdo:
-    """Transmit the gateway's TPDO *number*; its set-up defines the type of each of *values*."""
+    """Transmit the gateway's TPDO *number*; its set-up defines the types of *values*."""
 
     number: int
     values: tuple[str, ...]
@@ -106,7 +106,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Prefix of an order, the ranges of its numbers, and the number of required numbers (None: all)."""
+    """Prefix of an order, and ranges and required count (None: all) of its numbers."""
 
     level: Level
     ranges: tuple[tuple[int, int], ...] = ()

@@ -19,7 +19,7 @@ _LOOKED_AT = range(0x1000, 0x1C00)
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """A missing object, sub-index 0 for a whole object, and the abort *code* of reading it."""
+    """A missing object, sub-index 0 for a whole object, and its abort *code*."""
 
     index: int
     sub_index: int

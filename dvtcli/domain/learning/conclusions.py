@@ -1,4 +1,4 @@
-"""Conclusions from a device's answers, in the terms of a profile and of a simulated family. Pure."""
+"""Conclusions from a device's answers, as values for a profile and a simulated family. Pure."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def most_writes(subject: ProbedPdo, probes: list[Probe]) -> int:
 
 
 def most_until_refused(subject: ProbedPdo) -> int:
-    """Maximum downloads until it is known that the first entry of *subject* does not accept its old value again."""
+    """Maximum downloads to find out that the first entry of *subject* refuses its old value."""
     opening = 2  # off, count 0
     return _TWICE * (opening + len(subject.parameters) + 1)
 
@@ -305,10 +305,9 @@ def _max_entries(each: list[KnownAnswers], most_entries: int) -> Iterator[Learnt
 
 
 def _max_entry_bits(each: Sequence[KnownAnswers]) -> Iterator[Learnt]:
-    """Longest mappable object, if a longer object was refused for nothing but its length.
+    """Longest mappable object, if a longer object was refused only for its length.
 
-    An object of this length was mapped in some direction, or was refused only for another reason, so that nothing
-    speaks against the length.
+    An object of this length was mapped in some direction, or refused only for another reason.
     """
     longest = max((fit.bits for known in each for fit in known.fits), default=0)
     refused = [answer for known in each for answer in longer_refused(known) if answer.probe.entry_bits > longest]

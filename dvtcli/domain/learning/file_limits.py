@@ -1,6 +1,6 @@
-"""Values outside a file's limits for PDO parameters: probe each limit once, and report accepted values.
+"""Probe values outside a file's limits for PDO parameters, and report accepted values.
 
-Pure; sends nothing. The names of the checks are those of a simulated device (`answers` of its family).
+Pure; sends nothing. The checks have the names of a simulated device's (`answers` of its family).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ON_REQUEST = (252, 253)
 
 
 def limit_probes(subject: ProbedPdo) -> Iterator[Probe]:
-    """A value below and a value above the limits of each communication parameter, if its type allows."""
+    """A value below and a value above each communication parameter's limits, if the type allows."""
     index = subject.pdo.communication_index
     for sub_index, data in subject.parameters.items():
         if (index, sub_index) not in subject.limits or sub_index not in _CHECKED:

@@ -10,7 +10,7 @@ Value = bool | int | str | list["Value"]
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """A learnt value, by its *key* with its tables (`rtr_bit.tpdo`), and the *evidence* for it."""
+    """A learnt value with its *key* and tables (`rtr_bit.tpdo`), and the *evidence*."""
 
     key: str
     value: Value

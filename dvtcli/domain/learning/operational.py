@@ -136,7 +136,7 @@ def gate_for_family(answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> I
 def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mapping[str, ProbeAnswer]]) -> list[Learnt]:
     """*family*, reduced if the device checks its rules in OPERATIONAL only.
 
-    Accepted writes in PRE-OPERATIONAL then prove nothing about the rules, except for limits and for refusals there.
+    Accepted writes in PRE-OPERATIONAL then prove nothing, except for limits and for refusals there.
     """
     pairs = {way: list(_pairs(own, rules=True)) for way, own in answers.items()}
     refused = {

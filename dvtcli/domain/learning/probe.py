@@ -67,7 +67,7 @@ class ProbeWrite:
 class Probe:
     """A probe of *pdo*, None for the device: the last of *writes*, after the others were accepted, from *stand*.
 
-    *name* is unique in a run, *sense* describes the question for people. *check* is the name of the simulated device's
+    *name* is unique in a run, *sense* describes the question for people. *check* is the simulated device's
     check for the same write, "" for none.
     """
 
@@ -135,7 +135,7 @@ def _number(data: bytes | None) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """Reasons besides length to refuse to map an object: its *access* and its *kind* of number."""
+    """Reasons besides length to refuse mapping: *access* and *kind* of number."""
 
     access: str
     kind: str
@@ -143,16 +143,15 @@ class Features:
 
 @dataclass(frozen=True, slots=True)
 class ProbedPdo:
-    """The probed PDO: values read from it and values to probe it with.
+    """The probed PDO with its present and probing values.
 
-    *parameters* are the bytes of each readable sub-index of its communication parameter, *entries* the raw
-    words of the readable sub-indices 1… of its mapping. *spare* are two unused CAN-IDs, none if the PDO
-    must not be enabled. *fits* are objects that the file says may be mapped in this direction, *by_access* those of
-    each access type that are marked mappable, one of each length, *unmappable* objects that are not; *features* are
-    access and kind of each object. *absent* is an index that the device does not
-    have. *more*: further entries exist and must not be written, since they do not accept their old value again.
-    *other_way* is an object that only PDOs of the other direction map, if no file gives access types. *limits* are the
-    lowest and the highest value of parameters and entries in the file, by index and sub-index.
+    *parameters* are the bytes of each readable sub-index of the communication parameter, *entries* the raw words of
+    readable sub-indices 1… of the mapping. *spare* are two unused CAN-IDs, none if the PDO must not be enabled. *fits*
+    are mappable objects in this direction according to the file, *by_access* the same by access type, one per length,
+    *unmappable* other objects; *features* are access and kind of each object. *absent* is a missing index. *more*:
+    further entries exist and must not be written, since they refuse their old value. *other_way* is an object that only
+    PDOs of the other direction map, if no file gives access types. *limits* are the lowest and the highest value of
+    parameters and entries in the file, by index and sub-index.
     """
 
     pdo: Pdo
@@ -176,5 +175,5 @@ class ProbedPdo:
 
     @property
     def objects(self) -> list[PdoMappingEntry]:
-        """Objects that the file says may be mapped, of each length and access."""
+        """Mappable objects according to the file, of each length and access."""
         return [*self.fits, *(entry for entries in self.by_access.values() for entry in entries)]

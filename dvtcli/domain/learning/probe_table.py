@@ -54,7 +54,7 @@ _WHOLE = ("map ", "access ")
 
 @dataclass(frozen=True, slots=True)
 class KnownAnswers:
-    """Answers so far, by the probe names of a *subject*."""
+    """Answers so far, by probe name."""
 
     subject: ProbedPdo
     answers: Mapping[str, ProbeAnswer]
@@ -105,12 +105,12 @@ class KnownAnswers:
         return entry.bits
 
     def access(self, entry: PdoMappingEntry) -> str:
-        """The access type of an object in its file, "" if unknown."""
+        """An object's access type in its file, "" if unknown."""
         features = self.subject.features.get(entry)
         return "" if features is None else features.access
 
     def kind(self, entry: PdoMappingEntry) -> str:
-        """The kind of number of an object in its file, "" if unknown."""
+        """An object's kind of number in its file, "" if unknown."""
         features = self.subject.features.get(entry)
         return "" if features is None else features.kind
 
@@ -166,7 +166,7 @@ def _probe(
 
 
 def _objects(known: KnownAnswers) -> Iterator[Probe]:
-    """Probe mappable objects: one accepted object of each length and kind."""
+    """Probe mappable objects, until one is accepted per length and kind."""
     taken = {(fit.bits, known.kind(fit)) for fit in known.fits}
     for fit in known.subject.fits:
         if fit_name(fit) in known.answers or (fit.bits, known.kind(fit)) not in taken:
@@ -187,7 +187,7 @@ def _objects(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _like_one_that_is_taken(known: KnownAnswers, entries: Sequence[PdoMappingEntry]) -> PdoMappingEntry:
-    """An entry of a length and kind that the device maps, so that a refusal has one cause; else the first."""
+    """An entry whose length and kind the device maps, for a single cause of refusal; else the first."""
     alike = {(fit.bits, known.kind(fit)) for fit in known.fits}
     lengths = {fit.bits for fit in known.fits}
     best = [entry for entry in entries if (entry.bits, known.kind(entry)) in alike]
@@ -241,7 +241,7 @@ def _entries(known: KnownAnswers) -> Iterator[Probe]:
 
 
 def _how_many(known: KnownAnswers) -> Iterator[Probe]:
-    """Probe the number of entries: the last readable entry, and if refused all before it."""
+    """Probe the number of entries: the last readable entry, and if refused all earlier entries."""
     if not known.fits:
         return
     word, last = known.fits[0].raw, len(known.subject.entries)

@@ -1,7 +1,7 @@
 """Object dictionary of a device without a file, as far as `learn` read it. Pure; reads nothing.
 
-A mapped object exists, is mappable, and has the length that was read; its access follows from its PDOs' direction.
-Objects that were not read, most of the device, are missing.
+A mapped object exists, is mappable, and has the length read; its access follows from its PDOs' direction.
+All other objects, most of the device, are missing.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ TO_READ = tuple((index, sub) for index in _NAMES for sub in (range(1, 5) if inde
 
 @dataclass(frozen=True, slots=True)
 class ReadDevice:
-    """Data read from node *node_id*: *values* of `TO_READ`, *pdos*, *entries* of the probed PDOs.
+    """Data read from node *node_id*: *values* at `TO_READ`, *pdos*, and *entries* of probed PDOs.
 
-    *mapped* are objects mapped in each direction, with *lengths* in bits as read. *bit_rate* is the
+    *mapped* are objects mapped per direction, with *lengths* in bits as read. *bit_rate* is the
     bus's (bit/s), None if unknown.
     """
 

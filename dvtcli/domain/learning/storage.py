@@ -33,7 +33,7 @@ class Storage:
 
     @property
     def wears(self) -> str:
-        """Risk of wear for the device's memory at every write, in words; empty if it saves on command only."""
+        """Risk of wear at every write, in words; empty if the device saves on command only."""
         if self.unreadable:
             return f"0x1010:01 cannot be read ({abort_text(self.unreadable)}), so it may save each write by itself"
         if not self.save:
@@ -45,7 +45,7 @@ class Storage:
         return f"{place} is {self.save[by_itself[0]]}: it saves by itself, so each write wears its memory"
 
     def chosen(self, preferred: Iterable[int]) -> int | None:
-        """Sub-index of 0x1010 that accepts the signature, *preferred* ones first; None if no sub-index does."""
+        """Sub-index of 0x1010 that accepts the signature, if possible from *preferred*; else None."""
         able = [sub for sub, said in self.save.items() if said & _ON_COMMAND]
         return next((sub for sub in (*preferred, *able) if sub in able), None)
 
@@ -71,7 +71,7 @@ def not_asked(storage: Storage, why: str) -> list[ProbeAnswer]:
 def storage_for_profile(
     storage: Storage, answers: Sequence[ProbeAnswer], preferred: Iterable[int], seconds: float
 ) -> Iterator[Learnt]:
-    """Sub-indices of 0x1010 that save, *preferred* ones in their order; the store took *seconds*."""
+    """Sub-indices of 0x1010 that save, in *preferred* order; the store took *seconds*."""
     if not storage.save and not storage.unreadable:
         yield Learnt("store.sub_indices", [], "0x1010:01 is not there")
         return
@@ -83,7 +83,7 @@ def storage_for_profile(
 
 
 def storage_for_family(storage: Storage, answers: Sequence[ProbeAnswer]) -> Iterator[Learnt]:
-    """Capability values of a simulated device, and its answers to signatures."""
+    """A simulated device's capability values, and its answers to signatures."""
     for key, index, said in (("store_capability", STORE, storage.save), ("restore_capability", RESTORE, storage.load)):
         if said:
             evidence = ", ".join(f"0x{index:04X}:{sub:02X} is {value}" for sub, value in said.items())

@@ -18,7 +18,7 @@ _WORD = 0xFFFF_FFFF
 class DefaultPdo:
     """A PDO at power-on: *config* is its known configuration, an unknown COB-ID counting as disabled.
 
-    *cob_id* and *count* are the raw values, None if the file has none; *entries* the raw words by sub-index up to
+    *cob_id* and *count* are the raw values, None if missing in the file; *entries* the raw words by sub-index up to
     the count, None for an entry without description or value. The config's mapping ends before the first None.
     """
 

@@ -1,4 +1,4 @@
-"""The subject of the rules about a described device, and the place of a finding."""
+"""A described device as the subject of rules, and the place of a finding."""
 
 from __future__ import annotations
 
@@ -18,11 +18,9 @@ OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Place of a finding: an object, a sub-index, or a *section* (lower case).
+    """Place of a finding: an object, a sub-index, or a *section* (lower case); empty for the whole file.
 
-    *key* (lower case) narrows it; of several keys, separated by `|`, the first existing key counts.
-
-    An empty spot is the whole file.
+    *key* (lower case) narrows it; with several keys, separated by `|`, the first existing key counts.
     """
 
     index: int | None = None
@@ -54,9 +52,9 @@ def at(entry: OdEntry, key: str = "") -> Spot:
 
 @dataclass(frozen=True)
 class DescribedDevice:
-    """A device described by a file: its *dictionary*, with values for *node_id* (1..127).
+    """A device described by a file: *dictionary*, with values for *node_id* (1..127).
 
-    *configured*: the file is a DCF, so that its configured values count, not only the defaults. *any_node*: the
+    *configured*: the file is a DCF, so that configured values count, not only defaults. *any_node*: the
     node-ID is unknown. PDOs are judged as on a device of *profile*.
     """
 

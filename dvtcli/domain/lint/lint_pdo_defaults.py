@@ -20,7 +20,7 @@ _DECLARED: dict[str, Rule] = {
 def _judged(
     name: str, severity: Severity, sense: str, of: str = "", meant: Severity = ERROR
 ) -> RuleCheck[DescribedDevice, Spot]:
-    """A check that reports the `map` rule *of* (default: the same name) from severity *meant* on."""
+    """A check that reports the `map` rule *of* (default: the same name), from severity *meant* on."""
     rule = LintRule(name, severity, f"a PDO of the file {sense}", _DECLARED[of or name].source)
     return RuleCheck(rule, partial(_look, of or name, meant))
 

@@ -40,7 +40,7 @@ def no_cob_id(device: DescribedDevice) -> Found:
 @check("no-transmission-type", WARNING, "a communication parameter without sub-index 02, the transmission type",
        _COMMUNICATION)  # fmt: skip
 def no_transmission_type(device: DescribedDevice) -> Found:
-    """The standard requires a transmission type; RPDOs of small devices often lack it."""
+    """The standard requires a transmission type; small devices' RPDOs often lack it."""
     yield from _without(device, 2, "transmission type")
 
 
@@ -57,7 +57,7 @@ def unknown_cob_id(device: DescribedDevice) -> Found:
 @check("base-cob-id", WARNING, "a COB-ID is a base of the pre-defined connection set, without the node-ID",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def base_cob_id(device: DescribedDevice) -> Found:
-    """All nodes of the file would share the CAN-ID, enabled or not. A DCF is exempt: it is for one node."""
+    """All nodes would share the CAN-ID, enabled or not. A DCF is exempt: it is for one node."""
     for pdo in () if device.configured else device.pdos:
         index, own = pdo.pdo.communication_index, pdo.pdo.default_can_id(0)
         entry = device.dictionary.entry(index, 1)
@@ -111,7 +111,7 @@ def mpdo(device: DescribedDevice) -> Found:
 
 @check("empty-entry", ERROR, "the count of a mapping goes over an entry that is 0", _MAPPING)
 def empty_entry(device: DescribedDevice) -> Found:
-    """A device that checks its mapping cannot come up with an empty entry."""
+    """A device that checks its mapping refuses an empty entry."""
     for one, number, word in _counted(device):
         if word == 0:
             spot = Spot(one.pdo.mapping_index, number, HELD)

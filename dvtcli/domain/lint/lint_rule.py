@@ -1,4 +1,4 @@
-"""Declaration of a rule about a device's file, at its check function.
+"""Declaration of rules about a device's file, at the check function.
 
 Rules of `map` (`rules.rule`) judge a change instead.
 """
@@ -16,7 +16,7 @@ ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 
 
 class LintRule(NamedTuple):
-    """A rule: its *name*, *severity*, finding text (*sense*) and *source*.
+    """A rule: *name*, *severity*, finding text (*sense*) and *source*.
 
     Error: the file contradicts itself or the standard, and readers that trust it do the wrong thing. Warning: probably
     unintended, or against the standard, but tools cope. Note: worth knowing.
@@ -44,7 +44,7 @@ class RuleCheck(Generic[Subject, Place]):
 def check(
     name: str, severity: Severity, sense: str, source: str
 ) -> Callable[[Look[Subject, Place]], RuleCheck[Subject, Place]]:
-    """Declare a rule above the function that checks it; the function becomes the `RuleCheck`."""
+    """Declare a rule at its check function, which becomes the `RuleCheck`."""
     return lambda look: RuleCheck(LintRule(name, severity, sense, source), look)
 
 

@@ -167,7 +167,7 @@ def sdo_can_id(device: DescribedDevice) -> Found:
 @check("fixed-cob-id", NOTE, "a COB-ID that comes up enabled is not relative to the node-ID: every node has the same",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def fixed_cob_id(device: DescribedDevice) -> Found:
-    """Two of these devices on one bus collide. A DCF is exempt: it is for one node."""
+    """Two such devices on one bus collide. A DCF is exempt: it is for one node."""
     if device.configured:
         return
     for entry in device.entries:

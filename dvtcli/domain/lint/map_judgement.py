@@ -16,7 +16,7 @@ from dvtcli.domain.services import SDO_CHANNEL_INDICES, taken_by_services
 def judged(
     dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int, profile: DeviceProfile
 ) -> Iterator[Finding]:
-    """Errors and warnings about each of *pdos* on node *node_id* of *profile*, set up one after the other."""
+    """Errors and warnings about *pdos* on node *node_id* with *profile*, set up one after the other."""
     sync, emcy = (_cob_id(dictionary, index, 0, node_id) for index in (0x1005, 0x1014))
     places = ((index, sub) for index in dictionary if index in SDO_CHANNEL_INDICES for sub in (1, 2))
     channels = {place: held for place in places if (held := _cob_id(dictionary, *place, node_id)) is not None}

@@ -87,7 +87,7 @@ class BusNeed:
 def bus_need(found: Streams, bit_rate: int) -> BusNeed:
     """Bus needs of the streams *found* at *bit_rate* bit/s.
 
-    Synchronous frames inherit the jitter of SYNC: its delay beyond its shortest time on the wire.
+    Synchronous frames inherit SYNC's jitter: its delay beyond the shortest time on the wire.
     """
     streams = sorted(found.streams, key=lambda stream: stream.frame.arbitration)
     times = _times(streams, bit_rate)
@@ -117,7 +117,7 @@ def _sync_jitter(streams: list[Stream], times: list[Fraction | None], bit_rate: 
 
 
 def fitting_bit_rates(found: Streams) -> tuple[int, ...]:
-    """The bit rates of CiA 301 at which all streams of *found* meet their deadlines."""
+    """CiA 301 bit rates at which all *found* streams meet their deadlines."""
     return tuple(rate for rate in BIT_RATES if bus_need(found, rate).fits)
 
 

@@ -25,7 +25,7 @@ Id = tuple[int, bool]
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """The TPDO *pdo* of *plan*'s node in its final state, and whether the plan *changes* it."""
+    """The TPDO *pdo* in its final state, and whether *plan* *changes* it."""
 
     plan: NodePlan
     pdo: Pdo
@@ -80,9 +80,9 @@ def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
 def left_findings(
     plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Container[Id], heard: Mapping[Id, Iterable[Producer]]
 ) -> Iterator[Finding]:
-    """A warning for each RPDO in *heard* that keeps the old CAN-ID of a TPDO in *moved*, unless in *sent*.
+    """A warning for each RPDO in *heard* that keeps a CAN-ID given up in *moved*, unless it is in *sent*.
 
-    *sent* and *heard* are the state after *plan* and the plans of the other nodes are carried out.
+    *sent* and *heard* are the state after all nodes' plans.
     """
     for pdo, gone in moved.items():
         for producer in heard.get(_id(gone), ()) if _id(gone) not in sent else ():

@@ -147,7 +147,7 @@ def _times(state: NetworkState) -> Iterator[Stream]:
 def _tpdos(
     takes: Mapping[Identifier, Sequence[PdoConfig]], node: NodeState, sync_us: int | None, what_if: WhatIf
 ) -> Iterator[Stream]:
-    """Streams of the TPDOs of *node*; *takes* are all enabled RPDOs by CAN-ID."""
+    """Streams of the node's TPDOs; *takes* are all enabled RPDOs by CAN-ID."""
     for pdo, config in sorted(node.pdos.items()):
         kind = config.communication.transmission_type
         if not pdo.is_tpdo or not config.enabled or kind in ON_RTR:
@@ -204,7 +204,7 @@ def _error_control(state: NetworkState, node: NodeState) -> Iterator[Stream]:
 
 
 def _heartbeat(state: NetworkState, node_id: int, every_ms: int) -> Stream:
-    """Stream of a heartbeat; its deadline is the period, or less if a consumer waits less beyond the period."""
+    """A heartbeat stream; its deadline is the period, or less if a consumer waits less beyond the period."""
     watches = (node.watched.get(node_id, 0) - every_ms for node in state.nodes)
     deadline_ms = min([every_ms, *(left for left in watches if left > 0)])
     frame = _frame((_HEARTBEAT + node_id, False), 1, every_ms * _MS)

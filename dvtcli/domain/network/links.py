@@ -32,8 +32,8 @@ class FoundLinks:
 def found_links(held: Configs, watches: Callable[[int, int], bool]) -> FoundLinks:
     """Links between nodes with configurations *held*, by node-ID: same CAN-ID, both enabled, matching layouts.
 
-    *watches* tells whether a consumer (its node-ID first) monitors a producer's heartbeat; a link with a consumer that
-    does not is a link without heartbeat. A CAN-ID sent by several nodes makes no link.
+    *watches* tells whether a consumer (first argument) monitors a producer's heartbeat; otherwise the link has no
+    heartbeat. A CAN-ID sent by several nodes makes no link.
     """
     consumers: dict[Endpoint, list[Endpoint]] = {}
     unlike: list[tuple[Endpoint, Endpoint]] = []
@@ -85,7 +85,7 @@ MOVES = frozenset({"link-command", "link-target"})
 
 @dataclass(frozen=True, slots=True)
 class LinkSide:
-    """An end of a link: its PDO's final configuration, and its device's profile and dictionary."""
+    """An end of a link: the PDO's final configuration, and the device's profile and dictionary."""
 
     end: Endpoint
     config: PdoConfig
@@ -122,7 +122,7 @@ def linked(producer: LinkSide, consumer: LinkSide) -> Linked:
     """The mapping with which *consumer* receives *producer*.
 
     A mapping stays if it has the producer's length and no object spans two of the producer's. Otherwise each object
-    gets the only place of its length and type, in frame order if ambiguous; dummies skip the rest.
+    gets the only place with its length and type, in frame order if ambiguous; dummies skip the rest.
     """
     refused = tuple(_refused(producer, consumer))
     if refused:
@@ -193,7 +193,7 @@ def _not_whole(config: PdoConfig) -> str:
 
 
 def _placed(producer: LinkSide, consumer: LinkSide) -> tuple[tuple[PdoMappingEntry, ...], tuple[Finding, ...]]:
-    """The consumer's objects at places of the producer with dummies between, or the reason against such a mapping."""
+    """The consumer's objects at the producer's places with dummies between, or the reason against it."""
     sent = producer.config.mapping
     objects = [entry for entry in consumer.config.mapping if not entry.is_dummy]
 

@@ -15,10 +15,9 @@ Identity = dict[str, int | None]
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """An *object* (or a PDO) in a file that is not written, with the reason *why*.
+    """An *object* (or a PDO) in a file that is not written, and the reason *why*.
 
-    *held* is the node's value, *said* the file's; None if unknown. *remains*: a setting that differs between
-    the two.
+    *held* is the node's value, *said* the file's; None if unknown. *remains*: a setting that differs.
     """
 
     object: str
@@ -50,7 +49,7 @@ class Lacked:
 
 @dataclass(frozen=True, slots=True)
 class NodePlan:
-    """A node's part: *plan* leads from present to intended values of the device of this *identity* (0x1018).
+    """A node's part: *plan* leads to the intended values, for a device with this *identity* (0x1018).
 
     *name* is the node's name in the file, *line* its line (0: none), *title* the device's own name. *wanted* and
     *values* are all PDOs and single objects in the file, also equal ones; *pruned* are PDOs to disable since the file

@@ -28,13 +28,12 @@ _FRAME = 1 << 29
 
 @dataclass(frozen=True, slots=True)
 class NodeState:
-    """A node: its *pdos*, and the *numbers* in other objects that exist and are readable.
+    """A node: *pdos*, and *numbers* in other existing and readable objects.
 
     *name* is the node's name in a file, *title* the device's own name; *mark* is its place in the file. *asked*
-    is the requested identity, by the names of `Identity`. *downloads* are a manager's downloads
-    to other nodes by node-ID (0x1F22). *guessed* are PDOs whose mapping was taken from another source, named in
-    words. *said* are the findings about the plan that leads to this state; *places* are
-    the objects in a file, each with its place.
+    is the requested identity, by `Identity` names. *downloads* are a manager's downloads to other nodes by node-ID
+    (0x1F22). *guessed* are PDOs whose mapping comes from another source, named in words. *said* are findings about the
+    plan to this state; *places* are the places of objects in a file.
     """
 
     node_id: int
@@ -152,10 +151,9 @@ def identifier_of(config: PdoConfig) -> Identifier:
 
 @dataclass(frozen=True, slots=True)
 class NetworkState:
-    """Nodes in order of node-ID, the master if a file names it, and the links requested in a file.
+    """Nodes by node-ID, the master if a file names it, and a file's requested links.
 
-    *file* is the source, empty if nodes were read. *untold* are nodes of the network without known
-    contents.
+    *file* is the source, empty if nodes were read. *untold* are nodes without known contents.
     """
 
     nodes: tuple[NodeState, ...] = ()

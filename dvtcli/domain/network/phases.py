@@ -1,4 +1,4 @@
-"""Order of a network's changes: no RPDO ever receives frames of a layout that it is not mapped for."""
+"""Order of a network's changes: no RPDO ever receives frames with another layout than its own."""
 
 from __future__ import annotations
 

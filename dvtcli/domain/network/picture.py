@@ -18,7 +18,7 @@ from dvtcli.domain.scaling import Scaling
 
 @dataclass(frozen=True, slots=True)
 class PictureField:
-    """Contents of *bits* bits of a frame from *start_bit* on: an *object* (`6041:00`), or a dummy that skips them."""
+    """Contents of *bits* bits in a frame from *start_bit* on: an *object* (`6041:00`), or a dummy."""
 
     start_bit: int
     bits: int
@@ -97,7 +97,7 @@ class PictureLink:
 
 @dataclass(frozen=True, slots=True)
 class PictureFrame:
-    """A frame by CAN-ID: *what* it is, its *node*, its period and the reason, its *share* of the bus, and its times.
+    """A frame by CAN-ID: *what* it is, *node*, period with reason, bus *share*, and times.
 
     Times are in µs. *share* and *response_us* are None if unbounded; *is_computed* is False for frames
     that were only received. *heard_hz* and *heard_share* are measurements, None without recording.
@@ -137,7 +137,7 @@ class PictureFinding:
 
 @dataclass(frozen=True, slots=True)
 class PictureDifference:
-    """A difference between node and file: *what* (`TPDO1`, `0x1017:00`), its *key*, how it *was* and *will* be."""
+    """A difference between node and file: *what* (`TPDO1`, `0x1017:00`), *key*, and the values *was* and *will*."""
 
     node: int
     what: str
@@ -168,8 +168,8 @@ class PictureLoad:
 class NetworkPicture:
     """A network for drawing; *source* names its origin.
 
-    *compared* is the file that nodes were compared with, empty for none; *differences* are the differences found, None
-    if the comparison failed, with *exit_code* as the reason; *notes* are further remarks.
+    *compared* is the file compared with the nodes, empty for none; *differences* are None if the comparison failed,
+    with *exit_code* as the reason; *notes* are further remarks.
     """
 
     title: str

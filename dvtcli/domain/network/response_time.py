@@ -81,7 +81,7 @@ def _longest_behind(bits: list[int], at_least: int) -> list[int]:
 
 
 def utilisation(frames: Iterable[TimedFrame], bit_rate: int) -> Fraction:
-    """Maximum share (0 and up) of a wire of *bit_rate* bit/s for those of *frames* with a period."""
+    """Maximum share (0 and up) of a wire at *bit_rate* bit/s for all *frames* with a period."""
     return sum((_rate(frame) * frame.bits for frame in frames), Fraction(0)) / bit_rate
 
 
@@ -92,7 +92,7 @@ def _rate(frame: TimedFrame) -> Fraction:
 
 @dataclass(frozen=True, slots=True)
 class _Load:
-    """Load of a frame: its *cost* per *period*, up to *jitter* late, all in units."""
+    """A frame's load: its *cost* per *period*, up to *jitter* late, all in units."""
 
     cost: int
     period: int
@@ -121,7 +121,7 @@ class _Wire:
 
 
 class _Demand:
-    """Total demand of the added frames: their *share* of the wire, and their costs by period and jitter."""
+    """Total demand of all added frames: *share* of the wire, and costs by period and jitter."""
 
     def __init__(self) -> None:
         self.share = Fraction(0)

@@ -22,9 +22,9 @@ NO_LIMIT, NO_SYNC = "any event", "unknown SYNC"
 class Stream:
     """A recurring frame: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
 
-    *label* names it, *node* is its sender. *why* gives the reason for its period, or for a missing period.
-    *deadline_us* counts from the planned transmission; *window_us* from SYNC, if the device has a window (0x1007).
-    *assumed*: the period is an assumption.
+    *label* names it, *node* is its sender. *why* explains its period, or why it has none. *deadline_us* counts from the
+    planned transmission; *window_us* from SYNC, if the device has a window (0x1007). *assumed*: the period is an
+    assumption.
     """
 
     kind: str

@@ -41,11 +41,11 @@ class FileWord:
 
 @dataclass(frozen=True, slots=True)
 class PdoWish:
-    """Requested configuration of a PDO. Units as in `PdoRequest`: *inhibit_time* counts 100 µs, *event_timer* 1 ms.
+    """Requested PDO configuration. Units as in `PdoRequest`: *inhibit_time* counts 100 µs, *event_timer* 1 ms.
 
     *cob_id* is bits 28..0 or `auto`; *extended* is bit 29, *rtr_allowed* bit 30 clear, *enabled* bit 31 clear.
-    *mapping* is the whole mapping in frame order, () for an empty mapping. *keys* are the places of its keys in the
-    file, by sub-index of the communication parameter, 0 for the mapping.
+    *mapping* is the whole mapping in frame order, () for an empty mapping. *keys* are the keys' places in the file,
+    by sub-index of the communication parameter, 0 for the mapping.
     """
 
     pdo: Pdo
@@ -103,7 +103,7 @@ class HeartbeatWatch:
 
 @dataclass(frozen=True, slots=True)
 class PinWish:
-    """Requested connection of *pin* (1 and up) of a group of virtual PDOs; None for no object."""
+    """Requested object for *pin* (1 and up) in a group of virtual PDOs; None for no object."""
 
     group: str
     pin: int
@@ -123,7 +123,7 @@ class WantedIdentity:
 
 @dataclass(frozen=True, slots=True)
 class NodeWish:
-    """Requested configuration of a node, and options for dvtcli.
+    """Requested node configuration, and options for dvtcli.
 
     *dcf* is the EDS, DCF, XDD or XDC, *store* the sub-index of 0x1010 stored afterwards (False: nothing), *prune*
     disables enabled PDOs that are not named, *stamp* writes a date to 0x1020, *physical* is the scaling of
@@ -195,10 +195,10 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class LinkWish:
-    """A TPDO with the RPDOs that receive it.
+    """A TPDO with its receiving RPDOs.
 
-    *heartbeat* is False if the consumers should not monitor the producer, or the producer's heartbeat in ms if
-    set with the link; None to monitor a heartbeat that exists.
+    *heartbeat* is False for no monitoring, or the producer's heartbeat in ms if set with the link; None to monitor an
+    existing heartbeat.
     """
 
     producer: Endpoint
@@ -223,7 +223,7 @@ class FileNote:
 
 @dataclass(frozen=True, slots=True)
 class NetworkWish:
-    """Requested nodes in order of node-ID, and their links.
+    """Requested nodes by node-ID, and their links.
 
     *multiplier* is the number of a producer's heartbeats after which its consumers report a loss, None for 3.
     """
@@ -241,7 +241,7 @@ class NetworkWish:
         return tuple(node.node_id for node in self.nodes if node.asks_nothing and node.node_id not in linked)
 
     def mark_of(self, node_id: int | None, place: str) -> Mark:
-        """The place in the file of *place* (`0x1A00:03`, `TPDO1`, `5:tpdo1`), of its PDO, or of the node."""
+        """Place in the file for *place* (`0x1A00:03`, `TPDO1`, `5:tpdo1`), its PDO, or the node."""
         found, linked = _PLACE.fullmatch(place), _LINKED.fullmatch(place)
         node_id = int(linked[1]) if linked is not None else node_id
         node = next((node for node in self.nodes if node.node_id == node_id), None)

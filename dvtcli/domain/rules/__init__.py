@@ -1,6 +1,6 @@
 """Rules that check a change before the first write.
 
-A rule looks at one `Proposal` and yields findings; it judges only changed parts, so that a device
+A rule yields findings about one `Proposal`; it judges only changed parts, so that a device
 with an odd factory setting can still be changed elsewhere. Rules never write.
 """
 

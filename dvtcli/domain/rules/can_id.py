@@ -122,7 +122,7 @@ def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
 def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
     """Judge the requested COB-ID, regardless of other users of its CAN-ID.
 
-    For an unchanged COB-ID of a PDO that stays enabled, only the CAN-ID of another service is an error: the device has
+    If the COB-ID is unchanged and the PDO stays enabled, only another service's CAN-ID is an error: the device has
     accepted reserved CAN-IDs, and flags that the family does not want, before.
     """
     now, want = proposal.now.communication.cob_id, proposal.want.communication.cob_id
@@ -270,9 +270,9 @@ def default_owner(can_id: int) -> tuple[Pdo, int] | None:
 
 
 def automatic_can_id(proposal: Proposal) -> int | None:
-    """The CAN-ID for `auto`: the pre-defined one for PDO 1..4, else the lowest free CAN-ID, else None.
+    """The CAN-ID for `auto`: the pre-defined CAN-ID for PDO 1..4, else the lowest free CAN-ID, else None.
 
-    A pre-defined CAN-ID used by another PDO of the node is not free, nor, for a TPDO, a CAN-ID sent by another node.
+    A pre-defined CAN-ID is not free if used by another PDO of the node or, for a TPDO, sent by another node.
     """
     used: set[int | None] = {cob_id.can_id for cob_id in proposal.other_cob_ids.values() if cob_id.valid}
     used |= {producer.cob_id.can_id for producer in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()

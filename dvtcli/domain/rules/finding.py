@@ -19,7 +19,7 @@ NOTE = (Severity.NOTE,)
 
 
 class Rule(NamedTuple):
-    """A rule: its *name*, its severities, its condition (*sense*), and its *source*.
+    """A rule: *name*, severities, condition (*sense*), and *source*.
 
     *aborts* are a device's SDO abort codes for a violation. Strongest severity first.
     """
@@ -69,11 +69,12 @@ class Producer:
 class Proposal:
     """A PDO's present and requested configuration, with all data for the rules.
 
-    *others* are the node's other PDOs in their final state, and *cob_ids* their COB-IDs if known without the rest
-    (None: use *others*); *dictionary* is None without an EDS; *lengths* are object lengths in bits learnt by reading
-    the device; *services* returns the CAN-IDs of services, and whether they have 29 bits, each with its use: SYNC, the
-    node's EMCY, further SDO channels of all known nodes (empty: the standard's defaults); *elsewhere* returns the TPDOs
-    of the other known nodes; *absent* has the abort codes with which the device refused uploads of missing objects.
+    *others* are the node's other PDOs in their final state, and *cob_ids* their COB-IDs if known without the
+    rest (None: use *others*); *dictionary* is None without an EDS; *lengths* are
+    object lengths in bits learnt by reading the device; *services* returns the services' CAN-IDs, and
+    whether they have 29 bits, each with its use: SYNC, the node's EMCY, all known nodes' further SDO channels
+    (empty: the standard's defaults); *elsewhere* returns the other known nodes' TPDOs;
+    *absent* has the device's abort codes for uploads of missing objects.
     """
 
     node_id: int

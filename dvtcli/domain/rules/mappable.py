@@ -167,7 +167,7 @@ def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[F
 
 
 def usable_dummies(proposal: Proposal) -> frozenset[int] | None:
-    """Dummy indices that the device accepts: excluded neither by its file nor its profile; None if unknown."""
+    """Dummy indices that the device accepts according to file and profile; None if unknown."""
     return known_dummies(proposal.dictionary, proposal.profile)
 
 

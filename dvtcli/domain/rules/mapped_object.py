@@ -38,7 +38,7 @@ def is_taken(profile: DeviceProfile, dictionary: ObjectDictionary, entry: OdEntr
 
 
 def _has_access(access: Access, *, tpdo: bool) -> bool:
-    """Whether a TPDO can read it, or an RPDO write it; families differ on rww in a TPDO."""
+    """Whether a TPDO can read, or an RPDO write, an object with *access*; families differ on rww in a TPDO."""
     return access in (FEEDS_TPDO if tpdo else TAKES_RPDO) or (tpdo and access is Access.RWW)
 
 

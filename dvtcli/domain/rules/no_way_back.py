@@ -53,7 +53,7 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
 
 
 def _refusals(back: Proposal) -> list[Finding]:
-    """Findings that a device would abort; rules of dvtcli only do not count, as the configuration existed before."""
+    """Findings that a device would abort; dvtcli's own rules do not count, as the configuration existed before."""
     return [finding for finding in errors_in(check_pdo(back)) if finding.abort is not None]
 
 
@@ -69,7 +69,7 @@ def _weaker(back: Proposal) -> Iterator[PdoConfig]:
 
 
 def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
-    """The warning that the device refused to restore *pdo* to *before*, so that it is *back* now."""
+    """The warning that the device refused to restore *before*: *pdo* is *back* now."""
     place = f"0x{pdo.communication_index:04X}:01"
     return warning("way-back", place, put_back_text(pdo, before, back))
 

@@ -124,14 +124,14 @@ def parameter_findings(
     write: ParameterWrite,
     entries: Callable[[], tuple[PdoMappingEntry, ...]],
 ) -> tuple[Finding, ...]:
-    """Findings of the PDO rules about a raw *write*; *entries* returns the entries that a written count activates."""
+    """Findings of the PDO rules about a raw *write*; *entries* returns the entries activated by a written count."""
     if write.index < 0x1600 or 0x1800 <= write.index < 0x1A00:
         return tuple(_communication(proposal_for, now, write))
     return tuple(_mapping(proposal_for, now, write, entries))
 
 
 def length_findings(index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
-    """Findings of the standard about the length of *data* for a PDO's parameter; none for an unknown sub-index."""
+    """The standard's findings about the length of *data* for a PDO parameter; none for an unknown sub-index."""
     size = parameter_size(index, sub_index)
     if size is None or len(data) == size:
         return ()

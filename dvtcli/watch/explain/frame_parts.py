@@ -44,7 +44,7 @@ _BLOCK = {
 
 
 def sdo_parts(data: bytes, *, request: bool, name_of: NameOf) -> Iterator[FramePart]:
-    """Parts of an SDO *request*, or of an answer."""
+    """Parts of an SDO *request*, or an answer."""
     cut = Bytes(data)
     if len(data) < _SDO_BYTES:
         yield from cut.rest(0, "too short: an SDO has 8 bytes")
@@ -256,7 +256,7 @@ class KnownNode:
     meanings: Meanings
 
     def value(self, index: int, sub_index: int, data: bytes | None) -> tuple[str, str]:
-        """Name of the object, and text of its value in *data*; empty if unknown."""
+        """The object's name, and its value in *data* as text; empty if unknown."""
         entry = self.dictionary.entry(index, sub_index) if self.dictionary is not None else None
         name = self.dictionary.display_name(index, sub_index) if self.dictionary is not None else ""
         name = name or standard_name(index, sub_index)
@@ -279,7 +279,7 @@ def said(value: Value, meaning: Scaling, bits: int) -> str:
 
 
 def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNode]) -> list[FramePart]:
-    """Every part of *frame*, the CAN-ID's first; *described* returns the known data of a node, by node-ID."""
+    """All parts of *frame*, the CAN-ID's first; *described* returns a node's known data, by node-ID."""
     known = decoder.layout(frame)
     parts = list(_id_parts(frame, known))
     if frame.remote:
@@ -346,7 +346,7 @@ def _of_rest(known: Layout, bits: int) -> str:
 
 
 def _cut_off(cut: Bytes, field: Field, known: Layout, end: int) -> Iterator[FramePart]:
-    """The existing part of an object that is cut off by the frame's end."""
+    """The part of a truncated object that is in the frame."""
     if field.start_bit >= end:
         return
     of = field.entry

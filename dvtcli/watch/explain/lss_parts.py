@@ -34,7 +34,7 @@ _REFUSALS = {
 
 
 def lss_parts(data: bytes, *, request: bool) -> Iterator[FramePart]:
-    """Parts of an LSS master's *request*, or of a slave's answer."""
+    """Parts of a master's LSS *request*, or a slave's answer."""
     if not data:
         return
     cut, service = Bytes(data), data[0]

@@ -13,10 +13,10 @@ BIT_INDENT = "  "
 
 @dataclass(frozen=True, slots=True)
 class FramePart:
-    """*bits* bits of a frame from *start_bit* on, counted from the lowest bit of byte 0; in the CAN-ID if *in_id*.
+    """*bits* bits in a frame from *start_bit* on, counted from the lowest bit in byte 0; in the CAN-ID if *in_id*.
 
-    *name* is the part's name, *text* the meaning of its *raw* number; *object* is `606C:00` if the part is an object's.
-    With *is_big_endian*, *start_bit* is its most significant bit, and the others follow as in `SignalPlace`.
+    *name* is the part's name, *text* the meaning of the *raw* number; *object* is `606C:00` for an object's part.
+    With *is_big_endian*, *start_bit* is the most significant bit, and the others follow as in `SignalPlace`.
     """
 
     start_bit: int
@@ -63,7 +63,7 @@ def _sent_at(bit: int) -> int:
 
 
 def _big_endian_span(first: int, bits: int) -> str:
-    """Place of *bits* bits from *first* on, counted from the highest bit of byte 0."""
+    """Place of *bits* bits from *first* on, counted from the highest bit in byte 0."""
     last = first + bits - 1
     if first % 8 == 0 and bits % 8 == 0:
         return _span("byte", first // 8, last // 8)

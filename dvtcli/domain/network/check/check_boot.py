@@ -113,7 +113,7 @@ def nobody_starts(network: CheckedNetwork) -> NetFound:
 
 @check("manager-misses", WARNING, "a manager says that a node of the network is not there (0x1F82)", _BOOT)
 def manager_misses(network: CheckedNetwork) -> NetFound:
-    """The node answers: it has another node-ID or identity, or booted too late for the manager."""
+    """The node answers, but has another node-ID or identity, or booted too late for the manager."""
     for manager in _managers(network):
         for node in network.nodes:
             if node is not manager and manager.number(REQUEST_NMT, node.node_id) == _MISSING:

@@ -32,7 +32,7 @@ def _unlimited(network: CheckedNetwork) -> list[NetSpot]:
 @check("unbounded-event-pdo", WARNING, "an event-driven TPDO has neither inhibit time nor event timer: its values "
        "decide how much of the bus it takes", _TIMES)  # fmt: skip
 def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
-    """A noisy value is sent as fast as the device can: on one robot, such a PDO took three quarters of the bus."""
+    """A noisy value is sent as fast as possible: on one robot, such a PDO took three quarters of the bus."""
     spots = frozenset(_unlimited(network))
     for node, pdo, config in network.tpdos:
         if at(node, pdo) not in spots:

@@ -45,7 +45,7 @@ def _of_pdos(network: CheckedNetwork, wanted: str) -> NetFound:
 
 
 def _service(can_id: int) -> str:
-    """The CiA 301 service that reserves *can_id*, empty if a PDO may use it."""
+    """The CiA 301 service with *can_id*, empty if a PDO may use it."""
     return "LSS" if can_id in _LSS else restricted_use(can_id) or ""
 
 

@@ -24,7 +24,7 @@ _DECLARED: dict[str, Rule] = {
 
 
 def _judged(name: str, severity: Severity, sense: str, of: str = "") -> RuleCheck[CheckedNetwork, NetSpot]:
-    """A check that reports the `map` rule *of* (default: the same name) at the same severity."""
+    """A check that reports the `map` rule *of* (default: the same name), at the same severity."""
     rule = LintRule(name, severity, f"an enabled PDO {sense}", _DECLARED[of or name].source)
     return RuleCheck(rule, partial(_look, of or name, severity))
 

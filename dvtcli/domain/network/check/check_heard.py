@@ -86,7 +86,7 @@ def sync_uneven(network: CheckedNetwork) -> NetFound:
 
 
 def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
-    """Excess of frames of *kind* over the configured maximum, in words; empty without excess."""
+    """Frames of *kind* above the configured maximum, in words; empty for none."""
     traffic = network.traffic
     if traffic is None:
         return ""
@@ -139,7 +139,7 @@ def not_heard(network: CheckedNetwork) -> NetFound:
 
 @check("from-nobody", WARNING, "a frame was heard that no node here sends", _SET)
 def from_nobody(network: CheckedNetwork) -> NetFound:
-    """A controller that is no CANopen node, another tool, or a node that was not read."""
+    """A controller without CANopen, another tool, or a node that was not read."""
     for identifier, heard in () if network.traffic is None else sorted(network.traffic.by_id.items()):
         if identifier not in _known(network) and network.traffic is not None:
             hears = [f"{node.node_id}:{pdo}" for node, pdo, held in network.rpdos if identifier_of(held) == identifier]

@@ -99,7 +99,7 @@ def frame_too_long(network: CheckedNetwork) -> NetFound:
 
 @check("layout", ERROR, "an object of an RPDO lies across two objects of the TPDO that it hears", _LAYOUT)
 def layout(network: CheckedNetwork) -> NetFound:
-    """The received value is composed of parts of two objects."""
+    """The received value mixes two objects."""
     for connection in _whole(network):
         for start, heard in _starts(connection.takes.mapping):
             sent = [entry for first, entry in _starts(connection.sends.mapping)
@@ -133,7 +133,7 @@ def data_type(network: CheckedNetwork) -> NetFound:
 
 @check("hears-no-command", WARNING, "a controlword hears what is no command", "CiA 402-2, 8.4: it moves the machine")
 def hears_no_command(network: CheckedNetwork) -> NetFound:
-    """The statusword of one drive enables another drive."""
+    """One drive's statusword enables another drive."""
     yield from _commanded(network, controlwords=True)
 
 
@@ -244,7 +244,7 @@ def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMapp
 
 
 def _pairs(network: CheckedNetwork) -> Iterator[tuple[PdoConnection, PdoMappingEntry, PdoMappingEntry]]:
-    """Each received object with the sent object that contains it."""
+    """Each received object with the sent object around it."""
     for connection in _whole(network):
         for start, heard in _starts(connection.takes.mapping):
             for first, sent in _starts(connection.sends.mapping):

@@ -137,7 +137,7 @@ def reserved_type(network: CheckedNetwork) -> NetFound:
 
 @check("sent-on-request", NOTE, "a TPDO is sent on request (RTR) only", "CiA 301, 7.2.2.5; CiA recommends against RTR")
 def sent_on_request(network: CheckedNetwork) -> NetFound:
-    """A master has to request it (RTR), a function that many controllers lack."""
+    """A master has to request it (RTR), which many controllers cannot."""
     for node, pdo, config in network.tpdos:
         if config.communication.transmission_type in (252, 253):
             yield at(node, pdo), "it is sent when somebody asks for it (RTR)"

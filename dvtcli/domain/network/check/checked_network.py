@@ -1,4 +1,4 @@
-"""The subject of the rules of `check`, and the place of a finding."""
+"""The network as the subject of `check`, and the place of a finding."""
 
 from __future__ import annotations
 
@@ -83,10 +83,10 @@ class PdoConnection:
 
 @dataclass(frozen=True)
 class CheckedNetwork:
-    """A network of *state* on a bus of *bit_rate* bit/s, None if unknown: no rule assumes a bit rate.
+    """A network *state* on a bus at *bit_rate* bit/s, None if unknown: no rule assumes a bit rate.
 
-    *traffic* are the recorded frames, None without recording. *present* are the nodes on the bus if the network
-    of a file is compared with it, else None.
+    *traffic* are the recorded frames, None without recording. *present* are the nodes on the bus if a file's network
+    is compared with it, else None.
     """
 
     state: NetworkState
@@ -159,7 +159,7 @@ class CheckedNetwork:
 
 
 def mark_of(state: NetworkState, spot: NetSpot) -> Mark:
-    """Place in the file of *state* of the object at *spot*, else of its PDO, else of the node."""
+    """Place in the file for the object at *spot*, else for its PDO, else for the node."""
     node = None if spot.node_id is None else state.node(spot.node_id)
     if node is None:
         return NOWHERE
