@@ -30,11 +30,11 @@ def is_silent(bus: can.BusABC, settings: Mapping[str, object]) -> bool:
     return settings.get("state") in (None, bus.state)
 
 
-#: interfaces whose bit rate is a setting of their own when they are opened, besides those that can only listen
+#: interfaces that take a bit rate at opening, besides those with listen-only mode
 _SETTABLE = {
     "canalystii", "etas", "gs_usb", "iscan", "ixxat", "neousys", "neovi", "nican", "robotell", "usb2can",
 }  # fmt: skip
-#: settings beside which a bit rate is not all of the bit timing
+#: settings with which a bit rate alone does not define the bit timing
 _TIMINGS = ("timing", "btr", "fd", "f_clock", "data_bitrate", "fd_bitrate")
 
 #: Opens the interface by these settings.

@@ -17,9 +17,9 @@ from dvtcli.domain.ports import Frame
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
 
-#: an SDO request and its answer, stuffed as badly as can be
+#: an SDO request and its answer, with worst-case stuffing
 EXCHANGE_BITS = 2 * most_frame_bits(8)
-#: the longest that a request waits for its share (s): where others alone use more, what was begun still ends
+#: maximum wait of a request for its share (s): even if others exceed the share, a transfer ends
 LONGEST_WAIT_S = 1.0
 #: the shortest wait (s)
 TICK_S = 0.001

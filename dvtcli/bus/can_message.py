@@ -8,7 +8,7 @@ import can
 
 from dvtcli.domain.ports import Frame
 
-# python-can logs lines of files as they are, and what it also raises: without a handler, logging prints that on stderr.
+# python-can logs raw lines of files, and errors that it also raises: without a handler, logging prints them on stderr.
 for _logger in ("can", "seeedbus"):
     logging.getLogger(_logger).addHandler(logging.NullHandler())
 

@@ -23,7 +23,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntr
 from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, DvtcliError, SdoAborted
 
-#: How long the reading thread listens before it looks whether it should end, in seconds.
+#: Interval in seconds at which the reading thread checks whether to end.
 _LISTEN_S = 0.1
 _NMT = 0x000
 
@@ -51,7 +51,7 @@ class CanopenNetwork(canopen.Network):
             while self._open:
                 self._shared.idle(_LISTEN_S)
         except BusUnavailable:
-            return  # whoever uses the bus is told
+            return  # the users of the bus get the error
         finally:
             self._heard.put(None)
 

@@ -9,7 +9,7 @@ import errno
 
 from dvtcli.domain.hint import Hint
 
-#: what the system says of a link, a port or a connection that is no more
+#: error numbers of a lost link, port or connection
 _GONE = frozenset(
     {errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ECONNABORTED}
 )
@@ -18,7 +18,7 @@ _GONE = frozenset(
 class Carrier:
     """A driver that reports nothing but the errors it raises."""
 
-    #: what it really runs at (bit/s), None where that is not known
+    #: actual bit rate (bit/s), None if unknown
     bit_rate: int | None = None
 
     def hear(self, *, everything: bool) -> None:

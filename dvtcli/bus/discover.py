@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from dvtcli.bus.kernel_links import kernel_links
 from dvtcli.interpreter import python_words
 
-#: How long drivers may take to look for their adapters, in seconds.
+#: Time for drivers to find their adapters, in seconds.
 PATIENCE_S = 8.0
 _PERHAPS = "a serial port: only if an slcan adapter is on it"
 _SERIAL_PORTS = ("ttyUSB*", "ttyACM*", "cu.usbmodem*", "cu.usbserial*")
@@ -84,7 +84,7 @@ def _named_ports() -> list[str]:
         with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, r"HARDWARE\DEVICEMAP\SERIALCOMM") as key:
             while True:
                 names.append(str(winreg.EnumValue(key, len(names))[1]))
-    except OSError:  # behind the last one; or there never was one
+    except OSError:  # after the last port, or without any
         return sorted(names, key=lambda name: (len(name), name))
 
 

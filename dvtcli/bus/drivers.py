@@ -18,7 +18,7 @@ from dvtcli.bus.carrier import Carrier
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.errors import BusUnavailable
 
-#: what is to be installed for each interface, besides python-can
+#: library to install for each interface, besides python-can
 _LIBRARIES = {
     "pcan": "PEAK's PCAN-Basic",
     "kvaser": "Kvaser's CANlib",
@@ -32,7 +32,7 @@ _LIBRARIES = {
     "neousys": "Neousys' WDT_DIO library",
     "gs_usb": "libusb (Debian: libusb-1.0-0)",
 }
-#: what Linux's own kernel drives as well, so that nothing is to be installed
+#: interfaces that Linux's own kernel also drives, so that nothing need be installed
 _KERNEL_KNOWS = frozenset({"pcan", "kvaser", "gs_usb", "usb2can"})
 _MISSING = (
     "library not found",
@@ -96,9 +96,9 @@ class PcanCarrier(Carrier):
         return news
 
 
-#: networks, made-up channels, what `discover` finds by itself, and a driver that loads a library from this folder
+#: networks, invented channels, interfaces found by `discover` itself, and a driver that loads a local library
 NOT_ASKED = frozenset({"virtual", "udp_multicast", "socketcand", "socketcan", "serial", "slcan", "robotell", "neousys"})
-#: How long all drivers may look, in seconds; shorter than the patience of who started this process.
+#: Time for all drivers, in seconds; shorter than the parent process's patience.
 _LOOK_S = 6.0
 
 

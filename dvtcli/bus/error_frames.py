@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     import can
 
 _CONTROLLER, _NO_ACKNOWLEDGE, _BUS_OFF, _RESTARTED = 0x004, 0x020, 0x040, 0x100
-#: bits of data[1] where the class is _CONTROLLER
+#: bits of data[1] if the class is _CONTROLLER
 _WARNING, _PASSIVE = 0x0C, 0x30
-#: one or two error frames happen when something is plugged in
+#: from this many error frames on they are reported: a few happen when a device is plugged in
 MANY = 5
 
 _BIT_RATE = "does our bit rate fit the nodes'? Is there a 120 ohm terminator at each end of the line?"
@@ -41,7 +41,7 @@ class ErrorFrames:
         """Take one error frame into account; quick, since a broken bus has thousands a second."""
         if message.arbitration_id & _RESTARTED:
             self.count += 1
-            self._kinds = {"restarted": False}  # it begins anew; when it goes off again, that is news
+            self._kinds = {"restarted": False}  # another bus-off is news again
             return
         self.count_one(_kind(message.arbitration_id, bytes(message.data)))
 

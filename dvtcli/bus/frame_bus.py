@@ -53,7 +53,7 @@ class ReadBus(WatchedBus, Generic[M]):
         self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
         self._close_lock = threading.Lock()
         self._closed = False
-        #: what ended the bus, whoever met it first: some drivers tell it once, and are silent then
+        #: the bus's first failure in any thread: some drivers report it only once
         self._failure: BusUnavailable | None = None
 
     def tap(self, callback: Tap) -> Callable[[], None]:
@@ -133,7 +133,7 @@ class ReadBus(WatchedBus, Generic[M]):
             return self._read(wait_s)
         except BusUnavailable as failure:
             self._failure = failure
-            self._receiver.fail(failure)  # whoever else waits
+            self._receiver.fail(failure)  # all other waiting threads
             raise
 
     def _heartbeat(self, frame: Frame) -> None:
@@ -236,14 +236,14 @@ class SdoChannels:
 
 
 _SDO_IDS = (ANSWER_ID, REQUEST_ID)
-#: LSS slaves' answers (CiA 305), here to spare every command the import of all of LSS
+#: LSS slaves' answers (CiA 305), defined here to avoid the import of LSS in every command
 _LSS_ANSWER_ID = 0x7E4
 
-#: how many nodes are asked at once where nothing runs: enough for the wire to be busy with servers that take 10 ms
+#: number of nodes asked at once if nothing runs: enough to use the wire with servers that take 10 ms
 MOST_AT_ONCE = 64
-#: how many where nobody said the bit rate
+#: the same if the bit rate is unknown
 FEW_AT_ONCE = 8
-#: how long no PDO must have been heard for a bus to be one on which nothing runs (s)
+#: time without PDOs after which nothing runs on the bus (s)
 QUIET_S = 10.0
 
 
@@ -263,7 +263,7 @@ class FrameBus(ReadBus[M]):
         super().__init__(name, frame_of, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
         self._frame_of = frame_of
         self._channels = SdoChannels(self, self.settings)
-        #: when a PDO was heard last
+        #: time of the last PDO
         self._pdo_s = float("-inf")
 
     @property

@@ -20,14 +20,14 @@ from dvtcli.errors import BusUnavailable
 #: frames before an answer, and some 87,000 where each frame is wanted, 5 s of the shortest ones at 1 Mbit/s. Memory is
 #: taken only while they wait
 ANSWER_BUFFER, RECEIVE_BUFFER = 8 << 20, 32 << 20
-#: options of a socket that Python has no names for: a buffer beyond the system's limit, and its memory and drops
+#: socket options without a name in Python: a buffer beyond the system's limit, and its memory and drops
 _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
 _MEMINFO = struct.Struct("=9I")
 _NO_CHANNEL = "no channel is given"
 #: CAN-IDs and their bits that count (CiA 301, 7.3.3) of what nodes say to a configurator: NMT, EMCY and SYNC, SDO both
 #: ways, heartbeats and boot-ups. No PDOs, and nothing of 29 bits
 _SERVICES = ((0x000, 0x7FF), (0x080, 0x780), (0x580, 0x780), (0x600, 0x780), (0x700, 0x780))
-#: what python-can says, without a number, where its socket takes nothing more for now
+#: python-can's error text, without a number, if its socket is full for now
 _FULL = "Transmit buffer full"
 
 
@@ -77,7 +77,7 @@ class KernelCarrier(Carrier):
 
     def __init__(self, bus: can.BusABC, channel: str, asked: int | None) -> None:
         self._bus = bus
-        #: filters that somebody configured for python-can
+        #: filters configured by the user for python-can
         self._own_filters = bus.filters
         self._socket: socket.socket = getattr(bus, "socket")  # noqa: B009 - python-can's base class has none
         self._channel = channel
@@ -155,7 +155,7 @@ def _lost(count: int, *, roomy: bool) -> str:
 
 def _make_room(link: socket.socket, size: int) -> bool:
     """Set the receive buffer to *size* bytes, or as large as allowed; whether the full size was set."""
-    with suppress(OSError):  # only root may go beyond the limit
+    with suppress(OSError):  # only root may exceed the limit
         link.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size)
         return True
     with suppress(OSError):

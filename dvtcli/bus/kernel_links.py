@@ -10,18 +10,18 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-#: rtnetlink's messages (linux/rtnetlink.h), and what a request for all links is marked with
+#: rtnetlink's messages (linux/rtnetlink.h), and the flag of a request for all links
 _NEW_LINK, _GET_LINK, _ERROR, _DONE, _ALL = 16, 18, 2, 3, 0x301
-#: attributes of a link (linux/if_link.h), and inside of its INFO_DATA those of a CAN controller (linux/can/netlink.h)
+#: attributes of a link (linux/if_link.h), and of a CAN controller inside its INFO_DATA (linux/can/netlink.h)
 _NAME, _LINK_INFO, _INFO_KIND, _INFO_DATA, _BIT_TIMING, _STATE, _MODE = 3, 18, 1, 2, 1, 4, 5
 #: a controller's mode (linux/can/netlink.h, struct can_ctrlmode): a mask, then flags
 _FLAGS, _LISTEN_ONLY = 4, 0x02
-#: Linux's number for the hardware type CAN, its flag of a link that is up, and a controller's state bus-off
+#: Linux's hardware type CAN, the flag of a link that is up, and a controller's state bus-off
 _ARPHRD_CAN, _IFF_UP, _BUS_OFF = 280, 1, 3
 _HEADER, _LINK, _ATTRIBUTE = struct.Struct("=IHHII"), struct.Struct("=BxHiII"), struct.Struct("=HH")
-#: how long the kernel may take to say it (s); it takes no time
+#: time-out for the kernel's answer (s), which normally comes at once
 _PATIENCE_S = 1.0
-#: what most CANopen networks run at (bit/s), where nothing is set
+#: default bit rate (bit/s), used by most CANopen networks
 _USUAL_BIT_RATE = 500_000
 
 
@@ -37,7 +37,7 @@ class KernelLink:
     up: bool
     bit_rate: int | None = None
     bus_off: bool = False
-    #: whether it says nothing, not even an acknowledge
+    #: whether the controller sends nothing, not even an acknowledge
     listen_only: bool = False
 
     @property
@@ -150,5 +150,5 @@ def _told() -> bytes:
                 ended = not part or any(kind in (_DONE, _ERROR) for kind, _ in _messages(part))
                 told += part
     except OSError:
-        pass  # a kernel without it, or a sandbox: what is not told is not known
+        pass  # a kernel without it, or a sandbox: unknown
     return told

@@ -12,9 +12,9 @@ HEARTBEAT = 0x700
 #: No node starts twice within this time, in seconds.
 TWICE_S = 1.0
 EMERGENCY = 0x080
-#: command specifiers that begin an SDO download: of 7 bytes at a time, of blocks
+#: command specifiers that begin an SDO download: segmented or expedited, block
 _DOWNLOADS = (1, 6)
-#: error codes of one node that are remembered; those heard longest ago go first
+#: maximum number of remembered error codes per node; the oldest are dropped first
 _MOST_CODES = 256
 
 
@@ -33,21 +33,21 @@ class NodeWatch:
     def __init__(self) -> None:
         self.states: dict[int, NmtState] = {}
         self.boot_ups: dict[int, int] = {}
-        #: boot-ups that nothing sent from here explains, and until when (s) the next one of a node is explained
+        #: boot-ups without a reset sent from here, and until when (s) a node's next boot-up is expected
         self.restarts: dict[int, int] = {}
         self._ordered_until_s: dict[int, float] = {}
-        #: the time of the bus in seconds
+        #: the bus's time in seconds
         self.now_s: Callable[[], float] = lambda: 0.0
         #: when each node that answered nothing since said boot-up last, and how often that was within TWICE_S of the
         #: time before
         self._booted_s: dict[int, float] = {}
         self.double_boot_ups: dict[int, int] = {}
-        #: downloads that another SDO client began since the node's last boot-up
+        #: downloads begun by other SDO clients since the node's last boot-up
         self.downloads_of_others: dict[int, int] = {}
-        #: how often a node gave a sign of life (heartbeat or boot-up)
+        #: number of a node's signs of life (heartbeat or boot-up)
         self.signs_of_life: dict[int, int] = {}
         self.emergencies: dict[int, Emergency] = {}
-        #: error codes that were heard, by node-ID and code; those heard last are behind
+        #: received error codes, by node-ID and code, latest last
         self.heard_emergencies: dict[int, dict[int, HeardEmergency]] = {}
         self.listeners: list[Callable[[NodeEvent], None]] = []
 

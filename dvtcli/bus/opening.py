@@ -27,7 +27,7 @@ from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.several import plural
 from dvtcli.errors import BusUnavailable
 
-#: what python-can's drivers raise where a driver, a setting or a device is missing
+#: errors of python-can's drivers if a driver, a setting or a device is missing
 OPEN_FAILURES = (
     can.CanError,
     OSError,
@@ -70,7 +70,7 @@ _ERRNO_HINTS: dict[int, Hint | str] = {
     errno.ECONNREFUSED: Hint(Action.SERVE, why="nothing listens there: start the server first ({})"),
     errno.ETIMEDOUT: "nothing answers there: is the host's name and port right?",
 }
-#: what an adapter that is not plugged in, a port that is taken and a server that is not there say
+#: errors of an unplugged adapter, a busy port and a missing server
 _PASSING = frozenset(
     {errno.ENODEV, errno.ENXIO, errno.ENOENT, errno.EBUSY, errno.EIO, errno.ECONNREFUSED, errno.ECONNRESET}
     | {errno.ETIMEDOUT, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN}
@@ -203,7 +203,7 @@ class ServerCarrier(Carrier):
     """The connection of python-can's *bus*, whose driver takes a closed connection for a silent bus, in a busy loop."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # it has no other name: no fileno(), no property
+        link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # not accessible otherwise: no fileno(), no property
         self._link = link if isinstance(link, socket.socket) else None
         if self._link is not None:
             self._link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -217,7 +217,7 @@ class ServerCarrier(Carrier):
         return link is not None and bool(select.select([link], [], [], 0)[0]) and not link.recv(1, socket.MSG_PEEK)
 
 
-#: interfaces that hand our own frames back only with receive_own_messages
+#: interfaces that echo sent frames only with receive_own_messages
 _NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})
 #: what python-can says where the first frames came in one read with a server's last answer, which it wants alone, and
 #: how often a server is asked again then

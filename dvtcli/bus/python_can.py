@@ -28,12 +28,12 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 
-#: a frame that was sent: CAN-ID, extended, remote, data
+#: a sent frame: CAN-ID, extended, remote, data
 _Sent = tuple[int, bool, bool, bytes]
 
-#: frames that may wait for their echo at a time; more are not under way between two reads
+#: maximum number of frames waiting for their echo; no more are sent between two reads
 MOST_REMEMBERED = 1024
-#: a controller may send by priority; an echo that is this much (s) behind its sending, or a later frame's, was lost
+#: a controller may send by priority; an echo this late (s) after its sending, or a later frame's echo, was lost
 LOST_AFTER_S = 1.0
 
 
@@ -44,7 +44,7 @@ class Echoes:
     """
 
     def __init__(self) -> None:
-        #: whether the bus echoes, None where nobody knows yet
+        #: whether the bus echoes, None if not yet known
         self._echoing: bool | None = None
         self._sent: deque[tuple[_Sent, float]] = deque(maxlen=MOST_REMEMBERED)
         self._lock = threading.Lock()
@@ -112,13 +112,13 @@ BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError, IndexError)
 #: how often a full transmit buffer is tried again, every 2 ms: half of a long one takes this long at 125 kbit/s
 SEND_PATIENCE = 150
 
-#: drivers that would send a data frame where a remote frame is asked for
+#: drivers that send a data frame instead of a remote frame
 _NO_REMOTE_FRAMES = frozenset({"socketcand"})
-#: drivers of adapters that send and receive at once whatever the bit rate is, which they do not tell
+#: drivers of adapters that send and receive immediately at any bit rate, without reporting it
 _QUICK = frozenset({"socketcand"})
-#: the least bit rate (bit/s) that is usual: whoever keeps to its pace leaves gaps on all of them
+#: the lowest usual bit rate (bit/s): its pace leaves gaps at every bit rate
 LEAST_BIT_RATE = 125_000
-#: how long every frame must have been heard before silence says that no PDOs are on their way (s)
+#: time (s) of unfiltered reception before silence proves that no PDOs are sent
 HEARD_S = 0.25
 
 
@@ -146,18 +146,18 @@ class CanBus(FrameBus[can.Message]):
         self._bus = bus
         self._carrier = carrier or Carrier()
         self._setter = setter
-        #: held while the driver is read, and while another one takes its place, which is when it is *_changing*
+        #: held while the driver is read, and while it is replaced (*_changing*)
         self._read_lock = threading.Lock()
         self._changing = False
         self._send_lock = threading.Lock()
-        #: since when more is heard than what nodes say to a configurator, as somebody wants
+        #: time since which all frames are received, not only a configurator's
         self._hears_all_s = inf
-        #: the node-ID that an SDO channel was asked for last
+        #: node-ID of the last requested SDO channel
         self._last_asked: int | None = None
         self._carrier.hear(everything=False)
-        #: our own frames as they come back
+        #: echoes of sent frames
         self.echoes = Echoes()
-        #: what the CAN controller complained about
+        #: error frames of the CAN controller
         self.error_frames = ErrorFrames()
 
     @property
@@ -200,7 +200,7 @@ class CanBus(FrameBus[can.Message]):
 
     def send(self, frame: Frame) -> None:
         """Send a frame; answers are kept for a `receive` within the next second."""
-        if frame.can_id != NMT_CAN_ID or frame.data[:1] == bytes([NmtCommand.START]):  # PDOs answer no other command
+        if frame.can_id != NMT_CAN_ID or frame.data[:1] == bytes([NmtCommand.START]):  # no other command triggers PDOs
             self._hear_all()
         super().send(frame)
 
@@ -216,7 +216,7 @@ class CanBus(FrameBus[can.Message]):
         return super()._most_at_once() if monotonic() - self._hears_all_s >= HEARD_S else 1
 
     def _channel(self, node_id: int) -> SdoChannel:
-        if self._last_asked not in (None, node_id):  # whoever talks to several may soon ask them side by side
+        if self._last_asked not in (None, node_id):  # parallel requests to several nodes may follow
             self._hear_all()
         self._last_asked = node_id
         return super()._channel(node_id)
@@ -235,7 +235,7 @@ class CanBus(FrameBus[can.Message]):
         return self._carrier.lost_frames()
 
     def _leave(self) -> None:
-        with suppress(*BUS_FAILURES):  # it is gone either way, and nobody uses it any more
+        with suppress(*BUS_FAILURES):  # closed either way, and unused now
             self._bus.shutdown()
 
     def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False, dlc: int = 0) -> None:
@@ -253,7 +253,7 @@ class CanBus(FrameBus[can.Message]):
                 is_full = self._carrier.is_full(error)
                 if not patience or not is_full:
                     failure = self._failed("send", error)
-                    failure.never_sent = is_full  # other errors may come behind the frame
+                    failure.never_sent = is_full  # other errors may come after the frame was sent
                     if self._carrier.is_gone(error):
                         self._failure = failure
                     raise failure from error

@@ -12,14 +12,14 @@ from can import util
 from dvtcli.bus import can_message  # noqa: F401 - keeps python-can's log from stderr
 
 _ADDRESS = re.compile(r"(.+):([0-9]{1,5})")
-#: interfaces whose frames go to hardware of this machine, or stay in it
+#: interfaces whose frames go to this machine's hardware, or stay in it
 _LOCAL = frozenset(
     {
         "canalystii", "cantact", "etas", "gs_usb", "iscan", "ixxat", "kvaser", "neousys", "neovi", "nican", "nixnet",
         "pcan", "robotell", "seeedstudio", "serial", "slcan", "socketcan", "usb2can", "vector", "virtual",
     }
 )  # fmt: skip
-#: what a server's bus is called, where nobody says it
+#: default name of a server's bus
 _SERVED = "can0"
 
 
@@ -49,7 +49,7 @@ def completed(given: dict[str, object]) -> dict[str, object]:
         return dict(given)
     config: dict[str, object] = dict(util.load_config(config=dict(given)))
     if "receive_own_messages" not in given:
-        config.pop("receive_own_messages", None)  # a file's setting for other programs: our own frames are no answers
+        config.pop("receive_own_messages", None)  # a file's setting for other programs: echoes are no answers
     return config
 
 

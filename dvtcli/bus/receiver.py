@@ -15,17 +15,17 @@ from typing import Any, Generic, TypeVar
 
 from dvtcli.errors import BusUnavailable
 
-#: longest time in one read (s): how late a closing bus or a waiting SDO client is noticed by a silent bus's reader
+#: maximum time in one read (s): the delay until the reader of a silent bus notices a closed bus or a waiting client
 SLICE_S = 0.02
-#: how long nobody must have waited (s) before a background thread reads again
+#: time without waiting threads (s) before a background thread reads again
 QUIET_S = 0.02
-#: most messages read at once without waiting: a busy bus has no end
+#: maximum messages read at once without waiting, as a busy bus never ends
 BACKLOG = 4096
 #: how long past its deadline (s) an answer that is there already may take to be read: on a machine that is too busy to
 #: read the bus, or a bus that is never quiet
 GRACE_S = 1.0
 
-#: a shorter delay of the thread that reads is usual (s)
+#: shorter delays of the reading thread are normal (s)
 LATE_S = 0.02
 
 M = TypeVar("M")
@@ -62,7 +62,7 @@ class Receiver(Generic[M]):
         self._leader: object | None = None
         #: whose thread reads; a thread that was interrupted while it ceased to lead finds itself here, and goes on
         self._leading_thread = 0
-        #: who waits while another one reads, and until when (s of time.monotonic)
+        #: waiting threads' inboxes, and their deadlines (s of time.monotonic)
         self._followers: dict[SimpleQueue[Any], float] = {}
         self._no_leader = threading.Condition(self._mutex)
         self._closing = threading.Event()
@@ -84,7 +84,7 @@ class Receiver(Generic[M]):
                 item = (self._lead if self._join(inbox, deadline_s) else self._follow)(inbox, deadline_s)
                 if not isinstance(item, Wake):
                     return item
-                if item is _TIME_IS_OVER and monotonic() >= deadline_s:  # else it is of the time before
+                if item is _TIME_IS_OVER and monotonic() >= deadline_s:  # otherwise the note is of an earlier wait
                     return None
                 if item.failure is not None:
                     raise BusUnavailable(item.failure.text, why=item.failure.why, hint=item.failure.hint)
@@ -180,7 +180,7 @@ class Receiver(Generic[M]):
                 raise bus_closed()
             left_s = deadline_s - monotonic()
             if left_s <= 0:
-                self._read_waiting()  # a late thread is no late answer
+                self._read_waiting()  # the thread is late, not the answer
                 break
             self._read_one(self._slice_s(left_s))
         return None if inbox.empty() else inbox.get_nowait()
@@ -209,7 +209,7 @@ class Receiver(Generic[M]):
         if self._followers:
             with self._mutex:
                 for follower in [one for one, deadline_s in self._followers.items() if deadline_s <= until_s]:
-                    self._followers[follower] = inf  # it is told once
+                    self._followers[follower] = inf  # notify only once
                     follower.put(_TIME_IS_OVER)
 
     def _leave(self, who: object) -> None:
@@ -222,7 +222,7 @@ class Receiver(Generic[M]):
             for heir in self._followers:
                 if heir.empty():
                     del self._followers[heir]
-                    self._leader, self._leading_thread = heir, 0  # until its thread has woken
+                    self._leader, self._leading_thread = heir, 0  # until its thread wakes up
                     heir.put(_LEAD)
                     return
             if self._closed:
@@ -235,7 +235,7 @@ class Receiver(Generic[M]):
         self._note_delay(wait_s)
         if message is not None:
             self._deliver(message)
-            self._end_times(began_s - GRACE_S)  # of a bus that is never quiet
+            self._end_times(began_s - GRACE_S)  # for a bus that is never quiet
         else:
             self._end_times(began_s)
 

@@ -13,9 +13,9 @@ from weakref import ref
 from dvtcli.bus.receiver import Wake
 from dvtcli.domain.ports import Frame
 
-#: frames that arrive after one of ours was sent are kept for a `receive` that follows within this time (s)
+#: frames received after a sent frame are kept for a `receive` within this time (s)
 ANSWERS_KEPT_S = 1.0
-#: how many of our own frames, and of those that answer them, are remembered
+#: number of remembered frames: sent frames and their answers
 REMEMBERED = 1024
 
 Tap = Callable[[Frame, bool], None]
@@ -32,7 +32,7 @@ class Traffic(Generic[M]):
         self._taps: list[Tap] = []
         self._answers: deque[M] = deque(maxlen=4096)
         self._kept_until_s: float | None = None
-        #: what was exchanged last: the message, whether it is ours, and when (s since 1970)
+        #: the last exchanges: message, whether it is ours, and time (s since 1970)
         self._exchanged: deque[tuple[M, bool, float]] = deque(maxlen=REMEMBERED)
 
     def tap(self, callback: Tap) -> Callable[[], None]:

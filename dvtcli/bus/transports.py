@@ -14,9 +14,9 @@ from importlib.metadata import EntryPoint, entry_points
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.interpreter import python_words
 
-#: the group of their entry points
+#: group of the entry points
 GROUP = "dvtcli.bus"
-#: How long loading one may take, in seconds: a computer that is busy with something else is no fault of it.
+#: Time to load a package, in seconds: long enough for a busy computer.
 PATIENCE_S = 30.0
 _LOAD = """
 import sys

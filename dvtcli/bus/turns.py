@@ -19,11 +19,11 @@ from dvtcli.errors import BusUnavailable
 
 T = TypeVar("T")
 Ready = Callable[[], bool]
-#: how long it may take until a Ctrl-C is seen, an end that was not told, or that more may be begun (s)
+#: maximum delay until a Ctrl-C, an unreported end, or room for more jobs is noticed (s)
 _LOOK_S = 0.1
 
 
-#: which turns each thread takes that is one of several
+#: the turns of each job's thread
 _OF_THREAD: dict[int, Turns] = {}
 
 
@@ -69,10 +69,10 @@ class _Worker:
 
     def __init__(self, number: int, job: Callable[[], None], back: threading.Lock) -> None:
         self.number = number
-        #: what is asked again and again whether it goes on; None where it is told
+        #: polled condition for continuation; None if the job is notified
         self.ready: Ready | None = None
         self.deadline_s = inf
-        #: how often it has waited so far: what it was told before the present time counts no longer
+        #: number of waits so far: notifications of earlier waits do not count
         self.waits = 0
         self.thrown: BaseException | None = None
         self.fault: BaseException | None = None
@@ -132,20 +132,20 @@ class Turns:
         self._workers = [_Worker(number, job, self._back) for number, job in enumerate(jobs)]
         self._width, self._until, self._now_s = width, until, now_s
         self._by_thread: dict[int, _Worker] = {}
-        #: those that were begun and have not ended, in the order of their beginning
+        #: jobs begun and not ended, in starting order
         self._going: dict[_Worker, None] = {}
-        #: those of them that are asked whether they are ready
+        #: polled jobs among them
         self._asked: dict[_Worker, None] = {}
-        #: those that were told that something came, each with how often it had waited
+        #: notified jobs, each with its number of waits
         self._told: deque[tuple[_Worker, int]] = deque()
-        #: (deadline, number, how often it had waited) of whoever waits; those of the past lie there, too
+        #: (deadline, number, waits) of waiting jobs, including past waits
         self._deadlines: list[tuple[float, int, int]] = []
         self._torn = self._finished = False
-        #: free when the thread that asked for all of them has something to do
+        #: released when the starting thread has work to do
         self._woken = threading.Lock()
         self._woken.acquire()
         self._errand: _Errand | None = None
-        #: what went wrong, in the order of time
+        #: errors in order of time
         self.faults: list[BaseException] = []
 
     def mine(self) -> bool:
@@ -182,7 +182,7 @@ class Turns:
         errand.wait()
 
     def _wake(self) -> None:
-        with suppress(RuntimeError):  # it was woken already
+        with suppress(RuntimeError):  # already awake
             self._woken.release()
 
     def _waiting(self, deadline_s: float) -> _Worker:
@@ -214,7 +214,7 @@ class Turns:
                 self._torn = True
                 if scheduler.ident is None:
                     raise
-        if self._torn and not self.faults:  # it came when none of them waited any more
+        if self._torn and not self.faults:  # the interrupt came when no job waited any more
             self.faults.append(KeyboardInterrupt())
 
     def _schedule(self) -> None:
@@ -299,7 +299,7 @@ class Turns:
         try:
             worker.run()
         finally:
-            del _OF_THREAD[me]  # the number may be that of another thread from now on
+            del _OF_THREAD[me]  # another thread may get this number now
 
 
 def one_by_one(jobs: Sequence[Callable[[], None]]) -> list[BaseException]:

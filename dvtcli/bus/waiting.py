@@ -12,11 +12,11 @@ from typing import TypeVar
 from dvtcli.errors import BusUnavailable
 
 B = TypeVar("B")
-#: how long is waited between two tries (s): at first, and at most
+#: pause between two tries (s): first, and maximum
 FIRST_S, MOST_S = 0.1, 2.0
-#: how late it is noticed that nobody wants to wait any more (s)
+#: maximum delay until *stopping* is noticed (s)
 _SLICE_S = 0.05
-#: rtnetlink's group of news about links (linux/rtnetlink.h)
+#: rtnetlink's group for link events (linux/rtnetlink.h)
 _LINK_NEWS = 1
 
 
@@ -41,14 +41,14 @@ def _rested(news: socket.socket | None, pause_s: float, stopping: Callable[[], b
         if news is None:
             sleep(min(left_s, _SLICE_S))
         elif select([news], [], [], min(left_s, _SLICE_S))[0]:
-            sleep(_SLICE_S)  # news come in crowds, and a link is set up in several steps
+            sleep(_SLICE_S)  # events come in groups, as a link is set up in several steps
             _read_all(news)
             return True
     return False
 
 
 def _read_all(news: socket.socket) -> None:
-    with suppress(OSError):  # there are no more; or so many that some were lost, which is news as well
+    with suppress(OSError):  # no more events; or so many that some were lost, which is an event, too
         while news.recv(1 << 16):
             pass
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 _NMT_CAN_ID = 0x000
-#: what an LSS master asks that changes a slave (CiA 305); to find and to select slaves changes none
+#: LSS services that change a slave (CiA 305); finding and selecting slaves does not
 _LSS = {
     CONFIGURE_NODE_ID: "LSS configure node-ID",
     CONFIGURE_BIT_TIMING: "LSS configure bit timing",
@@ -61,9 +61,9 @@ def command_text(command: NmtCommand, node_id: int) -> str:
     return f"NMT {command.word} to {f'node {node_id}' if node_id else 'all nodes'}"
 
 
-#: One doubled answer may be the bus's; from this many on they mean a second node.
+#: A single doubled answer may come from the bus; this many mean a second node.
 SECOND_ANSWERS = 3
-#: How long after a reset boot-ups may be its answers, in seconds.
+#: Time after a reset during which boot-ups count as its answers, in seconds.
 _RESETTING_S = 5.0
 
 
@@ -111,7 +111,7 @@ class Oddities:
                 f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours; a "
                 "dvtcli beside this one is such a client, too, also if it only monitors"
             )
-            self._doubled[node_id] = now.doubled  # the answers to what it asked may look like second ones to us
+            self._doubled[node_id] = now.doubled  # answers to the other client may look like duplicates
         doubled = now.doubled - self._doubled[node_id]
         if doubled >= SECOND_ANSWERS:
             self._doubled[node_id] = now.doubled
@@ -139,10 +139,10 @@ class Oddities:
 
 
 NMT_CAN_ID = 0x000
-#: how long after a reset was sent a boot-up is its answer (s)
+#: time after a sent reset during which a boot-up counts as its answer (s)
 RESTART_S = 10.0
 
-#: the load (%) that is not exceeded by what we send while a machine may be running
+#: maximum load (%) with dvtcli's frames while a machine may be running
 DEFAULT_SHARE_PERCENT = 50
 
 
@@ -161,29 +161,29 @@ class WatchedBus(HeardNodes):
         retries: int = DEFAULT_RETRIES,
         bitrate: int | None = None,
     ) -> None:
-        #: how the bus is called on screens, for example `socketcan:can0`
+        #: name of the bus on screens, for example `socketcan:can0`
         self.name = name
-        #: whether nothing leaves this process
+        #: whether no frame leaves this process
         self.simulated = simulated
-        #: bit/s, None where nobody said
+        #: bit/s, None if unknown
         self.bitrate = bitrate
-        #: the pace (bit/s) of several requests at once where nobody said the bit rate; None: there are not several
+        #: pace (bit/s) of parallel requests if the bit rate is unknown; None for no parallel requests
         self.unknown_pace: int | None = None
         self.settings = SdoSettings(timeout_s, retries)
         super().__init__()
         self._watch.now_s = self.now_s
         self._turns: Turns | None = None
         self._percent = DEFAULT_SHARE_PERCENT
-        #: what keeps the load small, once something may run
+        #: the load limiter, once a machine may run
         self._share: KeptShare | None = None
         self._share_lock = Lock()
-        #: the SDO transfers under way, each by its channel's lock, and their pace, once they were several
+        #: present SDO transfers by their channel's lock, and their pace once there are several
         self._transfers: set[Lock] = set()
         self._pace: KeptPace | None = None
-        #: 0x1016 entries that are known not to be zero, by node-ID and sub-index
+        #: 0x1016 entries known to be non-zero, by node-ID and sub-index
         self._consumers: set[tuple[int, int]] = set()
         self._oddities = Oddities(self.now_s)
-        #: what was sent that nodes act on, and how often
+        #: sent frames with an effect on nodes, in words, and their number
         self._acts: dict[str, int] = {}
 
     def sdo(self, node_id: int) -> SdoTransport:
@@ -323,7 +323,7 @@ class WatchedBus(HeardNodes):
         if command.is_reset:
             self._watch.order_restart(node_id, RESTART_S)
         self._oddities.commanded(command, node_id, self._watch.boot_ups)
-        if not self.carries_frames:  # else its frame is noted
+        if not self.carries_frames:  # otherwise its frame is noted
             self.note_act(command_text(command, node_id))
         self._command(command, node_id)
 
@@ -339,7 +339,7 @@ class WatchedBus(HeardNodes):
 
     def disturbances(self) -> list[str]:
         """Disturbances since the last call: another SDO client, two nodes with one node-ID."""
-        with suppress(BusUnavailable):  # a dead bus has told whoever used it
+        with suppress(BusUnavailable):  # the users of a failed bus got the error
             self.drain()
         return self._oddities.news(self._dropped(), self._watch.boot_ups, self._watch.double_boot_ups)
 

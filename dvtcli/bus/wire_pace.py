@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 #: how much of the wire all frames together may take (%): a frame that has to wait for a gap waits some ten milliseconds
 FULL_PERCENT = 95
-#: how far ahead of the wire requests are sent (s): what a late thread catches up
+#: time by which requests are sent ahead of the wire (s), to compensate a late thread
 AHEAD_S = 0.002
-#: the longest that a request waits (s): where others alone take more, what was begun still ends
+#: maximum wait of a request (s): even if others exceed the share, a transfer ends
 LONGEST_WAIT_S = 1.0
 _MOST_BITS = most_frame_bits(8)
 _ABORT = 0x80
@@ -34,7 +34,7 @@ class WirePace:
         self._bit_s = 100 / FULL_PERCENT / bit_rate
         self._now_s = now_s
         self._lock = Lock()
-        #: until when the wire has to do with what is known
+        #: time until which the wire is busy with counted frames
         self._busy_until_s = now_s()
         #: requests that have their time and were not sent yet, and nodes that owe an answer: both are counted as long
         #: as can be until they pass
@@ -67,7 +67,7 @@ class WirePace:
         if function != REQUEST_ID or not sent or not frame.data or frame.data[0] == _ABORT:
             return 0
         self._owed.add(node_id)
-        counted = _MOST_BITS if owes else 0  # what was asked before is not answered any more
+        counted = _MOST_BITS if owes else 0  # an earlier request will not be answered any more
         if self._reserved:
             self._reserved -= 1
             return counted + _MOST_BITS

@@ -37,7 +37,7 @@ class Abort(IntEnum):
     DEVICE_STATE = 0x0800_0022
 
 
-#: the first byte of codes that are about an object, its access or its value
+#: first byte of codes about an object, its access or its value
 _ABOUT_THE_REQUEST = 0x06
 
 _TEXTS = {

@@ -6,11 +6,11 @@ Pure arithmetic of classical CAN (ISO 11898-1): headers, CRC-15, stuff bits.
 from __future__ import annotations
 
 _CRC_15 = 0x4599
-#: CRC delimiter, acknowledge and its delimiter, seven bits that end the frame: never stuffed
+#: CRC delimiter, acknowledge and its delimiter, seven end-of-frame bits: never stuffed
 TRAILER = 10
-#: bits that stay recessive between two frames
+#: interframe space: recessive bits between two frames
 INTERFRAME = 3
-#: bits in front of the start of frame that fill up a byte: they end in 1, as an idle bus, and need no stuffing
+#: padding bits before the start of frame: they end in 1, like an idle bus, and need no stuffing
 _FILL = 0b01010101
 _CRC_BITS = 15
 
@@ -94,7 +94,7 @@ def _stuffed_part(can_id: int, data: bytes, extended: bool, remote: bool) -> tup
     content, bits = header(can_id, len(data), extended, remote)
     sent = b"" if remote else data
     content, bits = content << 8 * len(sent) | int.from_bytes(sent, "big"), bits + 8 * len(sent)
-    # Zeros in front change no CRC that starts at 0, so whole bytes may be looked up.
+    # Leading zeros do not change a CRC that starts at 0, so whole bytes can be looked up.
     crc = 0
     for byte in content.to_bytes((bits + 7) // 8, "big"):
         crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]

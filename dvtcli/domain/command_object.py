@@ -22,7 +22,7 @@ def may_be_commanded(entry: OdEntry) -> bool:
     return pdo_may_carry(entry) and entry.access.writable
 
 
-#: How far the objects of one axis, or logical device, are from those of the next (CiA 402-2, 7)
+#: Index distance between axes, or logical devices (CiA 402-2, 7)
 _AXIS, _LAST = 0x800, 0x9FFF
 #: Controlword, target and demand objects of the first axis (CiA 402-2: 0x6040, 0x6042, 0x6071, 0x607A, 0x60B0…0x60B2,
 #: 0x60C1, 0x60FE, 0x60FF)
@@ -30,7 +30,7 @@ _OF_DRIVES = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 
 #: Outputs of an I/O module (CiA 401-1, 7.2: digital 0x6200, 0x6220, 0x6300, 0x6320, analogue 0x6400…0x6411)
 _OF_OUTPUTS = frozenset({0x6200, 0x6220, 0x6300, 0x6320, 0x6400, 0x6410, 0x6411})
 _MAKERS = range(0x2000, 0x6000)
-#: Objects that answer a read with what they can do, or with a state: store and restore, high resolution time stamp, OS
+#: Objects that read back a capability or a state: store and restore, high resolution time stamp, OS
 #: command, mode, debugger and prompt (CiA 301, 7.5.2.13, 7.5.2.14, 7.5.2.16, 7.5.2.26 to 7.5.2.29), configuration
 #: request, request NMT and request node guarding (CiA 302-2), program data and program control (CiA 302-3)
 _ANSWERS_STATE = frozenset(

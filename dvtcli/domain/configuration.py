@@ -24,28 +24,28 @@ if TYPE_CHECKING:
 
 
 DEVICE_TYPE = 0x1000
-#: Where the objects of device profiles are
+#: Indices of device profiles
 PROFILES = range(0x6000, 0xA000)
 DRIVE = 402
 _IO_MODULE, _MEASURING, _ENCODER, _INCLINOMETER = 401, 404, 406, 410
-#: How far the objects of one axis, or logical device, are from those of the next (CiA 301, 7.4.1)
+#: Index distance between axes, or logical devices (CiA 301, 7.4.1)
 _LOGICAL_DEVICE = 0x800
 _LAST_OF_FIRST = 0x67FF
-#: the upper half of 0x1000 where there are several logical devices
+#: the upper half of 0x1000 if the device has several logical devices
 _SEVERAL = 0xFFFF
-#: CiA 401: digital outputs of 8, 1, 16 and 32 bits, analogue ones of 8, 16, 32 bits, a float and of a maker's kind
+#: CiA 401: digital outputs of 8, 1, 16 and 32 bits, analogue outputs of 8, 16, 32 bits, float and manufacturer-specific
 _OUTPUTS = frozenset({0x6200, *range(0x6220, 0x6228), 0x6300, 0x6320, *range(0x6410, 0x6415)})
 #: CiA 402: controlword, targets, offsets, touch probe, interpolation data, outputs
 _COMMANDS = frozenset(
     {0x6040, 0x6042, 0x6052, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60B8, 0x60C1, 0x60FE, 0x60FF}
 )  # fmt: skip
-#: auto zero (CiA 404), preset (CiA 406), preset of a slope (CiA 410): written, what is measured is another value
+#: auto zero (CiA 404), preset (CiA 406), preset of a slope (CiA 410): a write changes the measured value
 _PRESETS: Mapping[int, frozenset[int]] = {
     _MEASURING: frozenset({0x6125, 0x7124, 0x9124}),
     _ENCODER: frozenset({0x6003, 0x6010, 0x6013}),
     _INCLINOMETER: frozenset({0x6012, 0x6022, 0x6112, 0x6122}),
 }
-#: what a profile says is a setting, where another one has an output: the cyclic timer of an encoder
+#: settings in one profile at an output's index in another: the cyclic timer of an encoder
 _SETTINGS: Mapping[int, frozenset[int]] = {_ENCODER: frozenset({0x6200})}
 
 
@@ -174,20 +174,20 @@ _SAFETY = range(0x1300, 0x1400)
 _REQUESTS = frozenset({0x1013, 0x1021, 0x1022, 0x1023, 0x1024, 0x1025, 0x1026, 0x1F24, 0x1F25, 0x1F82, 0x1F83})
 _NODE_ID = 0x100B
 _MAKERS = range(0x2000, 0x6000)
-#: Where the objects of CiA 402 are, in the first axis: what is no command there is a setting
+#: Indices of CiA 402 in the first axis: an object other than a command is a setting
 _OF_DRIVES = range(0x6040, 0x6100)
 _ACTS = {Acts.COMMAND: NotWritten.COMMAND, Acts.OUTPUT: NotWritten.OUTPUT, Acts.PRESET: NotWritten.PRESET}
 _DOWNLOAD_REFUSED = 0x01
 _NAMED_PASSCODE = re.compile(r"pass_?(code|word|wort|phrase)|password|kennwort|access_code|security_(code|key)|unlock")
 _NAMED_NODE_ID = re.compile(r"node_?(id|address|number)|module_(id|address)|can_address|bit_?rate|baud_?rate")
-#: words of a command, wherever they stand in a name, unless a word of `_NAMED_SETTING` stands there, too
+#: words of a command anywhere in a name, unless the name has a word of `_NAMED_SETTING`
 _NAMED_COMMAND = re.compile(
     r"(?<![a-z])((soft|hard|power)?_?re_?set|re_?boot|factory|boot_?loader|erase|calibrate|self_?test|auto_?tune|teach|acknowledge|brake_release"
     r"|(save|store|restore|load|reload)_(all|defaults?|param(eter)?s?|settings?|config(uration)?|now|to_\w+|from_\w+)"
     r"|(start|stop|run|do|perform|begin|execute|trigger)_(self|auto|test|calibration|homing|teach|tuning|identification)"
     r"|(homing|calibration|jog)_(start|stop|run)|firmware_update|format_(flash|memory|disk|card|eeprom|file_?system))(?![a-z])"
 )
-#: the whole name of a command, with or without what it is done to
+#: the whole name of a command, with or without its object
 _WHOLE_COMMAND = re.compile(
     r"(start|stop|enable|disable|re_?start|jog|homing|home|calibration|format|save|store|restore|defaults?|command|execute"
     r"|trigger|release|clear|un_?lock)"

@@ -9,9 +9,9 @@ from typing import Any
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.unit import parse_offset
 
-#: Where something stands in a file is no part of what it says.
+#: Fields about the place in a file, excluded from the comparison.
 _NOT_SAID = ("line", "entries", "index", "sub_index")
-#: What a scale is made of, with what an entry without it means.
+#: Fields of a scale, and their defaults.
 _SCALE = {"factor": "1", "offset": "0"}
 
 

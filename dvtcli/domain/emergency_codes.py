@@ -47,7 +47,7 @@ _CLASSES = {
     0xF0: "additional functions",
     0xFF: "device specific",
 }
-#: what a drive means by codes that CiA 301 leaves to device profiles (CiA 402-2, error codes)
+#: meanings for drives of codes that CiA 301 leaves to device profiles (CiA 402-2, error codes)
 _DRIVE_CODES = {
     0x2310: "continuous over-current at the output",
     0x2320: "short circuit or earth leakage at the output",
@@ -63,7 +63,7 @@ _DRIVE_CODES = {
     0x8500: "position control",
     0x8611: "following error",
 }
-#: what helps, where the standard itself says what happened
+#: remedies, if the standard itself names the cause
 _REMEDIES: dict[int, Hint | str] = {
     0x8110: Hint(Action.SHOW_LOAD, why="frames came faster than it takes them: lower the bus load ({})"),
     0x8120: "look at wiring, termination and bit rate",

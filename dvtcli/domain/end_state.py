@@ -10,7 +10,7 @@ from dvtcli.domain.plan import plan_pdo
 from dvtcli.domain.script_line import change_line, whole_lines
 
 _ON_PDOS = ("map", "set", "clear", "enable", "disable")
-#: Lines without which a node may refuse the others.
+#: Lines that a node may need to accept the others.
 _OPENING = ("login", "nmt preop", "fpo")
 
 
@@ -71,7 +71,7 @@ def _keys(line: str) -> list[Pdo | str]:
         return [Pdo.parse(word) for word in words if _is_pdo(word)]
     if command == "write":
         in_pdo = Pdo.at(int(words[0].partition(":")[0], 16)) is not None
-        return [] if in_pdo else [f"write {words[0]}"]  # what it changed of a PDO stands in a line of the PDO
+        return [] if in_pdo else [f"write {words[0]}"]  # its PDO has a line of its own
     return [" ".join([command, *words[:-1]])] if command == "vpdo" else []
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from dvtcli.domain.datatypes import DataType, Kind, Value
 from dvtcli.domain.mapping import PdoMappingEntry
 
-#: Tells the data type of a mapped object, None where it is not known.
+#: Returns the data type of a mapped object, None if unknown.
 TypeOf = Callable[[PdoMappingEntry], DataType | None]
 
 

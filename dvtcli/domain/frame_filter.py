@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 
-#: Whether a frame is meant, whose service has that kind, that label, and that node-ID where one is known.
+#: Whether a frame passes, given its service's kind, label, and node-ID if known.
 FrameFilter = Callable[[Frame, str, str, int | None], bool]
 
-#: what a service is called
+#: names of services
 KINDS = ("nmt", "sync", "time", "emcy", "pdo", "sdo", "lss", "heartbeat", "other")
 HOW = f"181, 180-1FF, 180:780 (hex, ID:MASK), node=5, tpdo1, 5:tpdo1, or one of {' '.join(KINDS)}"
 _HEX = r"(?:0x)?([0-9a-f]{1,8})"

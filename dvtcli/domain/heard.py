@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from dvtcli.domain.ports import Frame
 
-#: CAN-IDs that are remembered; the one that was silent longest is forgotten for a new one.
+#: Maximum number of remembered CAN-IDs; a new CAN-ID replaces the one silent for longest.
 MOST = 512
-#: PDO parameters, and the CAN-IDs of SDO requests and heartbeats, whose first one (no data but 0) is a boot-up
+#: PDO parameters, and the CAN-IDs of SDO requests and heartbeats; a heartbeat with data 0 is a boot-up
 _PDO_PARAMETERS = range(0x1400, 0x1C00)
 _REQUESTS, _HEARTBEATS = range(0x601, 0x680), range(0x701, 0x780)
 #: command specifiers of SDO downloads: expedited and segmented, block
@@ -42,7 +42,7 @@ class LastFrames:
 
     def __init__(self) -> None:
         self._heard: OrderedDict[tuple[int, bool], LatestFrame] = OrderedDict()
-        #: when a PDO parameter was written last, by node-ID and index, and when the node booted (index 0)
+        #: time of the last write to a PDO parameter, by node-ID and index, and of the node's boot-up (index 0)
         self._set_s: dict[tuple[int, int], float] = {}
 
     def take(self, frame: Frame, now_s: float) -> None:

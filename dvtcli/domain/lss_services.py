@@ -12,13 +12,13 @@ CONFIGURE_BIT_TIMING, ACTIVATE_BIT_TIMING = 0x13, 0x15
 #: the first of the four frames of *switch state selective*, the answer to the last, and the six of *identify*
 SELECT, SELECTED, IDENTIFY, IDENTIFIED = 0x40, 0x44, 0x46, 0x4F
 IDENTIFY_UNCONFIGURED, IDENTIFIED_UNCONFIGURED, FAST_SCAN = 0x4C, 0x50, 0x51
-#: the first of the four services that ask for a part of the address, and the one that asks for the node-ID
+#: the first of the four services that inquire the address, and the service that inquires the node-ID
 INQUIRE, INQUIRE_NODE_ID = 0x5A, 0x5E
 WAITING, CONFIGURATION = 0, 1
 #: *bit checked* of the fast scan's first question, which every node without a node-ID answers
 SCAN_RESET = 0x80
 BITS, PARTS = 32, 4
-#: error codes of the configuration services (CiA 305); 0 is success, 255 the maker's own
+#: error codes of the configuration services (CiA 305); 0 is success, 255 manufacturer-specific
 NODE_ID_REFUSED = {1: "it takes no such node-ID"}
 BIT_TIMING_REFUSED = {1: "it cannot run at that bit rate"}
 STORE_REFUSED = {1: "it cannot store its node-ID", 2: "its storage medium failed"}

@@ -13,13 +13,13 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalise
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.unit import parse_factor, parse_offset, parse_scale
 
-#: what is known of an object that nobody describes
+#: scaling of an object without description
 NOTHING = Scaling()
 #: the device type, whose lower half is the number of a device profile (CiA 301, 7.5.2.1)
 _DEVICE_TYPE = 0x1000
-#: objects up to here have the types that CiA 301 gives them, whatever file there is
+#: objects up to here have the types in CiA 301, whatever a file says
 _LAST_OF_CIA_301 = 0x1FFF
-#: the objects of a device's next axis or module are so much further (CiA 301, 7.4.1: logical devices)
+#: index distance between axes or modules (CiA 301, 7.4.1: logical devices)
 _LOGICAL_DEVICE, _FIRST_STANDARDISED, _LAST_STANDARDISED = 0x800, 0x6000, 0x9FFF
 
 
@@ -149,7 +149,7 @@ class Meanings:
         entry = self._dictionary.entry(index, sub_index) if self._dictionary else None
         found = self._said(index, sub_index, entry)
         if self._only_described and entry is None and index > _LAST_OF_CIA_301 and found.has_number:
-            # nobody tells whether the object has a sign: -1500 rpm would be shown as 4294965796 rpm
+            # the sign is unknown: -1500 rpm would be shown as 4294965796 rpm
             return replace(found, unit="", factor=NOTHING.factor, offset=NOTHING.offset)
         return found
 
@@ -172,7 +172,7 @@ def _of_file(entry: OdEntry) -> Scaling:
     A limit is never an offset.
     """
     factor, unit = parse_scale(entry.unit)
-    with suppress(ValueError):  # there is none, or it is none
+    with suppress(ValueError):  # missing, or invalid
         factor *= parse_factor(entry.factor)
     offset = parse_offset(entry.offset) if entry.offset else Fraction(0)
     return Scaling(unit, factor, offset * factor)

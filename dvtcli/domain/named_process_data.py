@@ -9,7 +9,7 @@ import re
 
 from dvtcli.domain.object_dictionary import normalised
 
-#: words of what commands, is measured, or goes by PDO from one device to another
+#: words for commands, measured values, and PDO data between devices
 _PROCESS = re.compile(
     r"(?<![a-z])(target|demand|demanded|commanded|commands?|cmds?|set_?points?|set_value|desired|actual|measured|measurements?"
     r"|received?|sent|transmit(ted)?|process_values?|pv|debug_values?|(control|ctrl)_?(word|byte|bits?)|status_?(word|byte|bits?)"
@@ -17,14 +17,14 @@ _PROCESS = re.compile(
     r"|(digital|analog(ue)?|physical)_inputs?|input_(levels?|states?|values?|voltage)|(position|velocity|torque|time)_input"
     r"|(position|speed|velocity|torque)_reference|ref(erence)?_(position|speed|velocity|torque)|interpolation_data|steer_angle|utc"
     r"|scet|[a-z]*(soll|ist)_?werte?|(steuer|status)_?wort)(?![a-z])"
-    # where the name ends with it: `Deadman switch`, `Pump switch 7`, `Output 3`, `Speed_Ref`, `PWM1`
+    # at the end of a name: `Deadman switch`, `Pump switch 7`, `Output 3`, `Speed_Ref`, `PWM1`
     r"|(?<![a-z])(switch|inputs?|outputs?|ref|reference|throttle|brake|relays?|pwm|valves?|lamps?|leds?|horn|duty(_(cycle|ratio))?)"
     r"(_?(left|right|inner|outer|front|rear|upper|lower|\d))*$"
 )
 _CONTROL_WORD = re.compile(
     r"(?<![a-z])((control|ctrl|command|cmd)_?(word|byte|bits?|register)|(steuer|kommando)_?wort)(?![a-z])"
 )
-#: words of a setting, and of nothing that acts at once
+#: words of a setting, and of no object with immediate effect
 _SURE = (
     r"gains?|k[pid]|kff[av]|limits?|limitation|max(imum)?|min(imum)?|rated|nominal|windows?|thresholds?|time_?out"
     r"|delay|debounce|hysteresis|dead_?band|scal(e|es|ing)|factors?|gear_ratio|numerator|denominator|ramps?|slope|filters?"
@@ -33,18 +33,18 @@ _SURE = (
     r"|(fault|error|safe)_(value|state)|interval|home_position|homing_([a-z]+_)?(offset|method|speed|velocity|acceleration)"
     r"|nenn[a-z]+|[a-z]*grenzen?|[a-z]*begrenzung|faktor|rampe|verzögerung"
 )
-#: words that make a setting of all these: `Output current limit`, `Target reached window`, `Measured value filter`
+#: words that turn these into settings: `Output current limit`, `Target reached window`, `Measured value filter`
 _SETTING = re.compile(
     rf"(?<![a-z])({_SURE}|ranges?|offsets?|corrections?|settings?|masks?|period|function|mode|selection|selector|source)"
     r"(?![a-z])"
 )
 _SURE_SETTING = re.compile(rf"(?<![a-z])({_SURE})(?![a-z])")
-#: what an object is in the end, whatever limit it is of: `Torque limit command`, `Limit switch`
+#: words that decide despite a limit: `Torque limit command`, `Limit switch`
 _ACTS = re.compile(
     r"(?<![a-z])(targets?|demand|commands?|cmds?|set_?points?|set_value|request|ref|reference|switch|relays?|valves?|lamps?|leds?|horn"
     r"|[a-z]*soll_?werte?)(_?(left|right|inner|outer|front|rear|upper|lower|\d))*$"
 )
-#: a unit, which is no minimum
+#: the unit `min`, not a minimum
 _PER_MINUTE = re.compile(r"(/|\bper)\s*min\b|\bmin\s*\^?-1\b", re.IGNORECASE)
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 

@@ -164,7 +164,7 @@ class Commissioning:
     lss_serial_number: int | None = None
 
 
-#: identity object (CiA 301, 7.5.2.19), and a number that nobody set
+#: identity object (CiA 301, 7.5.2.19), and an unset number
 _IDENTITY, ERASED = 0x1018, 0xFFFF_FFFF
 
 
@@ -224,7 +224,7 @@ class ObjectDictionary(Mapping[int, OdObject]):
         return found
 
     def __contains__(self, index: object) -> bool:
-        return index in self._objects  # a Mapping's own builds the object to know that
+        return index in self._objects  # a Mapping's default would build the object
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._objects)

@@ -11,7 +11,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalise
 
 _OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?(?::(?:0[xX])?([0-9A-Fa-f]{1,2})[hH]?)?")
 _WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")
-#: A maker's manual that counts sub-indices in decimal: `0x2005-13` is 2005:0D.
+#: Decimal sub-index, as in some manuals: `0x2005-13` is 2005:0D.
 _DECIMAL_SUB = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})-([0-9]{1,3})(?:/[0-9]{1,3})?")
 #: CAN-IDs of PDOs in the pre-defined connection set (CiA 301, 7.3.5)
 PDO_CAN_IDS = 0x181, 0x57F

@@ -12,7 +12,7 @@ from dvtcli.domain.mapping import DAM_MPDO, MAX_ENTRIES, SAM_MPDO, PdoMappingEnt
 
 MAX_PDO_NUMBER = 512
 EVENT_DRIVEN = 255
-#: the parameters of a PDO that somebody can wish, as `PdoCommunicationParameter` calls them, and its mapping
+#: requestable PDO parameters, by the names in `PdoCommunicationParameter`, and the mapping
 MAPPING = "mapping"
 PARAMETERS = ("cob_id", "transmission_type", "inhibit_time", "event_timer", "sync_start_value", MAPPING)
 #: those of 0x1400 and 0x1800 by their sub-index (CiA 301, 7.5.2.35 and 7.5.2.37; 4 is reserved)
@@ -29,7 +29,7 @@ class Direction(StrEnum):
 _COMMUNICATION = {Direction.RPDO: 0x1400, Direction.TPDO: 0x1800}
 _MAPPING = {Direction.RPDO: 0x1600, Direction.TPDO: 0x1A00}
 _DIRECTIONS = {base: direction for bases in (_COMMUNICATION, _MAPPING) for direction, base in bases.items()}
-#: the parameters that a PDO need not have, by the sub-index of its communication parameter
+#: optional parameters, by sub-index of the communication parameter
 _OPTIONAL = {2: "transmission type", 3: "inhibit time", 5: "event timer", 6: "SYNC start value"}
 _FIRST_INDEX, _LAST_INDEX = 0x1400, 0x1BFF
 _DEFAULT_CAN_ID = {Direction.RPDO: 0x200, Direction.TPDO: 0x180}
@@ -182,7 +182,7 @@ def _is_entry(index: int, sub_index: int) -> bool:
 
 
 def _inconsistencies(config: PdoConfig) -> Iterator[str]:
-    without_cob_id = () if config.has_cob_id else config.untold  # what else of it is missing is not worth a word
+    without_cob_id = () if config.has_cob_id else config.untold  # other missing parts do not matter then
     for index, sub_index in (place for place in config.unread if place not in without_cob_id):
         place = f"0x{index:04X}:{sub_index:02X}"
         if not is_mapping_index(index):

@@ -13,10 +13,10 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.several import hex_preview
 
-#: Verify configuration (CiA 301): date and time that stand for what a device holds (`stamp`).
+#: Verify configuration (CiA 301): date and time as the stamp of a configuration (`stamp`).
 STAMP = 0x1020
 TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 2, 3, 5, 6
-#: Transmission types of TPDOs that are sent on a remote frame.
+#: Transmission types of TPDOs sent on request (RTR).
 ON_REQUEST = (252, 253)
 
 

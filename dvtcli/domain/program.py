@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-#: one sub-index a program, 1..254
+#: one sub-index per program, 1..254
 PROGRAM_DATA, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
-#: what is written to the program control; what it reads is the one that was obeyed last
+#: commands to the program control; it reads back the last accepted command
 STOP, START, CLEAR = 0, 1, 3
-#: what is expected of devices whose software identification is the CRC-32 of what was loaded
+#: expected identification if a device's software identification is the CRC-32 of its program
 CRC32 = "crc32"
 
 _FLASH_ERRORS = {

@@ -144,7 +144,7 @@ def instead_findings(want: PdoWant, proposal: Proposal) -> Iterator[Finding]:
         yield note("can-id-instead", proposal.communication_place(1), f"{refused.text}: {got} instead", same)
 
 
-#: what only a request of parameters can say of a COB-ID, as arguments of `SET_PDO`
+#: COB-ID options of a parameter request only, as arguments of `SET_PDO`
 _SAID_BY_SET: dict[Action, Mapping[str, object]] = {
     Action.SELECT_CAN_ID: {"cob_id": "auto"},
     Action.FORBID_RTR: {"no_rtr": True},
@@ -260,5 +260,5 @@ def _entry(word: MappedObject, lengths: Mapping[ObjectAddress, int | None]) -> P
 def _dummies(bits: int, proposal: Proposal) -> tuple[PdoMappingEntry, ...]:
     usable = usable_dummies(proposal)
     if proposal.pdo.is_tpdo or not usable:
-        usable = frozenset(DUMMY_BITS)  # the rules say why it is refused, in the user's own terms
+        usable = frozenset(DUMMY_BITS)  # the rules report the refusal in the user's terms
     return split_dummy(bits, usable)

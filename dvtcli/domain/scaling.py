@@ -15,7 +15,7 @@ from typing import NamedTuple
 from dvtcli.domain.datatypes import CanopenTime, Value, parse_number
 from dvtcli.domain.unit import scale_text, spelled, times, with_prefixes
 
-#: the most digits behind the point
+#: maximum decimal places
 _MOST_DECIMALS = 12
 _QUANTITY = re.compile(
     r"(?P<number>[+-]?(?:[0-9]{1,30}(?:\.[0-9]{0,30})?|\.[0-9]{1,30})(?:[eE][+-]?[0-9]{1,2})?)\s*(?P<unit>[^\s\d(,][^()]*?)?"
@@ -23,7 +23,7 @@ _QUANTITY = re.compile(
 )
 #: a word as `text` shows it, raw in parentheses
 _WITH_RAW = re.compile(r"(?P<word>.*)\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)
-#: blanks, marks of a sentence, brackets, and the hyphen within a word
+#: blanks, punctuation, brackets, and the hyphen within a word
 _LEFT_OUT = re.compile(r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+")
 
 
@@ -140,7 +140,7 @@ class Scaling:
             return self.words(raw)
         word, quantity = self.word(raw), self.quantity(raw) if self.has_number else ""
         words = word or quantity
-        if not words or (words == quantity and not self.is_scaled):  # it has raw in it already
+        if not words or (words == quantity and not self.is_scaled):  # raw is in it already
             return words
         return f"{words} ({self.raw_text(raw, bits)})"
 

@@ -10,7 +10,7 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange
 from dvtcli.domain.rules.can_id import restricted_use
 
-#: How a line ends that says what a backup does not put back as it was.
+#: End of a line about a PDO that a backup does not restore.
 LEFT_ALONE, STAYS_OFF = "and is left alone", "it stays off"
 REMARKS = (LEFT_ALONE, STAYS_OFF)
 

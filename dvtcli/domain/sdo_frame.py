@@ -12,15 +12,15 @@ from dataclasses import replace
 from dvtcli.domain.ports import Frame
 
 _REQUESTS, _ANSWERS, _BETWEEN = range(0x601, 0x680), range(0x581, 0x600), 0x80
-#: command specifiers (bits 7..5) that begin a transfer towards the server, or from it; both directions have the others
+#: command specifiers (bits 7..5) that begin a transfer to the server, or from it; the others go both ways
 _DOWNLOAD, _UPLOADED, _SEGMENT, _OF_BLOCKS, _BLOCK = 1, 2, 0, 5, 6
 _EXPEDITED, _ENDS_BLOCK, _LAST, _ABORT, _BLOCK_TAKEN = 0x02, 0x01, 0x80, 0x80, 0xA1
-#: commands that carry no value: upload, next segment, abort, and those of block transfers; and a server's
+#: commands without value: upload, next segment, abort, and block transfer commands; and a server's
 _WITHOUT = {
     _DOWNLOAD: frozenset((0x40, 0x60, 0x70, 0x80, 0xA0, 0xA1, 0xA2, 0xA3, 0xA4)),
     _UPLOADED: frozenset((0x20, 0x30, 0x60, 0x80, 0xA0, 0xA1, 0xA2, 0xA4)),
 }
-#: where a value is: behind the multiplexer, behind the command, or where an abort should have the multiplexer
+#: place of a value: behind the multiplexer, behind the command, or in place of an abort's multiplexer
 _OF_NAMED, _OF_PART, _REPEATED = slice(4, 8), slice(1, 8), slice(1, 4)
 
 Objects = Set[tuple[int, int]]
@@ -69,15 +69,15 @@ class _Way:
     def __init__(self, objects: Objects, begins: int, *, unknown: bool) -> None:
         self._objects = objects
         self._begins = begins
-        #: whether the transfer that was begun last is of one of the objects; also behind its end: it may be repeated
+        #: whether the last begun transfer concerns the objects; also after its end, as it may be repeated
         self._counts = unknown
-        #: in a block transfer the number of the segment that comes next, and whether the last one was there; 0: in none
+        #: next segment's number in a block transfer (0: none), and whether the last segment was received
         self._next, self._is_last = 0, False
-        #: what began that: the same frame once more, before any segment, begins it again
+        #: the frame that began the block: repeated before any segment, it begins the block again
         self._beginning = b""
-        #: whether something said that the block transfer is over
+        #: whether a frame ended the block transfer
         self._over = False
-        #: the first bytes of parts that went by: who takes one for a request aborts that, and repeats them
+        #: first bytes of past segments: a server that takes a segment for a request aborts and repeats them
         self._parts: set[bytes] = set()
 
     def value_in(self, data: bytes) -> slice | None:

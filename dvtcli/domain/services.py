@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 #: The parameters of SDO servers after the default one, and of SDO clients (CiA 301, 7.4.1).
 SDO_SERVERS, SDO_CLIENTS = range(0x1201, 0x1280), range(0x1280, 0x1300)
-#: Where the COB-IDs of further SDO servers and clients are.
+#: Places of the COB-IDs of further SDO servers and clients.
 SDO_CHANNEL_INDICES = range(SDO_SERVERS.start, SDO_CLIENTS.stop)
-#: The CAN-ID of SYNC, and that it has 11 bits, if no object says another (CiA 301, 7.5.2.5).
+#: Default CAN-ID of SYNC, with 11 bits (CiA 301, 7.5.2.5).
 SYNC_BY_DEFAULT = (0x080, False)
 _FRAME = 1 << 29
-#: Bit 30 of 0x1005 and 0x1012: the node sends it; bit 31 of 0x1014 and of SDO channels: they are off.
+#: Bit 30 of 0x1005 and 0x1012: the node produces it; bit 31 of 0x1014 and of SDO channels: disabled.
 PRODUCES, OFF = 1 << 30, 1 << 31
 
 

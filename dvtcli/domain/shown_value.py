@@ -11,7 +11,7 @@ from dvtcli.domain.scaling import Scaling
 if TYPE_CHECKING:
     from dvtcli.domain.plan import Step
 
-#: how many bytes of a long value are shown, and how many characters of a text beside another one
+#: displayed bytes of a long value, and characters of a text beside another
 MOST_SHOWN, _WIDEST = 128, 24
 
 

@@ -40,9 +40,9 @@ class WhoStored:
 DATE, TIME = 1, 2
 
 _EPOCH = date(1984, 1, 1)
-#: Own dates: valid ones, none of which a clock shows before the year 2163.
+#: Own dates: valid dates that no clock shows before the year 2163.
 _FIRST_DAY, _LAST_DAY = 65_536, 2_900_000
-#: Own times leave this rest that the date and the quotient say; 8,663 of them begin on a day.
+#: Own times have a remainder given by date and quotient; 8,663 fit into a day.
 _PRIME, _QUOTIENTS = 9_973, 8_663
 
 

@@ -67,7 +67,7 @@ _VARIABLES = {
     0x102A: StandardEntry(U16, _RW),
 }
 
-#: ARRAY objects, and 0x1018, whose parts are of one type, too: sub-index 0, every other sub-index.
+#: ARRAY objects, and 0x1018 with entries of equal type: sub-index 0, every other sub-index.
 _ARRAYS = {
     0x1003: (StandardEntry(U8, _RW), StandardEntry(U32, _RO)),
     0x1010: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
@@ -139,7 +139,7 @@ def standard_object_type(index: int) -> ObjectType | None:
     return ObjectType.RECORD if record else None
 
 
-#: What CiA 301 does not give away: first and last index of each part (7.4.1, table of the object dictionary).
+#: Reserved indices in CiA 301: first and last of each range (7.4.1, table of the object dictionary).
 _RESERVED = ((0x0000, 0x0000), (0x0260, 0x0FFF), (0x1004, 0x1004), (0x100B, 0x100B), (0x100E, 0x100F), (0xC000, 0xFFFF))
 
 

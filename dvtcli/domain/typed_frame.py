@@ -6,7 +6,7 @@ import re
 
 from dvtcli.domain.ports import Frame
 
-#: the longest line that is looked at
+#: maximum length of a line
 _MOST_CHARACTERS = 400
 _COMPACT = re.compile(r"([0-9A-F]{1,8})#(#?)(R[0-8]?|[0-9A-F._]*)", re.I)
 _CANDUMP = re.compile(r"(?:\([-\d .:]+\)\s*)?(?:(?P<interface>\S+)\s+)?(?P<rest>\S.*)")

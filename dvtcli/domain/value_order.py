@@ -37,11 +37,11 @@ Step = TypeVar("Step", bound=Download)
 
 SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
 TIME_COB_ID, EMCY_COB_ID, CONSUMER_TIMES = 0x1012, 0x1014, 0x1016
-#: SDO server and client parameters (CiA 301, 7.5.2.33 and 7.5.2.34), but the default channel, which nobody writes
+#: SDO server and client parameters (CiA 301, 7.5.2.33 and 7.5.2.34), except the read-only default channel
 SDO_CHANNELS = range(0x1201, 0x1300)
 _SDO_COB_IDS = (1, 2)
 _INVALID, _PRODUCES, _CONSUMES = 1 << 31, 1 << 30, 1 << 31
-#: bits 29 to 0 of a COB-ID: what is frozen while its service uses it
+#: bits 29 to 0 of a COB-ID: frozen while its service uses it
 _FROZEN = 0x3FFF_FFFF
 
 

@@ -75,7 +75,7 @@ class Layout:
     byte_length: int | None = None
     source: str = ""
     guess: str = ""
-    #: what is the same for each frame, by the keys of its signals: what values mean, which objects they are
+    #: constant data by signal key: meaning and object
     meanings: Mapping[str, Scaling] = field(init=False, repr=False, compare=False)
     objects: Mapping[str, str] = field(init=False, repr=False, compare=False)
 

@@ -32,7 +32,7 @@ class Counted:
         self.bits += frame_bits(frame.can_id, frame.data, frame.extended, frame.remote)
         self.data_bytes = max(self.data_bytes, len(frame.data))
         if not frame.timestamp_s:
-            return  # sent from here: nobody knows when it was on the wire
+            return  # sent from here: its time on the wire is unknown
         if self._last_s:
             gap_s = frame.timestamp_s - self._last_s
             self.shortest_s = gap_s if self.shortest_s is None else min(self.shortest_s, gap_s)

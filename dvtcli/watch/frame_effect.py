@@ -66,7 +66,7 @@ def effects(frame: Frame, parties: Parties) -> str:
     service = service_of(frame.can_id, extended=frame.extended)
     services = {**({} if service.kind in ("pdo", "other") else {service: None}), **parties.services.get(address, {})}
     said = [_of_service(frame, possible_service) for possible_service in services]
-    if not frame.remote:  # a remote frame carries nothing that could be taken, and the TPDO's own node answers it
+    if not frame.remote:  # a remote frame has no data to receive, and the TPDO's own node answers it
         said += _of_pdos(address, service, parties)
     return "; ".join(said)
 

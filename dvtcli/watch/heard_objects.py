@@ -22,12 +22,12 @@ Place = tuple[int, int]
 
 _REQUESTS, _ANSWERS, _HEARTBEATS = 0x600, 0x580, 0x700
 _SDO_BYTES = 8
-#: what a node that starts sends as its heartbeat's state (CiA 301, 7.2.8.3.2.1)
+#: heartbeat state of a boot-up message (CiA 301, 7.2.8.3.2.1)
 _BOOT_UP = b"\x00"
 _ABORT = 0x80
-#: command specifiers of what a client asks
+#: command specifiers of a client's requests
 _DOWNLOADS_SEGMENT, _DOWNLOADS, _BLOCK_UPLOAD, _BLOCK_DOWNLOAD = 0, 1, 5, 6
-#: and of what a server answers
+#: and of a server's answers
 _UPLOADED_SEGMENT, _SEGMENT_TAKEN, _UPLOADED, _TAKEN = 0, 1, 2, 3
 _BLOCK_END = 0xA1
 _STORE, _RESTORE, _WITH_PDOS = 0x1010, 0x1011, (1, 2)
@@ -73,7 +73,7 @@ class _Heard:
     down: _ObservedTransfer | None = None
     up: _ObservedTransfer | None = None
     block: _Block = _Block.NONE
-    #: the indices that are followed; empty: all
+    #: tracked indices; empty: all
     only: frozenset[int] = frozenset()
 
     def request(self, data: bytes) -> None:

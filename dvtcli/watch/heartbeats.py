@@ -10,7 +10,7 @@ from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
 HEARTBEAT_TIME = 0x1017
 #: CAN-ID of a heartbeat, without the node-ID
 HEARTBEATS = 0x700
-#: A heartbeat is missing after this many of the node's own periods and this much time (s) more.
+#: A heartbeat is missing after this many periods plus this time (s).
 PERIODS, GRACE_S = 2, 0.5
 
 
@@ -28,7 +28,7 @@ class Heartbeats:
     def __init__(self) -> None:
         self._beats: dict[int, _Beat] = {}
         self._times = HeartbeatTimes()
-        #: the last value of 0x1017 that was heard of a node since its boot-up (s); 0: it sends no heartbeat
+        #: a node's last known 0x1017 since its boot-up (s); 0: no heartbeat
         self._told_s: dict[int, float] = {}
 
     def take(self, frame: Frame, now_s: float) -> None:
@@ -47,7 +47,7 @@ class Heartbeats:
         self._told_s[heard.node_id] = heard.time_s
         if not heard.time_s:
             self._beats.pop(heard.node_id, None)
-        elif heard.written and heard.node_id in self._beats:  # the next one comes a new period after the write
+        elif heard.written and heard.node_id in self._beats:  # the next heartbeat comes a new period after the write
             self._beats[heard.node_id].last_s = max(now_s, self._beats[heard.node_id].last_s)
 
     @property

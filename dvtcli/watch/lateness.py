@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from math import ceil, log2
 
-#: steps of the histogram for each doubling: what is said is at most 9 % too much
+#: histogram steps per doubling: results are at most 9 % too high
 _STEPS = 8
 _FLOOR_S = 1e-6
 
@@ -15,7 +15,7 @@ _FLOOR_S = 1e-6
 class Lateness:
     """Statistics of delays, as a histogram."""
 
-    #: the most, None of none
+    #: maximum, None without delays
     most_s: float | None = None
     _often: Counter[int] = field(default_factory=Counter)
 

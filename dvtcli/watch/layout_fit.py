@@ -48,7 +48,7 @@ class Misfits:
     def __init__(self, layout_of: Callable[[Frame], Layout], tell: Callable[[str], None]) -> None:
         self._layout_of = layout_of
         self._tell = tell
-        #: the length that was looked at last, by address; None where it was told of
+        #: the last checked length, by address; None after a report
         self._seen: dict[Address, int | None] = {}
 
     def look(self, frame: Frame) -> None:

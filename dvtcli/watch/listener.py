@@ -16,14 +16,14 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.errors import BusUnavailable
 
-#: frames that wait to be taken; one more is dropped and counted
+#: maximum number of waiting frames; further frames are dropped and counted
 WAITING = 50_000
-#: how long the bus is read in one go (s): how long leaving takes
+#: duration of one read (s): the delay of leaving
 TICK_S = 0.1
 #: how long more frames are gathered after the first one (s): two threads that take turns frame by frame cost more than
 #: the frames
 GATHER_S = 0.01
-#: a bus whose clock differs by more than this (s) from the computer's counts from some other beginning
+#: a bus clock with a larger difference (s) to the computer's has another epoch
 FOREIGN_CLOCK_S = 60.0
 
 
@@ -85,8 +85,8 @@ class Listener:
     def __enter__(self) -> Listener:
         self._untap = self._bus.tap(self._keep)
         try:
-            self._bus.drain()  # a secret may have begun in what had arrived: it is looked through, and not kept
-        except BusUnavailable as failure:  # whoever takes is told
+            self._bus.drain()  # a secret may have begun in earlier frames: process them without keeping them
+        except BusUnavailable as failure:  # `take` raises the error
             self._failure = failure
         self._frames.clear()
         self._overflowed, self._lost_before = 0, self._bus.lost_frame_count()
@@ -101,7 +101,7 @@ class Listener:
         """Stop listening; recorded frames can still be taken."""
         if self._stopping.is_set():
             return
-        _ = self.dropped  # as it is now: later ones are not missed
+        _ = self.dropped  # the present value: later losses do not count
         self._stopping.set()
         self._untap()
         self._thread.join(1.0)
@@ -116,12 +116,12 @@ class Listener:
 
     def _keep(self, frame: Frame, _sent: bool) -> None:
         """Date and keep a frame; called by the thread that reads or sends, for every frame."""
-        frame, _ = self._secret.without(frame)  # also of what is not kept: a transfer goes on in the next frame
+        frame, _ = self._secret.without(frame)  # also for dropped frames: a transfer continues in the next frame
         if len(self._frames) >= self._most:
             self._overflowed += 1
             return
         self._frames.append(self._dated(frame))
-        if not self._arrived.is_set():  # to set it again costs as much as all the rest of this
+        if not self._arrived.is_set():  # setting it again costs as much as the rest of this function
             self._arrived.set()
 
     def take(self, wait_s: float = 0.0) -> list[Frame]:
@@ -152,6 +152,6 @@ class Listener:
             ahead_s = now_s - frame.timestamp_s
             self._clock_s = ahead_s if abs(ahead_s) > FOREIGN_CLOCK_S else 0.0
         dated_s = frame.timestamp_s + self._clock_s
-        if not abs(now_s - dated_s) <= FOREIGN_CLOCK_S:  # also what is no number
+        if not abs(now_s - dated_s) <= FOREIGN_CLOCK_S:  # also for NaN
             dated_s = now_s
         return frame if dated_s == frame.timestamp_s else replace(frame, timestamp_s=dated_s)

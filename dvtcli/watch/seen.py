@@ -13,11 +13,11 @@ from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.service import Service, event_of, state_in
 from dvtcli.watch.statistics import BusLoad, Rhythm, ValueHistory
 
-#: events that are kept
+#: maximum number of kept events
 EVENTS = 100
-#: rows that are kept: a CAN-ID that is one too many is counted only (29 bits make half a billion)
+#: maximum number of rows; further CAN-IDs are only counted (29 bits make half a billion)
 ROWS = 1024
-#: an empty screen is not to be a riddle: PDOs pass in OPERATIONAL only (CiA 301, 7.3.2.2)
+#: explanation of an empty screen: PDOs are sent in OPERATIONAL only (CiA 301, 7.3.2.2)
 _WITHOUT_PDOS = dict.fromkeys((NmtState.PRE_OPERATIONAL, NmtState.STOPPED), ": no PDOs until NMT start")
 
 
@@ -40,12 +40,12 @@ class SeenFrame:
     data: bytes = b""
     remote: bool = False
     count: int = 0
-    #: when it came last (s since 1970)
+    #: time of the last frame (s since 1970)
     last_s: float = 0.0
     rhythm: Rhythm = field(default_factory=Rhythm)
     changed_s: list[float] = field(default_factory=list)
     courses: list[ValueHistory] = field(default_factory=list)
-    #: whether it was said that its length is not that of the layout, and that nobody said that layout of its node
+    #: whether a wrong length, and a guessed layout, were reported
     is_misfit: bool = False
     is_guess: bool = False
 
@@ -67,7 +67,7 @@ class FrameStore:
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.states: dict[int, NmtState] = {}
         self.frames = 0
-        #: frames of CAN-IDs beyond the ROWS first ones
+        #: frames of CAN-IDs beyond the first ROWS
         self.unlisted = 0
 
     def take(self, frame: Frame) -> bool:

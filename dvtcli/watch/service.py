@@ -47,7 +47,7 @@ def service_of(can_id: int, *, extended: bool) -> Service:
         return Service(*_BY_FUNCTION[function], node)
     if node and function in _PDO_FUNCTIONS:
         way = "TPDO" if function & 0x80 else "RPDO"
-        return Service("pdo", f"{way}{(function - 0x180) // 0x100 + 1}?", node)  # not certain: it can be set otherwise
+        return Service("pdo", f"{way}{(function - 0x180) // 0x100 + 1}?", node)  # a guess: may be configured otherwise
     return Service("other", "frame")
 
 

@@ -17,7 +17,7 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 
-#: The time that is looked back at (s), and the slots that it is counted in.
+#: Window of the statistics (s), and its number of slots.
 WINDOW_S, SLOTS = 1.0, 10
 #: A load (0..1) above which messages of low priority wait long.
 HIGH_LOAD = 0.7
@@ -56,11 +56,11 @@ class BusLoad:
         return [(frames, bits) for slot, frames, bits in tuple(self._slots) if now - SLOTS <= slot < now]
 
 
-#: frames that rate and jitter are taken from
+#: number of frames for rate and jitter
 LATELY = 64
 #: a frame is overdue after this many of its mean periods, and at least this long (s)
 PERIODS, GRACE_S = 4, 1.0
-#: values are kept as one point for each such time (s), and this many points: 60 s
+#: duration of a point (s), and number of kept points: 60 s
 POINT_S, POINTS = 0.1, 600
 
 

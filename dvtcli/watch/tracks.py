@@ -46,7 +46,7 @@ def find_tracks(words: Sequence[str], columns: Mapping[_Place, Column]) -> dict[
             keys = [column.signal.key for column in columns.values()]
             raise _unknown(word, list(dict.fromkeys([*keys, *(column.name for column in columns.values()), *objects])))
         keys = [columns[place].signal.key for place in places]
-        for place, key in zip(places, keys, strict=True):  # the frame is named only where two have such a signal
+        for place, key in zip(places, keys, strict=True):  # name the frame only if two frames have such a signal
             found[place] = Track(key if keys.count(key) == 1 else columns[place].name, columns[place].signal)
     return found
 

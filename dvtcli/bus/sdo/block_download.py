@@ -14,7 +14,7 @@ from dvtcli.domain.abort import Abort
 
 _UPLOAD_INITIATE, _START, _ACKNOWLEDGE, _UPLOAD_END = 0xA0, 0xA3, 0xA2, 0xA1
 _IN_SEGMENTS = 2
-#: how long the server is silent when a sub-block in which something was out of order is over (s)
+#: silence of the server (s) that ends a sub-block with a disorder
 _QUIET_S = 0.2
 
 
@@ -24,7 +24,7 @@ class BlockTransfer:
     def __init__(self, talk: Dialogue) -> None:
         self._talk = talk
         self._has_crc = False
-        #: whether nothing was out of order so far: without a CRC nothing else tells wrong data from right
+        #: whether all segments were in order so far: without CRC the only sign of correct data
         self._in_order = True
 
     def _initiate(self, specifier: int, index: int, sub_index: int, rest: bytes) -> bytes:
@@ -50,7 +50,7 @@ class BlockUpload(BlockTransfer):
         self._most_bytes = most_bytes
         self._data = bytearray()
         self._size: int | None = None
-        #: the frame that was taken last
+        #: the last accepted frame
         self._latest = b""
 
     def run(self, index: int, sub_index: int) -> bytes | None:
@@ -122,14 +122,14 @@ class BlockUpload(BlockTransfer):
         return data
 
 
-#: bits of the first byte: the size is given, a CRC is known, the last segment of all
+#: bits of the first byte: size indicated, CRC supported, last segment of the object
 SIZE_GIVEN, CRC, LAST = 0x02, 0x04, 0x80
 SEGMENT_BYTES, MOST_SEGMENTS = 7, 127
 
 
 _INITIATE, _END = 0xC0, 0xC1
 _ACKNOWLEDGED, _ENDED = 0xA2, 0xA1
-#: how often nothing of a sub-block may have arrived, one time after the other
+#: maximum consecutive sub-blocks without any accepted segment
 _PATIENCE = 3
 
 

@@ -82,18 +82,18 @@ class SdoChannel:
 #: command specifier, index and sub-index
 _INITIATE = Struct("<BHB")
 _TOGGLE, _EXPEDITED, _SIZE_GIVEN, _LAST = 0x10, 0x02, 0x01, 0x01
-#: No object of a CANopen device is larger; what goes on beyond it never ends.
+#: No object of a CANopen device is larger; a longer transfer would never end.
 MOST_BYTES = 1 << 20
-#: how many bytes go by blocks where that may be: what is shorter is hardly quicker then (bytes)
+#: minimum length for block transfers (bytes): shorter data gain hardly any time
 _BLOCKS_FROM = 128
-#: the first byte of abort codes that are about the protocol, not about the object
+#: first byte of abort codes about the protocol, not about the object
 _ABOUT_THE_TRANSFER = 0x05
 
 
 class StrictSdoClient(Dialogue):
     """Uploads and downloads; raises only errors of dvtcli."""
 
-    #: whether the server is not known to refuse block transfers
+    #: False once the server refused block transfers
     takes_blocks = True
 
     def upload(self, index: int, sub_index: int) -> bytes:
@@ -160,7 +160,7 @@ class StrictSdoClient(Dialogue):
                 raise self.broken(f"sends more than the {announced} bytes it announced", Abort.TOO_LONG)
             if len(data) > MOST_BYTES:
                 raise self.broken(f"sends more than {MOST_BYTES} bytes", Abort.OUT_OF_MEMORY)
-            if not part and not last:  # it would never end
+            if not part and not last:  # the transfer would never end
                 raise self.broken("sends an empty segment in the middle", Abort.GENERAL)
         if announced is not None and len(data) < announced:
             raise self.broken(f"sends {len(data)} of the {announced} bytes it announced", Abort.TOO_SHORT)

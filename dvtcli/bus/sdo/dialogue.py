@@ -62,21 +62,21 @@ def no_answer(
 
 # Command specifiers, bits 7..5 of the first byte (CiA 301, 7.2.4.3.3 to 7.2.4.3.17).
 _DOWNLOAD_SEGMENT, _DOWNLOAD, _UPLOAD, _UPLOAD_SEGMENT, _ABORT, _BLOCK_UPLOAD, _BLOCK_DOWNLOAD = range(7)
-#: request's specifier -> the answer's; a server may answer a block upload in segments
+#: request's specifier -> the answer's; a server may answer a block upload with segments
 _ANSWERS_TO = {
     _DOWNLOAD_SEGMENT: (1,), _DOWNLOAD: (3,), _UPLOAD: (2,), _UPLOAD_SEGMENT: (0,), _BLOCK_UPLOAD: (6, 2),
     _BLOCK_DOWNLOAD: (5,),
 }  # fmt: skip
 _INITIATE = (_DOWNLOAD, _UPLOAD, _BLOCK_UPLOAD, _BLOCK_DOWNLOAD)
-#: answers that begin a transfer, with the bits of their sub-command, which are 0 then
+#: answers that begin a transfer, with their sub-command bits, which must be 0
 _INITIATED = {3: 0, 2: 0, 6: 0x01, 5: 0x03}
 _WITH_MULTIPLEXER = (2, 3, 4)
 _TOGGLE, _EXPEDITED = 0x10, 0x02
 _ABORT_BYTE = 0x80
-#: reads the device type, which every node has (CiA 301, 7.5.2.1)
+#: reads the device type, present in every node (CiA 301, 7.5.2.1)
 _FENCE = bytes.fromhex("40 00 10 00 00 00 00 00")
 
-#: how much longer an answer is waited for at most (s) if this machine did not read the bus meanwhile
+#: maximum extension of the time-out (s) if this machine did not read the bus meanwhile
 _MOST_DELAY_S = 2.0
 
 
@@ -129,18 +129,18 @@ class Dialogue:
         self.dropped = DroppedAnswers()
         self.inbox = Inbox()
         self.link = link
-        #: of the present transfer, which sets them when it begins: its object, and whether its first request was sent
+        #: the present transfer's object, and whether its first request was sent
         self._multiplexer = bytes(3)
         self.requested = False
         self._asked: deque[bytes] = deque(maxlen=8)
-        #: an answer may still come that is not the next request's
+        #: whether a late answer to an earlier request may still come
         self._unsettled = False
-        #: and segments of a block transfer that was torn
+        #: whether segments of an interrupted block transfer may still come
         self._leftovers = False
         self._late_answers = 0
         self._toggle_errors = 0
         self._has_answered = False
-        #: how many requests had to be sent again because no answer came, or segments went wrong
+        #: number of requests repeated after a missing answer, or faulty segments
         self.repeated = 0
 
     @property
@@ -158,14 +158,14 @@ class Dialogue:
         self.link.await_share()
         if kind in _INITIATE:
             self.begin(request[1:4])
-            if kind in (_UPLOAD, _BLOCK_UPLOAD):  # the only requests that may be asked again: they change nothing
+            if kind in (_UPLOAD, _BLOCK_UPLOAD):  # only these may be repeated: they have no side effects
                 attempts += self.retries
         else:
             self.discard()
         malformed = self.dropped.malformed
         for attempt in range(attempts):
             self.repeated += attempt > 0
-            if attempt == 1 and not self._has_answered:  # it may wait for a block of a client that was killed
+            if attempt == 1 and not self._has_answered:  # the server may wait for a block of a killed client
                 self.abort(Abort.TIME_OUT)
             answer = self._exchange(request)
             if answer is not None:
@@ -189,7 +189,7 @@ class Dialogue:
         except BaseException as torn:
             if in_blocks:
                 self._unsettled = self._leftovers = True
-            if self.requested and not isinstance(torn, DvtcliError):  # with those it was told already, or cannot be
+            if self.requested and not isinstance(torn, DvtcliError):  # else the server knows, or cannot be told
                 with suppress(BusUnavailable):
                     self.abort()
             raise
@@ -284,10 +284,10 @@ class Dialogue:
             else:
                 self._multiplexer = multiplexer
                 raise self.silent(is_read=not self.retries)
-            if not answer[0] & _EXPEDITED:  # a device type in segments: it ends here
+            if not answer[0] & _EXPEDITED:  # a segmented device type: end the transfer here
                 self.abort()
         except SdoAborted:
-            pass  # a refusal is an answer as good as any
+            pass  # a refusal is an answer, too
         self._unsettled = self._leftovers = False
         self._late_answers = 0
 
@@ -302,7 +302,7 @@ class Dialogue:
         try:
             self._send_request(request)
             while (answer := wait.take(inbox)) is not None:
-                if answer is RESTARTED:  # unless it had answered, it will not: a store need not be waited for any more
+                if answer is RESTARTED:  # a rebooted node will not answer any more, so the wait for a store can end
                     wait.shorten(self.settings.timeout_s)
                 elif self._fits(request, answer):
                     answered = True
@@ -352,7 +352,7 @@ class Dialogue:
         if len(answer) != 8 or answer[0] >> 5 > _ABORT:
             self.dropped.malformed += 1
         elif answer[0] >> 5 in _WITH_MULTIPLEXER and answer[1:4] not in self._asked:
-            self.dropped.foreign += 1  # a client of somebody else's is known by its requests, which are heard, too
+            self.dropped.foreign += 1  # another client is recognised by its requests
         else:
             self.dropped.stale += 1
             if self._late_answers:

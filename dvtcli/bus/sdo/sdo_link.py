@@ -14,11 +14,11 @@ from dvtcli.bus.receiver import Wake
 REQUEST_ID = 0x600
 ANSWER_ID = 0x580
 
-#: how long an SDO answer is waited for (s), and how often a read's first request is repeated after it
+#: SDO time-out (s), and repetitions of a read's first request after it
 DEFAULT_TIMEOUT_S = 0.5
 DEFAULT_RETRIES = 1
 
-#: what stands in an inbox for "the node sent a boot-up": longer than what a CAN frame carries
+#: inbox item for a boot-up of the node: longer than a CAN frame's data
 RESTARTED = b"restarted"
 
 

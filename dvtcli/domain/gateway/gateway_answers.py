@@ -93,7 +93,7 @@ class Failed:
 
 
 Answer = Done | Failed
-#: the longest explanation (characters)
+#: maximum length of an explanation (characters)
 _LONGEST_TEXT = 300
 
 

@@ -10,12 +10,12 @@ import re
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
 
-#: the longest line (characters): an object of 48 kB as base64
+#: maximum length of a line (characters): an object of 48 kB as base64
 LONGEST_LINE = 65_536
-#: the most words: 64 entries of a PDO, each an object with its type
+#: maximum number of words: 64 entries of a PDO, each an object with its type
 MOST_WORDS = 256
 _WORD = re.compile(r'[ \t]*(?:"((?:[^"]|"")*)"(?=[ \t]|$)|(#.*)|([^ \t"#][^ \t"]*))')
-#: a word that stood in quotes begins so: it is a text, never a number or a command
+#: start of a quoted word: a text, never a number or a command
 QUOTED = '"'
 
 

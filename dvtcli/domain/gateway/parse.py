@@ -27,7 +27,7 @@ from dvtcli.domain.nmt import NmtCommand
 
 _SEQUENCE = re.compile(r"[ \t]*\[[ \t]*(\w{1,12})[ \t]*\]", re.ASCII)
 _NUMBER_START = frozenset("0123456789-")
-#: the most entries of a PDO
+#: maximum entries of a PDO
 _MOST_ENTRIES = 64
 _NMT = {
     ("start",): NmtCommand.START,

@@ -72,7 +72,7 @@ def _entry(entry: PdoEntry) -> str:
 
 
 _STORE, _SAVE = 0x1010, b"save"
-#: how a comment begins that `run` of dvtcli carries out
+#: start of a comment that dvtcli's `run` executes
 REQUIRED = "#! require "
 _PHASES = ("producers off", "consumers off", "writing", "consumers on", "producers on")
 

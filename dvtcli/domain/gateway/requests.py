@@ -8,7 +8,7 @@ from enum import Enum, auto
 from dvtcli.domain.nmt import NmtCommand
 
 _U8, _U16, _U32 = (0, 0xFF), (0, 0xFFFF), (0, 0xFFFF_FFFF)
-#: the longest time that may be set, ten minutes (ms)
+#: maximum settable time, ten minutes (ms)
 _MOST_MS = (1, 600_000)
 #: the gateway's own PDOs are counted 1…512
 PDO_NUMBERS = (1, 512)
@@ -113,7 +113,7 @@ class Shape:
     least: int | None = None
 
 
-#: every order by its words
+#: orders by their words
 ORDERS = {
     "set network": Shape(Level.GATEWAY, (_U16,)),
     "set node": Shape(Level.NET, (_U8,)),

@@ -18,7 +18,7 @@ HEX = "hex"
 _OWN = {"b": "bool", "d": "domain"}
 _AS_HEX = {f"x{bits}": f"u{bits}" for bits in (8, 16, 32, 64)}
 _PLAIN = [name for name in BY_SHORT_NAME if name not in _OWN.values()]
-#: every word for a data type, with the type that it means; `hex` is any bytes
+#: data types by their words; `hex` is any bytes
 TYPES: dict[str, DataType] = {
     **{name: BY_SHORT_NAME[name] for name in _PLAIN},
     **{name: BY_SHORT_NAME[short] for name, short in (_OWN | _AS_HEX).items()},

@@ -13,7 +13,7 @@ from dvtcli.domain.learning.learnt_value import Learnt
 from dvtcli.domain.learning.probe import ProbedPdo
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 
-#: The parameters of communication that are looked at: those up to the PDOs' mappings.
+#: Checked communication parameters: up to the PDOs' mappings.
 _LOOKED_AT = range(0x1000, 0x1C00)
 
 

@@ -23,9 +23,9 @@ from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME
 #: one that was accepted: off, count 0, what was changed, the count, and on.
 _FIRST = {Stand.FOUND: 0, Stand.BACK: 0, Stand.EMPTY: 2, Stand.FILLED: 2, Stand.ON: 1}
 _BACK = {Stand.FOUND: 0, Stand.BACK: 0, Stand.EMPTY: 0, Stand.FILLED: 3, Stand.ON: 5}
-#: Probes that the search for a highest time takes at most, besides the first: each halves what is left of 16 bits.
+#: Maximum probes in the search for a highest time, besides the first: each halves the rest of 16 bits.
 _SEARCH = 17
-#: A refusal is asked twice; where one was accepted that is searched for, it is put back.
+#: A refusal is probed twice; an accepted probe among them is rolled back.
 _TWICE = 2
 
 
@@ -52,7 +52,7 @@ def most_writes(subject: ProbedPdo, probes: list[Probe]) -> int:
     again = [len(probe.writes) + 1 for probe in probes if probe.where is ProbeCondition.OPERATIONAL]
     around = sum(again) + _TWICE * (len(subject.entries) + len(subject.parameters))
     searches = sum(sub_index in subject.parameters for sub_index in (INHIBIT_TIME, EVENT_TIMER))
-    refused = len(subject.fits) + max(0, len(subject.entries) - 2)  # what is asked only where others were refused
+    refused = len(subject.fits) + max(0, len(subject.entries) - 2)  # probed only after other refusals
     most = asked + stands + around + _TWICE * (searches * _SEARCH + refused)
     return -(-most // 10) * 10
 
@@ -124,7 +124,7 @@ def highest_time(known: KnownAnswers, name: str) -> tuple[int, str] | None:
     return max(taken), asked[min(refused) if refused else max(taken)].text
 
 
-#: Checks that one probe of the same name is about: that it is accepted says as much as an abort code.
+#: Checks with a single probe of the same name: acceptance proves as much as an abort code.
 _PLAIN = frozenset(
     {
         "not-mappable", "missing-object", "missing-sub-index", "entry-zero", "entry-too-long", "entry-too-short",
@@ -135,12 +135,12 @@ _PLAIN = frozenset(
         *(f"{name}-{side}-limit" for name in ("type", "inhibit", "event", "sync-start") for side in ("below", "above")),
     }
 )  # fmt: skip
-#: Checks of which one refusal tells the code, whatever else is accepted.
+#: Checks whose code follows from one refusal, whatever else is accepted.
 _FIRST_REFUSED = frozenset(
     {"granularity", "dummy", "rtr-bit", "extended", "inhibit-high", "event-high", "restricted", "no-entry"}
 )
 
-#: Checks of which a refusal tells nothing if the length of the entry explains it.
+#: Checks whose refusal proves nothing if the entry's length explains it.
 _BY_LENGTH = frozenset({"not-mappable", "missing-object", "entry-too-long", "dummy"})
 
 
@@ -336,7 +336,7 @@ def _rtr_bit(known: KnownAnswers) -> Learnt | None:
     if clear is None or as_set is None or clear.code is None or as_set.code is None:
         return None
     if not (clear.accepted or as_set.accepted):
-        return None  # it holds the bit one way or the other: something else was refused
+        return None  # the device holds either value of the bit: something else was refused
     key = f"rtr_bit.{known.subject.pdo.direction}"
     if clear.accepted == as_set.accepted:
         return Learnt(key, "keep", f"{clear.text}; {as_set.text}")

@@ -15,7 +15,7 @@ from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSI
 if TYPE_CHECKING:
     from dvtcli.domain.learning.probe import ProbedPdo
 
-#: What each parameter is called: in the check, and for people.
+#: Names of the parameters: in the check, and for people.
 _CHECKED = {
     TRANSMISSION_TYPE: ("type", "transmission type"),
     INHIBIT_TIME: ("inhibit", "inhibit time"),
@@ -23,7 +23,7 @@ _CHECKED = {
     SYNC_START: ("sync-start", "SYNC start value"),
 }
 _COB_ID = 1
-#: Transmission types that want bit 30 clear: refused for another reason.
+#: Transmission types that need bit 30 clear: refused for another reason.
 _ON_REQUEST = (252, 253)
 
 

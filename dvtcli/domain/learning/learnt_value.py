@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-#: What a value of a profile or of a family may be.
+#: Value in a profile or a family.
 Value = bool | int | str | list["Value"]
 
 

@@ -13,15 +13,15 @@ from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, Pro
 from dvtcli.domain.pdo import Direction, is_mapping_index
 from dvtcli.domain.plan import TRANSMISSION_TYPE
 
-#: How the names of the probes end, in each state.
+#: Suffixes of probe names, by state.
 IN_OPERATIONAL, IN_PRE_OPERATIONAL = " in OPERATIONAL", " in PRE-OPERATIONAL"
-#: What breaks a rule that a device may check in OPERATIONAL only, in words; and the check of a simulated device.
+#: Violations that a device may check in OPERATIONAL only, in words; and a simulated device's check.
 _RULES = {"missing-object": "an entry of an object that is not there", "type 241": "transmission type 241"}
 _CHECKS = {"missing-object": "missing-object", "type 241": "type"}
 _TAKEN = f" is taken{IN_OPERATIONAL}"
 _RESERVED_TYPE = 241
 _WHY_NOT = "only on a silent bus with the node OPERATIONAL"
-#: Keys of a family that say what is checked: of a device that does not check they say nothing.
+#: Keys of a family about checks: meaningless for a device without checks.
 _UNCHECKED = (
     "answers.", "pdo_types.", "rtr_bit.", "tpdo_access", "rpdo_access", "tpdo_dummies", "dummies", "granularity",
     "extended_ids", "max_entry_bits", "restricted_ids_refused",

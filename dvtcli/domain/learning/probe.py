@@ -11,7 +11,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
 
-#: What `ProbeAnswer.code` is where the device took the value.
+#: `ProbeAnswer.code` of an accepted value.
 ACCEPTED = 0
 
 
@@ -19,7 +19,7 @@ class Stand(StrEnum):
     """How the PDO stands before a probe."""
 
     FOUND = "as it was found, off"
-    #: every PDO put back
+    #: every PDO rolled back
     BACK = "as it was found"
     EMPTY = "off, count 0"
     FILLED = "off, one entry"
@@ -30,13 +30,13 @@ class ProbeCondition(StrEnum):
     """Precondition of a probe."""
 
     ANYWHERE = "anywhere"
-    #: an enabled PDO, so PRE-OPERATIONAL and a CAN-ID that is neither used nor heard
+    #: an enabled PDO: needs PRE-OPERATIONAL, and a CAN-ID that is neither configured nor received
     QUIET = "PRE-OPERATIONAL and a quiet CAN-ID"
-    #: a CAN-ID that means something to others
+    #: a CAN-ID with a meaning for other nodes
     ISOLATED = "a bus with nothing else on it"
     #: the node as it was found, in OPERATIONAL
     OPERATIONAL = "a bus with nothing else on it, and a node that was found OPERATIONAL"
-    #: it writes the device's memory
+    #: a write to the device's memory
     STORE = "leave to store"
 
 

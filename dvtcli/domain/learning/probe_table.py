@@ -38,17 +38,17 @@ def next_time(answers: Mapping[str, ProbeAnswer], name: str) -> int | None:
     return 0x7FFF if 0x7FFF not in values and taken < 0x7FFF < above else (taken + above) // 2
 
 
-#: Transmission types that are asked: the ends of the standard's ranges, and what lies between.
+#: Probed transmission types: the ends of the standard's ranges, and values between.
 TYPES = (0, 1, 2, 120, 239, 240, 241, 246, 251, 252, 253, 254, 255)
 ON_REQUEST = (252, 253)
-#: CAN-IDs that CiA 301 keeps for others, one of each range (table 40).
+#: Restricted CAN-IDs in CiA 301, one per range (table 40).
 RESTRICTED = (0x000, 0x001, 0x101, 0x180, 0x581, 0x601, 0x6E0, 0x701)
 _NO_RTR, _EXTENDED, _INVALID = 1 << 30, 1 << 29, 1 << 31
-#: What the probe is called that maps what only the other direction maps.
+#: Name of the probe with an object that only the other direction maps.
 OTHER_WAY = "object of the other direction"
-#: How the name of a probe ends that is made again, since its answer contradicts another one.
+#: Suffix of a probe repeated because of contradictory answers.
 AGAIN = ", again"
-#: How the names of probes begin that map an object as a whole.
+#: Prefix of probes that map a whole object.
 _WHOLE = ("map ", "access ")
 
 
@@ -174,7 +174,7 @@ def _objects(known: KnownAnswers) -> Iterator[Probe]:
             taken.add((fit.bits, known.kind(fit)))
     asked = {fit.bits for fit in known.subject.fits if fit_name(fit) in known.answers}
     if asked != {fit.bits for fit in known.subject.fits}:
-        return  # which lengths are taken decides what the others are asked with
+        return  # the accepted lengths decide the further probes
     other_way = known.subject.other_way
     if other_way is not None:
         sense = "an object that only the other direction maps is mapped"

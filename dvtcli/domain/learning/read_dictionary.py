@@ -21,7 +21,7 @@ from dvtcli.domain.standard_objects import standard_entry, standard_object_type
 _FUNCTIONS = (0x080, *range(0x180, 0x580, 0x80))
 _EMCY = 0x1014
 _NODE_IDS = 0x7F
-#: What 0x1000 to 0x1FFF are called where a file is made of them.
+#: Names of 0x1000 to 0x1FFF in a generated file.
 _NAMES = {
     0x1000: "Device type", 0x1001: "Error register", 0x1005: "COB-ID SYNC message",
     0x1008: "Manufacturer device name", 0x1009: "Manufacturer hardware version",
@@ -29,7 +29,7 @@ _NAMES = {
     0x1014: "COB-ID EMCY", 0x1017: "Producer heartbeat time", 0x1018: "Identity object",
 }  # fmt: skip
 _LISTS = (0x1010, 0x1011, 0x1018)
-#: Those of them that are read; sub-indices of arrays and records up to 4.
+#: Objects to read among them; sub-indices of arrays and records up to 4.
 TO_READ = tuple((index, sub) for index in _NAMES for sub in (range(1, 5) if index in _LISTS else (0,)))
 
 

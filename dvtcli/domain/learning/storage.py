@@ -16,7 +16,7 @@ STORE, RESTORE = 0x1010, 0x1011
 #: Bits of 0x1010:s: saves on command, saves by itself.
 _ON_COMMAND, _BY_ITSELF = 1, 2
 _SIGNATURE, _WRONG_SIGNATURE = b"save", bytes(4)
-#: Names of the probes: what must be refused is asked first.
+#: Names of the probes: the signature to be refused comes first.
 WRONG_SIGNATURE, SAVE = "wrong signature", "save"
 
 

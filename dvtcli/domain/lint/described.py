@@ -12,7 +12,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntr
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding
 
-#: What a file describes as one object with several sub-indices.
+#: Object types with several sub-indices.
 OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)
 
 
@@ -39,9 +39,9 @@ def object_text(index: int, sub_index: int | None) -> str:
     return f"{index:04X}" if sub_index is None else f"{index:04X}:{sub_index:02X}"
 
 
-#: The key of what an object holds at power-on: ParameterValue, else DefaultValue.
+#: The key of an object's value at power-on: ParameterValue, else DefaultValue.
 HELD = "parametervalue|defaultvalue"
-#: What a rule finds: where, and what.
+#: Findings of a rule: place and text.
 Found = Iterator[tuple[Spot, str]]
 
 

@@ -16,7 +16,7 @@ from dvtcli.domain.standard_objects import is_pdo_mapping
 _SHAPE = "CiA 301, 7.4.3"
 _NAMES = "CiA 306, 4.6.3: ParameterName"
 _STRUCTURE = 0xFF
-#: The pre-defined error field: its sub-index 0 counts the errors that are in it (CiA 301, 1003h).
+#: The pre-defined error field: sub-index 0 is the number of recorded errors (CiA 301, 1003h).
 _ERRORS = 0x1003
 _LONGEST_NAME = 241
 _FLAGS = 0b11
@@ -27,7 +27,7 @@ def highest_sub_index(device: DescribedDevice) -> Found:
     """A wrong count hides sub-indices from readers, or makes them read missing ones."""
     for found in _of_many(device):
         first, stated = found.entries.get(0), device.number(found.index, 0)
-        # One that can be written counts what the object holds, not what it could: errors, mapped objects.
+        # A writable count is the number of present entries, not of possible ones: errors, mapped objects.
         counts = found.index == _ERRORS or is_pdo_mapping(found.index)
         if first is None or stated is None or first.access.writable or counts:
             continue
@@ -173,7 +173,7 @@ def bits_below_granularity(device: DescribedDevice) -> Found:
 
 _LIMITS = "CiA 306, 4.6.3: LowLimit, HighLimit"
 _HIGHEST_NODE_ID = 127
-#: Store and restore: what is read there (what the device can) is not what is written (a signature).
+#: Store and restore: the value read (a capability) differs from the value written (a signature).
 _SIGNED = (0x1010, 0x1011)
 
 

@@ -32,7 +32,7 @@ def _look(name: str, meant: Severity, device: DescribedDevice) -> Found:
             yield Spot(int(place[1], 16), int(place[2], 16), HELD), finding.text
 
 
-#: The others of `map` are about what a change asks for.
+#: The other rules of `map` judge a requested change.
 CHECKS = (
     _judged("object-exists", ERROR, "maps an object that is not in it"),
     _judged("direction", ERROR, "sends what cannot be read, or receives what cannot be written"),

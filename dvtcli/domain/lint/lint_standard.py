@@ -112,7 +112,7 @@ def _object_type(code: int) -> str:
     return known or f"0x{code:X}"
 
 
-#: COB-IDs of services, with what each is for.
+#: COB-IDs of services, and their services.
 _SERVICES = {0x1005: "SYNC", 0x1012: "TIME", 0x1014: "EMCY"}
 _SYNC, _PERIOD, _COUNTER, _MOST_COUNTED = 0x1005, 0x1006, 0x1019, 240
 #: Sub-indices of 0x1200 with their pre-defined CAN-ID for node 0.

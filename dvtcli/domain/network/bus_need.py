@@ -10,9 +10,9 @@ from dvtcli.domain.bus_load import least_frame_bits, most_frame_bits
 from dvtcli.domain.network.response_time import response_times, utilisation
 from dvtcli.domain.network.stream import Stream, Streams
 
-#: The longest frame of SDO, which has no time of its own and goes last.
+#: The longest SDO frame: without period, and of lowest priority.
 SDO_BITS = most_frame_bits(8)
-#: The bit rates that CiA 301 names, in bit/s.
+#: The bit rates of CiA 301, in bit/s.
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 _SETTLES = 8
 

@@ -9,9 +9,9 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.rules.can_id import FREE_POOL, restricted_use
 
-#: CAN-IDs of SYNC, EMCY and TIME by default, which CiA 301 does not restrict.
+#: Default CAN-IDs of SYNC, EMCY and TIME, which CiA 301 does not restrict.
 _SERVICES = range(0x080, 0x101)
-#: Where the pre-defined connection set has PDOs (CiA 301, 7.3.5).
+#: CAN-IDs of PDOs in the pre-defined connection set (CiA 301, 7.3.5).
 _PREDEFINED = range(0x181, 0x580)
 
 

@@ -71,7 +71,7 @@ def _number(index: int, sub_index: int, value: int, size: int) -> ConciseEntry:
     return ConciseEntry(index, sub_index, value.to_bytes(size, "little"))
 
 
-#: so many objects are told one by one
+#: maximum number of objects listed individually
 _MOST = 12
 _SAME = "the same values, downloaded in another order or in other steps"
 
@@ -106,7 +106,7 @@ def _text(at: tuple[int, int], values: dict[tuple[int, int], bytes]) -> str:
     return _step(*at).text(values[at]) if at in values else "not downloaded"
 
 
-#: how names of such files end
+#: suffix of such files
 SUFFIX = ".cdcf"
 _COUNT, _HEAD = 4, 7
 

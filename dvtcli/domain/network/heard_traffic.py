@@ -14,9 +14,9 @@ _NMT, _LSS = 0x000, 0x7E5
 _REQUESTS = range(0x601, 0x680)
 _EMERGENCIES = range(0x081, 0x100)
 _HEARTBEATS = range(0x701, 0x780)
-#: an expedited download of 0x1017, without the bits that say how many bytes it carries
+#: an expedited download of 0x1017, without the size bits
 _DOWNLOADS, _HEARTBEAT_TIME = 1, b"\x17\x10\x00"
-#: Times of one CAN-ID that are remembered.
+#: Number of remembered times per CAN-ID.
 _MOST_TIMES = 1000
 
 
@@ -43,14 +43,14 @@ class HeardTraffic:
     error_frames: int = 0
     frames: int = 0
     by_id: defaultdict[Identifier, HeardId] = field(default_factory=lambda: defaultdict(HeardId))
-    #: SDO requests by the node that is asked
+    #: SDO requests by server node
     requests: Counter[int] = field(default_factory=Counter)
-    #: nodes to whose 0x1017 somebody wrote meanwhile: some of their heartbeats came by the old value
+    #: nodes whose 0x1017 was written meanwhile: some heartbeats still had the old period
     heartbeat_written: set[int] = field(default_factory=set)
-    #: NMT commands in words, and how many LSS commands there were
+    #: NMT commands in words, and the number of LSS commands
     commands: Counter[str] = field(default_factory=Counter)
     lss: int = 0
-    #: what each node's heartbeat said, one after the other, without repeats
+    #: states in each node's heartbeats, in order, without repeats
     states: defaultdict[int, list[NmtState]] = field(default_factory=lambda: defaultdict(list))
     boot_ups: Counter[int] = field(default_factory=Counter)
     #: error codes of EMCY messages by node

@@ -16,7 +16,7 @@ RULES = (
          "CiA 301, 7.5.2.17"),
 )  # fmt: skip
 
-#: How many heartbeats may be missed, as the network file's `heartbeat_multiplier` has it unless it is said.
+#: Consumer time in heartbeat periods: the default of `heartbeat_multiplier` in a network file.
 MISSED = 3
 LONGEST_MS = 0xFFFF
 

@@ -79,7 +79,7 @@ RULES = (
     Rule("link-target", NOTE, "a target or an output hears what is none", "CiA 401-1, CiA 402-2: it moves the machine"),
     Rule("link-object", WARNING, "a PDO of a link maps what its device's file says it cannot", "both devices' files"),
 )  # fmt: skip
-#: Rules of what is asked about before it is carried out, where something is asked.
+#: Rules whose findings are asked about before execution, in interactive use.
 MOVES = frozenset({"link-command", "link-target"})
 
 

@@ -66,31 +66,31 @@ class NodePlan:
     values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     pruned: frozenset[Pdo] = frozenset()
     findings: tuple[Finding, ...] = ()
-    #: where the file says something of a PDO
+    #: places of PDOs in the file
     lines: dict[Pdo, int] = field(default_factory=dict)
-    #: where it says what an object holds, by index and sub-index
+    #: places of object values in the file, by index and sub-index
     object_lines: dict[tuple[int, int], int] = field(default_factory=dict)
     #: names of objects, by their printed form
     names: dict[str, str] = field(default_factory=dict)
-    #: what values of single objects mean, by their printed form
+    #: scaling of single objects, by their printed form
     understood: dict[str, ScaledValue] = field(default_factory=dict)
-    #: what it holds as wanted and is known not to have stored
+    #: equal values known not to be stored
     unstored: tuple[str, ...] = ()
-    #: False where its stamp (0x1020) was trusted instead: nothing else is known of it
+    #: False if its stamp (0x1020) was trusted instead: all else is unknown
     is_read: bool = True
-    #: what the file says something of and that is not written
+    #: parts of the file that are not written
     left_out: tuple[LeftOut, ...] = ()
-    #: how many settings it holds as the file says, that are not written for a file's sake
+    #: number of settings equal to the file that are never written
     also_equal: int = 0
     #: their values, by index and sub-index
     also_held: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    #: whether its power stage must be off before anything is written
+    #: whether the power stage must be off before the first write
     needs_power_off: bool = False
-    #: what the file sets and the device has not: PDOs and objects, as labels
+    #: PDOs and objects in the file that the device lacks, as labels
     lacks: tuple[str, ...] = ()
-    #: what is to be asked first, beside whether to write at all
+    #: questions before writing, besides the confirmation itself
     doubt: str = ""
-    #: boot-ups that had been heard of it before it was read; None where nobody counted
+    #: boot-ups of the node before it was read; None if not counted
     boot_ups: int | None = None
 
     @property
@@ -139,17 +139,17 @@ class NetworkPlan:
 
     file: str
     nodes: tuple[NodePlan, ...]
-    #: whether the file says that a master sends SYNC
+    #: whether a master sends SYNC according to the file
     has_sync_master: bool = False
-    #: CAN-IDs of SYNC that was heard and that no node sends
+    #: CAN-IDs of received SYNC without a producer
     unknown_syncs: tuple[int, ...] = ()
-    #: the node-ID of the manager that is to download it to the others, where it is planned for that one
+    #: node-ID of the manager that is to download the configuration to the others, if planned so
     manager: int | None = None
-    #: node-IDs of the file that this manager gets nothing for, since no EDS is known of them
+    #: node-IDs in the file without download by the manager, as they have no known EDS
     untold: tuple[int, ...] = ()
-    #: what of the file devices have not: then it has what else differs, and cannot be carried out
+    #: parts of the file that devices lack: the plan then has only the other differences, and cannot be applied
     lacking: tuple[Lacked, ...] = ()
-    #: PDOs that the file only links with such: what they should hold is not known
+    #: PDOs that the file only links with missing PDOs: their intended configuration is unknown
     torn: tuple[tuple[int, Pdo], ...] = ()
 
     @property

@@ -15,7 +15,7 @@ from math import lcm
 
 from dvtcli.domain.bus_load import arbitration, most_frame_bits
 
-#: A busy period with more instances of a frame than this is given up: its frame counts as one without a bound.
+#: Maximum instances of a frame in a busy period; beyond it the frame counts as unbounded.
 MOST_INSTANCES = 10_000
 _US_A_SECOND = 1_000_000
 

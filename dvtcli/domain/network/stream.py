@@ -13,7 +13,7 @@ Time = Fraction | int
 SYNCHRONOUS = range(241)
 ON_RTR = (252, 253)
 EVENT_DRIVEN = (254, 255)
-#: What is taken for what nobody says: an EMCY of a node, and a time stamp, each so often (µs).
+#: Assumed periods of a node's EMCY, and of the time stamp (µs).
 EMCY_US, TIME_US = 1_000_000, 1_000_000
 NO_LIMIT, NO_SYNC = "any event", "unknown SYNC"
 

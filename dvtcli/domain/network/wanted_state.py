@@ -144,10 +144,10 @@ class NodeWish:
     prune: bool | None = None
     stamp: bool | None = None
     mark: Mark = field(default=NOWHERE, compare=False)
-    #: where `store` stands
+    #: place of `store`
     store_mark: Mark = field(default=NOWHERE, compare=False)
     physical: tuple[tuple[str, str], ...] = ()
-    #: where `profile` stands, and by sub-index of 0x1018 what *identity* asks for
+    #: place of `profile`, and of *identity* by sub-index of 0x1018
     profile_mark: Mark = field(default=NOWHERE, compare=False)
     identity_marks: Mapping[int, Mark] = field(default_factory=dict, compare=False)
 

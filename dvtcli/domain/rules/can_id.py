@@ -46,7 +46,7 @@ SYNC, TIME, EMCY = 0x1005, 0x1012, 0x1014
 #: The services whose COB-ID is one object, by its index.
 COB_ID_OF = {SYNC: "SYNC", TIME: "TIME", EMCY: "EMCY"}
 _RESERVED = "reserved"
-#: First and last 11-bit CAN-ID of a range that CiA 301 restricts, with what it is for.
+#: First and last 11-bit CAN-ID of each range that CiA 301 restricts, with its use.
 RESTRICTED = (
     (0x000, 0x000, "NMT"),
     (0x001, 0x07F, _RESERVED),
@@ -59,9 +59,9 @@ RESTRICTED = (
     (0x7E4, 0x7E5, "LSS"),
     (0x7E6, 0x7FF, _RESERVED),
 )
-#: The CAN-IDs that the pre-defined connection set adds node-IDs to.
+#: Base CAN-IDs in the pre-defined connection set, without node-ID.
 BASES = frozenset(Pdo(direction, number).default_can_id(0) for direction in Direction for number in range(1, 5))
-#: Where `auto` looks for a free CAN-ID once the pre-defined connection set has none: no node's defaults lie there.
+#: CAN-IDs for `auto` after the pre-defined connection set: no node's defaults are among them.
 FREE_POOL = range(0x680, 0x6E0)
 
 
@@ -221,7 +221,7 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         and others[owner[0]].can_id == want.can_id
     )
     if owner is not None and not said:
-        senders = _same_senders(proposal)  # what a consumer hears of a node that is known needs no other word
+        senders = _same_senders(proposal)  # no warning for frames of a known producer
         said = any((sender.pdo, sender.node_id) == owner for sender in senders) or (
             bool(senders) and not proposal.pdo.is_tpdo
         )

@@ -49,7 +49,7 @@ def _stands_for_fillers(proposal: Proposal, step: Step) -> bool:
 def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEntry, step: Step) -> Iterator[Finding]:
     place, name, where = f"0x{step.object}", parameter_name(step), dictionary.place(entry)
     if not entry.access.writable:
-        if not is_mapping_index(step.index):  # of mappings the rules about them say it
+        if not is_mapping_index(step.index):  # mappings have their own rules
             text = f"{name} of {proposal.pdo.label} is {entry.access} in {where}"
             yield error("parameter-static", place, text, Abort.READ_ONLY, _fixed_hint(step))
         return

@@ -22,7 +22,7 @@ from dvtcli.watch.explain.lss_parts import lss_parts
 from dvtcli.watch.explain.parts import BIT_INDENT, Bytes, FramePart
 from dvtcli.watch.service import service_of
 
-#: what an object is called, and what its value says, by index, sub-index and its bytes (None: none is carried)
+#: name and value text of an object, by index, sub-index and bytes (None: no value)
 NameOf = Callable[[int, int, bytes | None], tuple[str, str]]
 
 _SDO_BYTES = 8
@@ -127,7 +127,7 @@ def _block(cut: Bytes, command: int, *, request: bool, name_of: NameOf) -> Itera
     width = 2 if len(names) > 2 else 1
     number = cut.raw(0, width)
     step = names[number] if number < len(names) else "unknown"
-    sends = command == 6  # the side that has the data: it says sizes and checksums
+    sends = command == 6  # the side with the data gives sizes and checksums
     if step == "initiate":
         yield cut.part(3, 2, "reserved")
         yield cut.part(2, 1, "CRC", "supported" if cut.raw(2, 1) else "not supported")
@@ -164,7 +164,7 @@ def _block_rest(cut: Bytes, step: str, *, sends: bool, request: bool, name_of: N
 
 
 _DAY_MS = 24 * 60 * 60 * 1000
-#: the day from which TIME counts (CiA 301, 7.2.6)
+#: first day of TIME (CiA 301, 7.2.6)
 _EPOCH = datetime(1984, 1, 1, tzinfo=UTC)
 #: the values of SYNC's counter (CiA 301, 7.2.5.3.2)
 _COUNTERS = range(1, 241)
@@ -232,7 +232,7 @@ def heartbeat_parts(data: bytes) -> Iterator[FramePart]:
 
 
 _STANDARD_BITS, _NODE_BITS, _BYTE = 11, 7, 8
-#: the CAN-IDs of SDO requests begin behind it
+#: base CAN-ID of SDO requests
 REQUESTS = 0x600
 _BY_KIND: dict[str, Callable[[bytes], Iterator[FramePart]]] = {
     "nmt": nmt_parts,
@@ -362,7 +362,7 @@ def _object_parts(cut: Bytes, field: Field, signal: Signal, value: Value | None)
     for bit in range(field.bits) if names else ():
         at = field.start_bit + bit
         is_set = cut.raw(at, 1)
-        if bit in names or is_set:  # a bit that nobody names is worth a line where it is set
+        if bit in names or is_set:  # a bit without name has a line only if set
             yield cut.part(at, 1, f"{BIT_INDENT}{names.get(bit, f'bit {bit}')}", "set" if is_set else "")
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dvtcli.watch.decoder import SignalPlace
 
-#: what the name of one bit of the part above it begins with
+#: start of a name for a single bit within the part above
 BIT_INDENT = "  "
 
 

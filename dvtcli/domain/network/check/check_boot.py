@@ -20,10 +20,10 @@ from dvtcli.domain.several import join_some
 
 _BOOT = "CiA 302-2, 0x1F80 to 0x1F89"
 _DOWNLOAD = "CiA 302-3, 0x1F22: concise DCF"
-#: Bit 0 of 0x1F80: NMT master; of an entry of 0x1F81 bit 0: a slave of it, bit 3: nothing starts without that.
+#: Bit 0 of 0x1F80: NMT master; in an entry of 0x1F81 bit 0: its slave, bit 3: mandatory slave.
 _MASTER = _SLAVE = 1
 _MANDATORY = 1 << 3
-#: What 0x1F82 says of a node that is not there.
+#: Value in 0x1F82 for a missing node.
 _MISSING = 1
 _BOOT_IDENTITY = {0x1F85: 1, 0x1F86: 2, 0x1F87: 3, 0x1F88: 4}
 

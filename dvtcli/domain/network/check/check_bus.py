@@ -13,9 +13,9 @@ from dvtcli.domain.network.stream import EVENT_DRIVEN
 
 _TIMES = "CiA 301, 7.5.2.37: inhibit time, event timer"
 _ANALYSIS = "Davis, Burns, Bril, Lukkien 2007"
-#: What all TPDOs that nothing limits may take together, and a bus at most, before it is said (share of the bit rate).
+#: Limits (share of the bit rate) for the inhibit time proposals together, and for a busy bus.
 _FOR_EVENTS, _BUSY = Fraction(5, 100), Fraction(8, 10)
-#: Inhibit times that are proposed, in ms.
+#: Proposed inhibit times, in ms.
 _PROPOSED = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 
 
@@ -99,7 +99,7 @@ def too_late(network: CheckedNetwork) -> NetFound:
         yield NetSpot(stream.node, stream.pdo), f"{stream.label} takes {times}"
 
 
-#: The names of the rules that are asked at a known bit rate only.
+#: Names of the rules that need a known bit rate.
 CHECKS_OF_BIT_RATE = frozenset({"bus-overload", "busy-bus", "too-late", "sync-window"})
 
 

@@ -37,7 +37,7 @@ def _look(name: str, severity: Severity, network: CheckedNetwork) -> NetFound:
             yield NetSpot(node_id, pdo, index, sub_index), finding.text
 
 
-#: The others are about what a change asks for, or have a rule of the network's own.
+#: The other rules judge a requested change, or have a network rule of their own.
 CHECKS = (
     _judged("object-exists", ERROR, "maps an object that its device does not have"),
     _judged("direction", ERROR, "sends what cannot be read, or receives what cannot be written"),

@@ -17,12 +17,12 @@ from dvtcli.domain.several import join_some, plural
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
 _SYNC = "CiA 301, 7.2.5: one producer"
-#: How many of its periods something is waited for before it counts as missing.
+#: Waiting time in periods before a frame counts as missing.
 _PATIENCE = 2.5
 #: From so many SYNC messages on their times say something; so many of the gaps have to be short (share), below so much
 #: of the long ones.
 _ENOUGH, _SHORT_ONES, _SHORT = 8, 0.25, 0.6
-#: CAN-IDs that the pre-defined connection set gives to services other than PDOs.
+#: CAN-IDs of services other than PDOs in the pre-defined connection set.
 _SERVICES = (range(0x001), range(0x080, 0x101), range(0x580, 0x680), range(0x700, 0x780), range(0x7E4, 0x7E6))
 
 

@@ -55,7 +55,7 @@ class NetSpot:
         return "" if self.index is None else f"{self.index:04X}:{self.sub_index:02X}"
 
 
-#: What a rule finds: where, and what.
+#: Findings of a rule: place and text.
 NetFound = Iterator[tuple[NetSpot, str]]
 
 

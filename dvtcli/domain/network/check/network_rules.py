@@ -26,11 +26,11 @@ CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
     ),
     *check_each_pdo.CHECKS,
 ]  # fmt: skip
-#: The rules by which the network of a file is held against the nodes on a bus.
+#: Rules that compare a file's network with the nodes on a bus.
 AGAINST_FILE: tuple[LintRule, ...] = tuple(
     check.rule for check in checks_of(check_nodes, check_boot, check_against_file) if check.rule.name != "nobody-starts"
 )
-#: Rules of networks that a rule of a change says with more: of one PDO they are said once.
+#: Network rules covered by a more detailed rule of a change: reported once per PDO.
 SAME_RULES: dict[str, tuple[str, ...]] = {
     "one-producer": ("can-id-clash",),
     **dict.fromkeys(
@@ -48,20 +48,20 @@ SAME_RULES: dict[str, tuple[str, ...]] = {
     "data-type": ("link-type",),
     "unwatched-link": ("link-unwatched",),
 }
-#: Rules of networks that say more, or more strongly, what a rule of a change says of the same PDO.
+#: Network rules that are more detailed, or stronger, than a change's rule about the same PDO.
 SUPERSEDED: dict[str, tuple[str, ...]] = dict.fromkeys(("frame-too-short", "frame-too-long"), ("consumer-length",))
-#: Rules of what one device takes: if it holds a PDO that breaks them, its maker allows more than the standard does.
+#: Rules about a device's limits: if it holds a PDO that breaks them, its maker allows more than the standard.
 OF_ONE_DEVICE = frozenset(
     {"can-id-reserved", "too-long", "reserved-type", *(check.rule.name for check in check_each_pdo.CHECKS)}
 )
-#: Rules that need no more of a node than its COB-IDs.
+#: Rules that need only a node's COB-IDs.
 OF_COB_IDS = frozenset(
     {
         "one-producer", "can-id-of-sdo", "can-id-of-sync", "can-id-of-emcy", "can-id-of-time", "emcy-twice",
         "two-times", "two-syncs",
     }
 )  # fmt: skip
-#: Every rule there is.
+#: All rules.
 NETWORK_RULES: tuple[LintRule, ...] = tuple(check.rule for check in CHECKS)
 
 
