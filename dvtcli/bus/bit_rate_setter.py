@@ -1,4 +1,4 @@
-"""Reopen an interface at another bit rate, or tell how to set it by hand, depending on the python-can driver."""
+"""Reopen an interface at another bit rate if its python-can driver can, else explain how to set it by hand."""
 
 from __future__ import annotations
 

@@ -83,9 +83,9 @@ class KeptShare:
         self._lock = Lock()
 
     def wait(self, percent: int) -> None:
-        """Wait until an exchange leaves the load within *percent* (1..99; 0: nothing is to be kept), 1 s at most.
+        """Wait until an exchange leaves the load within *percent* (1..99; 0: no limit), 1 s at most.
 
-        Whoever asks has taken what had already arrived.
+        The caller must have processed all received frames.
         """
         share = self._measured(percent)
         if share is None:

@@ -46,7 +46,7 @@ class CanopenNetwork(canopen.Network):
             thread.start()
 
     def _listen(self) -> None:
-        """Read the bus while nobody else does."""
+        """Read the bus while no other thread does."""
         try:
             while self._open:
                 self._shared.idle(_LISTEN_S)
@@ -60,7 +60,7 @@ class CanopenNetwork(canopen.Network):
             self.notify(frame.can_id, bytearray(frame.data), frame.timestamp_s)
 
     def disconnect(self) -> None:
-        """Stop what is sent periodically, and hand on no more frames; the bus stays open. May be called twice."""
+        """Stop periodic frames and the forwarding of frames; the bus stays open. May be called twice."""
         if self._open:
             self._open = False
             self._untap()
@@ -109,7 +109,7 @@ class _Client(SdoClient):
             self._channel.download(index, subindex, bytes(data))
 
     def open(self, *_: Any, **__: Any) -> Any:
-        """Raise SdoCommunicationError: a stream would keep the channel from everybody else."""
+        """Raise SdoCommunicationError: a stream would block the channel for all other users."""
         raise SdoCommunicationError("no streams on a shared channel: use upload and download")
 
     def on_response(self, *_: Any) -> None:

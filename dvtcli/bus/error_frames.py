@@ -38,7 +38,7 @@ class ErrorFrames:
     _kinds: dict[str, bool] = field(default_factory=dict)
 
     def notice(self, message: can.Message) -> None:
-        """Take one error frame into account; quick, since a broken bus has thousands a second."""
+        """Count an error frame; quick, since a broken bus has thousands a second."""
         if message.arbitration_id & _RESTARTED:
             self.count += 1
             self._kinds = {"restarted": False}  # another bus-off is news again

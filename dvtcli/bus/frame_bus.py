@@ -88,11 +88,11 @@ class ReadBus(WatchedBus, Generic[M]):
         return monotonic()
 
     def delay_s(self) -> float:
-        """How long in all this machine, and no node, kept answers from being read (SdoLink), in seconds."""
+        """See `SdoLink.delay_s`."""
         return self._receiver.delay_s(anew=len(self._transfers) < 2)
 
     def sleep(self, duration_s: float) -> None:
-        """Wait *duration_s*, reading the bus meanwhile unless another thread does; raises BusUnavailable."""
+        """Wait *duration_s*, reading the bus meanwhile unless another thread does. Raises BusUnavailable."""
         if duration_s > 0 and not self._gave_turn_until(monotonic() + duration_s):
             self._receiver.idle(duration_s)
 
@@ -108,7 +108,7 @@ class ReadBus(WatchedBus, Generic[M]):
         self._receiver.drain()
 
     def close(self) -> None:
-        """Leave the bus, within some 20 ms; whoever waits for something gets BusUnavailable. May be called twice."""
+        """Leave the bus, within some 20 ms; waiting threads get BusUnavailable. May be called twice."""
         with self._close_lock:
             if self._closed:
                 return

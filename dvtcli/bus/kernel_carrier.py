@@ -90,11 +90,11 @@ class KernelCarrier(Carrier):
         self._roomy = _make_room(self._socket, ANSWER_BUFFER)
 
     def make_room(self) -> None:
-        """Let as many frames wait to be read as the system allows, RECEIVE_BUFFER at most."""
+        """Enlarge the receive buffer as far as the system allows, RECEIVE_BUFFER at most."""
         self._roomy = _make_room(self._socket, RECEIVE_BUFFER)
 
     def hear(self, *, everything: bool) -> None:
-        """Let the kernel pass on *everything*, or only services: PDOs wake nobody who waits for an answer."""
+        """Pass on *everything*, or only services: PDOs then do not wake a thread that waits for an answer."""
         if self._own_filters is None:
             services = [{"can_id": can_id, "can_mask": mask, "extended": False} for can_id, mask in _SERVICES]
             self._bus.set_filters(None if everything else cast("can.typechecking.CanFilters", services))
@@ -104,7 +104,7 @@ class KernelCarrier(Carrier):
         return super().is_full(error) or (isinstance(error, can.CanOperationError) and str(error) == _FULL)
 
     def lost_frames(self) -> int:
-        """How many frames the kernel dropped since the socket had no room for them."""
+        """Number of frames that the kernel dropped because the socket was full."""
         try:
             return int(_MEMINFO.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[8])
         except (OSError, struct.error):  # Linux before 4.12

@@ -1,4 +1,4 @@
-"""What nodes said about themselves: boot-ups, heartbeats, emergencies. Does not know how frames arrive."""
+"""Boot-ups, heartbeats and emergencies of nodes."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class NodeWatch:
         return True
 
     def answered(self, node_id: int) -> None:
-        """Node *node_id* answered an SDO request: its next boot-up is a restart, not a second node's start."""
+        """Note an SDO answer of *node_id*: its next boot-up is a restart, not a second node's start."""
         self._booted_s.pop(node_id, None)
 
     def request_of_another(self, frame: Frame) -> None:
@@ -123,7 +123,7 @@ class NodeWatch:
             self.states.pop(node_id, None)
 
     def order_restart(self, node_id: int, within_s: float) -> None:
-        """Something is sent from here that restarts *node_id* (0: all nodes) within *within_s* seconds."""
+        """Expect a restart of *node_id* (0: all nodes) within *within_s* seconds."""
         for restarting_id in range(1, 128) if node_id == 0 else (node_id,):
             self._ordered_until_s[restarting_id] = self.now_s() + within_s
 
@@ -182,7 +182,7 @@ class HeardNodes(ABC):
         )
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
-        """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
+        """See `CanopenBus.wait_boot_up`."""
         return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
 
     def heard_nodes(self) -> dict[int, NmtState]:

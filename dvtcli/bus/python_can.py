@@ -1,7 +1,4 @@
-"""A CANopen network on any python-can bus.
-
-Does not know how a bus is opened (see opening), nor what a PDO or an object means.
-"""
+"""A CANopen network on any python-can bus."""
 
 from __future__ import annotations
 
@@ -50,7 +47,7 @@ class Echoes:
         self._lock = threading.Lock()
 
     def rule_out(self) -> None:
-        """The driver is known to hand none of our frames back: whatever comes is somebody else's."""
+        """Expect no echoes: the driver is known not to echo, so every frame is another sender's."""
         self._echoing = False
 
     def expect(self, message: can.Message, now_s: float) -> None:
@@ -173,7 +170,7 @@ class CanBus(FrameBus[can.Message]):
             self._setter.require(bit_rate, listen_only=listen_only)
 
     def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """Close the interface, and open it at *bit_rate* (bit/s); whoever reads waits. BusUnavailable."""
+        """Close the interface and open it at *bit_rate* (bit/s); readers wait. Raises BusUnavailable."""
         self.require_settable(bit_rate)
         assert self._setter is not None  # noqa: S101 - else nothing is settable
         self._changing = True
@@ -222,7 +219,7 @@ class CanBus(FrameBus[can.Message]):
         return super()._channel(node_id)
 
     def disturbances(self) -> list[str]:
-        """What was noticed since the last call: error frames, lost frames, another SDO client, a node-ID used twice."""
+        """Disturbances since the last call: error frames, lost frames, another SDO client, a node-ID used twice."""
         odd = super().disturbances()
         return [*self._carrier.news(), *self.error_frames.news(), *odd]
 

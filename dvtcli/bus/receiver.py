@@ -126,7 +126,7 @@ class Receiver(Generic[M]):
                 follower.put(Wake(failure))
 
     def close(self) -> None:
-        """Send everyone away; on return nobody reads any more (a read that does not end is waited for 0.1 s)."""
+        """End all waits; on return no thread reads any more (a read that does not end is waited for 0.1 s)."""
         self._closed = True
         self._closing.set()
         self.fail(bus_closed())
@@ -150,7 +150,7 @@ class Receiver(Generic[M]):
             self._delay_s += delay_s
 
     def _join(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> bool:
-        """Wait for *inbox* from now on, until *deadline_s*; whether as the leader."""
+        """Start to wait for *inbox* until *deadline_s*; whether as the leader."""
         with self._mutex:
             if self._closed:
                 raise bus_closed()
@@ -205,7 +205,7 @@ class Receiver(Generic[M]):
         return max(min(left_s, SLICE_S, first_s - monotonic()), 0.0)
 
     def _end_times(self, until_s: float) -> None:
-        """What came until *until_s* was read: whoever follows and wanted to wait no longer has no answer."""
+        """End the waits of followers with deadlines up to *until_s*, since all frames until then were read."""
         if self._followers:
             with self._mutex:
                 for follower in [one for one, deadline_s in self._followers.items() if deadline_s <= until_s]:

@@ -23,7 +23,7 @@ M = TypeVar("M")
 
 
 class Traffic(Generic[M]):
-    """Passes messages on as frames to everyone who listens; *now_s* tells the bus's time in seconds."""
+    """Passes messages on as frames to all receivers; *now_s* returns the bus's time in seconds."""
 
     def __init__(self, frame_of: Callable[[M], Frame], now_s: Callable[[], float]) -> None:
         self._frame_of = frame_of

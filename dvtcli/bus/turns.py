@@ -153,18 +153,18 @@ class Turns:
         return threading.get_ident() in self._by_thread
 
     def wait(self, ready: Ready, deadline_s: float) -> None:
-        """Let others go on until *ready*, or *deadline_s*."""
+        """Let other jobs continue until *ready*, or *deadline_s*."""
         worker = self._waiting(deadline_s)
         worker.ready = ready
         self._asked[worker] = None
         worker.wait()
 
     def wait_until(self, deadline_s: float) -> None:
-        """Let others go on until *deadline_s*."""
+        """Let other jobs continue until *deadline_s*."""
         self._waiting(deadline_s).wait()
 
     def wait_for(self, inbox: Inbox, deadline_s: float) -> None:
-        """Let others go on until something is in *inbox*, or *deadline_s*."""
+        """Let other jobs continue until *inbox* has an item, or *deadline_s*."""
         worker = self._waiting(deadline_s)
         told = partial(self._told.append, (worker, worker.waits))
         inbox.on_arrival = told

@@ -252,11 +252,11 @@ class WatchedBus(HeardNodes):
         return True
 
     def set_timeout(self, timeout_s: float) -> None:
-        """Let every SDO answer take *timeout_s* from now on."""
+        """See `CanopenBus.set_timeout`."""
         self.settings.timeout_s = timeout_s
 
     def set_bus_share(self, percent: int | None) -> None:
-        """Let the load stay at or below *percent* (1..100, None: 50) of the bus while a machine may be running."""
+        """See `CanopenBus.set_bus_share`."""
         self._percent = percent or DEFAULT_SHARE_PERCENT
 
     def await_share(self) -> None:
@@ -271,7 +271,7 @@ class WatchedBus(HeardNodes):
             self._keep_pace(pace)
 
     def _keep_share(self, bit_rate: int) -> None:
-        """Wait until an exchange leaves the load within what was allowed while something may run."""
+        """Wait until an exchange keeps the load within the share for a running machine."""
         with self._share_lock:
             if self._share is None:
                 from dvtcli.bus.bus_share import KeptShare
@@ -283,7 +283,7 @@ class WatchedBus(HeardNodes):
         self._share.wait(percent)
 
     def _keep_pace(self, bit_rate: int) -> None:
-        """Wait until one of several requests may go."""
+        """Wait until a parallel request may go."""
         with self._share_lock:
             if self._pace is None:
                 from dvtcli.bus.wire_pace import KeptPace
@@ -292,7 +292,7 @@ class WatchedBus(HeardNodes):
         self._pace.wait(bit_rate)
 
     def delay_s(self) -> float:
-        """How long in all this machine, and no node, kept answers from being read (SdoLink), in seconds."""
+        """Always 0, see `SdoLink.delay_s`."""
         return 0.0
 
     def takes_bursts(self) -> bool:
@@ -304,7 +304,7 @@ class WatchedBus(HeardNodes):
         return self._watch.states.get(node_id) is NmtState.STOPPED
 
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
-        """Whether 0x1016 of *node_id* is not zero at *sub_index*, as was just read or written (SdoLink)."""
+        """See `SdoLink.consumes_heartbeat`."""
         (self._consumers.add if consumes else self._consumers.discard)((node_id, sub_index))
 
     def _may_run(self) -> bool:
@@ -344,7 +344,7 @@ class WatchedBus(HeardNodes):
         return self._oddities.news(self._dropped(), self._watch.boot_ups, self._watch.double_boot_ups)
 
     def error_frame_count(self) -> int:
-        """None: no error frame is told apart here."""
+        """Always 0: error frames are not recognised."""
         return 0
 
     def lost_frame_count(self) -> int:
@@ -400,11 +400,11 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def idle(self, duration_s: float) -> None:
-        """Read the bus for *duration_s* on behalf of the callbacks, as a background thread does in a loop."""
+        """See `CanopenBus.idle`."""
 
     @abstractmethod
     def now_s(self) -> float:
-        """The bus's own time in seconds: only differences mean something."""
+        """See `CanopenBus.now_s`."""
 
     @abstractmethod
     def sleep(self, duration_s: float) -> None:
@@ -412,7 +412,7 @@ class WatchedBus(HeardNodes):
 
     @abstractmethod
     def close(self) -> None:
-        """Leave the bus; returns promptly and may be called twice."""
+        """See `CanopenBus.close`."""
 
     @abstractmethod
     def _channel(self, node_id: int) -> SdoTransport:

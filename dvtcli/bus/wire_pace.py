@@ -42,7 +42,7 @@ class WirePace:
         self._owed: set[int] = set()
 
     def slot_s(self) -> float:
-        """When the next request may be sent; whoever asks first is first."""
+        """Time at which the next request may be sent, in the order of the calls."""
         with self._lock:
             now_s = self._now_s()
             self._busy_until_s = min(max(self._busy_until_s, now_s), now_s + LONGEST_WAIT_S)
@@ -94,7 +94,7 @@ class KeptPace:
             self._bus.sleep(wait_s)
 
     def rest(self) -> None:
-        """Nothing is under way any more."""
+        """Stop counting: no request is under way any more."""
         with self._lock:
             self._end_counting()
             self._pace, self._end_counting = None, lambda: None

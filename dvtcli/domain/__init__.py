@@ -1,1 +1,1 @@
-"""CANopen vocabulary and decisions: pure, standard library only; knows neither buses, files nor terminals."""
+"""CANopen vocabulary and decisions: pure, standard library only, without buses, files or terminals."""

@@ -61,7 +61,7 @@ def is_controlword(index: int) -> bool:
 
 
 def answers_with_state(index: int) -> bool:
-    """Whether a standard says that the object at *index* reads back another value than was written."""
+    """Whether the standard object at *index* reads back another value than was written."""
     return index in _ANSWERS_STATE
 
 

@@ -134,7 +134,7 @@ _NUMBER = re.compile(r"(?P<sign>-?)(?:(?P<decimal>[0-9]{1,40})|0[xX](?P<hex>[0-9
 
 
 def parse_number(text: str) -> int:
-    """Read `1500`, `-1500`, `0x5DC` or `-0x5DC`; ValueError otherwise (no octal, no underscores)."""
+    """Read `1500`, `-1500`, `0x5DC` or `-0x5DC`. Raises ValueError otherwise (no octal, no underscores)."""
     match = _NUMBER.fullmatch(text)
     if not match:
         raise ValueError(f"{text!r} is not a number; write it decimal or 0x… in hexadecimal")

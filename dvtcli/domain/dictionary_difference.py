@@ -1,4 +1,4 @@
-"""What two object dictionaries say differently, whatever file they come from. Does not know files, nor devices."""
+"""Differences between two object dictionaries, whatever file they come from."""
 
 from __future__ import annotations
 

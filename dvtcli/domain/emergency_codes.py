@@ -1,6 +1,6 @@
 """Emergency error codes and the error register in words (CiA 301, tables 26 and 48; CiA 402-2 for drives).
 
-Does not know how they travel, nor what a maker's own codes mean.
+Manufacturer-specific codes are not included.
 """
 
 from __future__ import annotations

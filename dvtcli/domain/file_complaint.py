@@ -1,4 +1,4 @@
-"""Something wrong in a text file, with the line to show. Knows no file format and no screen."""
+"""An error in a text file, with the line to show."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class LastFrames:
         self._set_s: dict[tuple[int, int], float] = {}
 
     def take(self, frame: Frame, now_s: float) -> None:
-        """Remember a *frame* that was heard at *now_s*; remote frames carry nothing to remember."""
+        """Remember *frame*, received at *now_s*; remote frames are ignored."""
         if frame.remote:
             return
         key = frame.can_id, frame.extended
@@ -63,7 +63,7 @@ class LastFrames:
         self._set_s.clear()
 
     def _note_setting(self, can_id: int, data: bytes, now_s: float) -> None:
-        """Note what may give a node's PDOs another layout, or another COB-ID: a download, by anybody, or a restart."""
+        """Note downloads and restarts that may change layout or COB-ID of a node's PDOs."""
         if can_id in _HEARTBEATS and data == b"\0":
             self._set_s[can_id & 0x7F, 0] = now_s
         elif can_id in _REQUESTS and data[0] >> 5 in _DOWNLOADS:

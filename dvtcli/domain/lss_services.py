@@ -63,7 +63,7 @@ class LssRanges:
 
 
 def refusal(reasons: dict[int, str], code: int, own: int) -> str:
-    """Why a configuration service was refused: error *code*, with the maker's *own* behind code 255."""
+    """Reason for the refusal of a configuration service: error *code*, with the manufacturer's *own* code after 255."""
     if code == _OWN:
         return f"a reason of its maker, {own} (0x{own:02X})"
     return f"{reasons.get(code, 'a reason that the standard does not name')} (error code {code})"

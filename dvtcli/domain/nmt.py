@@ -1,4 +1,4 @@
-"""NMT states and commands (CiA 301, 7.2.8 and 7.3.2). Does not know how they travel."""
+"""NMT states and commands (CiA 301, 7.2.8 and 7.3.2)."""
 
 from __future__ import annotations
 

@@ -193,7 +193,7 @@ class DeviceInfo:
 
     @property
     def identity(self) -> dict[str, int | None]:
-        """Vendor-ID, product code and revision number; None for what is not said: 0, or all bits, as erased memory."""
+        """Vendor-ID, product code and revision number; None if missing: 0, or all bits set as in erased memory."""
         told = {"vendor": self.vendor_id, "product": self.product_code, "revision": self.revision_number}
         return {name: None if number in (0, ERASED) else number for name, number in told.items()}
 

@@ -150,7 +150,7 @@ def _length(text: str, digits: str) -> int:
 
 
 def parse_cob_id(text: str) -> int:
-    """Read a CAN-ID written in hexadecimal **with** `0x`; ValueError with the hint otherwise."""
+    """Read a CAN-ID written in hexadecimal **with** `0x`. Raises ValueError with a hint otherwise."""
     if re.fullmatch(r"0[xX][0-9A-Fa-f]{1,8}", text):
         value = int(text, 16)
         if value <= 0x1FFF_FFFF:

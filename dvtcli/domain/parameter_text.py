@@ -1,4 +1,4 @@
-"""Parameters of PDOs as the field writes them, by their keys in a network file. Knows no screen."""
+"""PDO parameters in the usual notation, by their keys in a network file."""
 
 from __future__ import annotations
 

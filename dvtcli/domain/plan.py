@@ -247,7 +247,7 @@ def needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
 
 
 def needs_rtr_first(now: PdoConfig, want: PdoConfig) -> bool:
-    """Whether a type that answers RTR would be refused as long as bit 30 forbids RTR."""
+    """Whether a transmission type on RTR would be refused while bit 30 forbids RTR."""
     a, b = now.communication, want.communication
     return (
         b.transmission_type in ON_REQUEST
@@ -263,7 +263,7 @@ def disables(now: PdoConfig, want: PdoConfig) -> bool:
 
 
 def mapping_differs(now: PdoConfig, want: PdoConfig) -> bool:
-    """Whether the way from *now* to *want* writes the mapping."""
+    """Whether the change from *now* to *want* writes the mapping."""
     return now.entries != want.entries or now.count != want.count
 
 

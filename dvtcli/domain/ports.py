@@ -22,7 +22,7 @@ class BootUp:
 
 @dataclass(frozen=True, slots=True)
 class StateChange:
-    """A node's heartbeat carries another state than before; *before* is None where none was known."""
+    """A heartbeat with another state than *before*; *before* is None if unknown."""
 
     node_id: int
     before: NmtState | None
@@ -32,7 +32,7 @@ class StateChange:
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """An emergency message: *code* (CiA 301, table 26), *register* (0x1001) and the maker's five bytes."""
+    """An emergency message: *code* (CiA 301, table 26), *register* (0x1001) and five manufacturer-specific bytes."""
 
     node_id: int
     code: int
@@ -94,7 +94,7 @@ class CanopenBus(Protocol):
 
     @property
     def name(self) -> str:
-        """How the bus is called on screens, for example `socketcan:can0`."""
+        """Name of the bus on screens, for example `socketcan:can0`."""
         ...
 
     @property
@@ -104,7 +104,7 @@ class CanopenBus(Protocol):
 
     @property
     def carries_frames(self) -> bool:
-        """Whether CAN frames are sent and heard: a gateway may do no more than read and write objects."""
+        """Whether CAN frames are sent and received: a gateway may only read and write objects."""
         ...
 
     @property
@@ -149,11 +149,11 @@ class CanopenBus(Protocol):
         ...
 
     def set_timeout(self, timeout_s: float) -> None:
-        """Let every SDO answer take *timeout_s* (s) from now on."""
+        """Set the time-out *timeout_s* (s) of every SDO answer from now on."""
         ...
 
     def set_bus_share(self, percent: int | None) -> None:
-        """Let the load stay at or below *percent* (1..100, None: 50) of the bus while a machine may be running."""
+        """Limit the bus load to *percent* (1..100, None: 50) while a machine may be running."""
         ...
 
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
@@ -236,7 +236,7 @@ class CanopenBus(Protocol):
         ...
 
     def disturbances(self) -> list[str]:
-        """What was noticed since the last call, in words: error frames, other SDO clients, a node-ID used twice."""
+        """Disturbances since the last call, in words: error frames, other SDO clients, a node-ID used twice."""
         ...
 
     def error_frame_count(self) -> int:
@@ -260,14 +260,14 @@ class CanopenBus(Protocol):
         ...
 
     def idle(self, duration_s: float) -> None:
-        """Read the bus for *duration_s* (s) on behalf of the callbacks, as a background thread does in a loop.
+        """Read the bus for *duration_s* (s) for the callbacks, as a background thread does in a loop.
 
-        Gives way to any thread that waits for something.
+        Gives way to any waiting thread.
         """
         ...
 
     def now_s(self) -> float:
-        """The bus's own time in seconds: only differences mean something, and a simulated bus may run ahead."""
+        """The bus's own time in seconds: only differences are meaningful, and a simulated bus may run ahead."""
         ...
 
     def sleep(self, duration_s: float) -> None:

@@ -85,7 +85,7 @@ class LoginPolicy:
     user: int = 1
 
     def asked_for(self, index: int) -> bool:
-        """Whether a write to the object at *index* takes the level *needed*."""
+        """Whether a write to the object at *index* requires the level *needed*."""
         return within(index, self.covers)
 
 

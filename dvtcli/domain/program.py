@@ -25,7 +25,7 @@ _FLASH_ERRORS = {
 
 @dataclass(frozen=True, slots=True)
 class FlashStatus:
-    """What the flash status object (u32) says: bit 0 at work, bits 1..7 the last error; the rest is the maker's."""
+    """The flash status object (u32): bit 0 at work, bits 1..7 the last error; other bits are manufacturer-specific."""
 
     raw: int
 

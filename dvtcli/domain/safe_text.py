@@ -1,4 +1,4 @@
-"""Text from devices and files, made safe: for a terminal, and for a page. Escapes no markup."""
+"""Escape text from devices and files for a terminal or a page; markup is not escaped."""
 
 from __future__ import annotations
 

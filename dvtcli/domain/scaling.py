@@ -37,7 +37,7 @@ class State:
 
 
 class _Counts(NamedTuple):
-    """Factor and offset in whole numbers: physical = (raw x *times* + *more*) / *parts*, with so many *decimals*."""
+    """Factor and offset in whole numbers: physical = (raw x *times* + *more*) / *parts*, with *decimals* places."""
 
     times: int
     more: int
@@ -151,7 +151,7 @@ class Scaling:
         return f"0x{raw:0{2 * ((max(raw.bit_length(), bits, 1) + 7) // 8)}X}"
 
     def number_text(self, raw: float) -> str:
-        """The physical number of *raw*, with as many digits as tell two raw values apart: `48.0`."""
+        """The physical number of *raw*, with enough digits to distinguish raw values: `48.0`."""
         if isinstance(raw, float):
             return f"{self.to_physical(raw):.9g}"
         times, more, parts, decimals = self._in_counts()
@@ -251,7 +251,7 @@ def _spelling(word: str) -> str:
 
 
 def _is_raw(text: str, *, whole: bool) -> bool:
-    """Whether *text* is a number alone, as a value of the object's own type is written."""
+    """Whether *text* is a number alone, in the notation of the object's own type."""
     try:
         parse_number(text) if whole else float(text)
     except ValueError:

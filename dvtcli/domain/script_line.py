@@ -63,7 +63,7 @@ def login_line(level: int, user: int | None) -> str:
 
 
 def map_line(pdo: Pdo, config: PdoConfig) -> str:
-    """The `map` line that sets *pdo* to *config* whatever it was before."""
+    """The `map` line that sets *pdo* to *config* from any state."""
     words = [f"map {pdo}", *map(str, config.mapping), *_parameter_words(None, config.communication)]
     return " ".join(words if config.enabled else [*words, "--off"])
 
@@ -75,7 +75,7 @@ def whole_line(pdo: Pdo, config: PdoConfig) -> str:
 
 
 def _remark(pdo: Pdo, config: PdoConfig) -> str:
-    """Why no script sets *pdo* to *config*: an MPDO is never written, an inconsistent PDO cannot be made one."""
+    """Why no script sets *pdo* to *config*: an MPDO is never written, an inconsistent PDO cannot be set up."""
     if config.mpdo is not None:
         return f"{pdo} is a multiplexed PDO (count 0x{config.mpdo:02X})"
     if not config.inconsistency:

@@ -79,7 +79,7 @@ def parse_factor(text: str) -> Fraction:
 
 
 def parse_offset(text: str) -> Fraction:
-    """An offset as files write it, as `parse_factor` reads a factor, or 0; ValueError for anything else."""
+    """An offset in a file: a number as for `parse_factor`, or 0. Raises ValueError for anything else."""
     if not _FACTOR.fullmatch(text.strip()):
         raise ValueError(f"{text[:40]!r} is no offset: write -40 or 0.5")
     return Fraction(text.strip())

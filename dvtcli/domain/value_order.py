@@ -46,7 +46,7 @@ _FROZEN = 0x3FFF_FFFF
 
 
 def is_dependent(index: int, sub_index: int) -> bool:
-    """Whether an object's value may only be written in an order with others, or by way of another value."""
+    """Whether an object's value must be written in an order with others, or by way of another value."""
     if index in SDO_CHANNELS:
         return True
     return index in (SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW, TIME_COB_ID, EMCY_COB_ID) or (

@@ -1,7 +1,4 @@
-"""Frames and the signals in them: a decoder made from PDO configurations.
-
-Does not know where configurations come from (a node, a DCF), nor how signals are shown.
-"""
+"""Frames and the signals in them: a decoder made from PDO configurations."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Heartbeats:
         return tuple(self._beats)
 
     def silence_s(self, node_id: int, now_s: float) -> tuple[float, bool] | None:
-        """Seconds since the last heartbeat and whether the next one is overdue; None if the node sends none."""
+        """Seconds since the last heartbeat, and whether the next is overdue; None for a node without heartbeat."""
         beat = self._beats.get(node_id)
         period_s = None if beat is None else self._told_s.get(node_id) or beat.period_s
         if beat is None or period_s is None:

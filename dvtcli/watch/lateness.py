@@ -1,4 +1,4 @@
-"""How late frames were sent: the most, and what nearly all kept to. Knows no bus and no clock."""
+"""Statistics of transmission delays: maximum and 99 % quantile."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class Misfits:
             self._tell(text)
 
     def passing(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """*frames*, each looked at."""
+        """Yield *frames* after a check of each."""
         for frame in frames:
             self.look(frame)
             yield frame

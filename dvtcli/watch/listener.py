@@ -1,7 +1,4 @@
-"""Frames as they arrive, kept until somebody takes them: a thread reads the bus and does nothing else.
-
-Sends nothing. Does not know what a frame means.
-"""
+"""Record frames at their arrival: a thread reads the bus and does nothing else. Sends nothing."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ class ValueHistory:
             points.append(Point(start_s, number, number, number))
 
     def forget(self) -> None:
-        """Begin anew with least, most and points; the value stays."""
+        """Reset minimum, maximum and points; the value stays."""
         self.low = self.high = None
         self.points.clear()
 

@@ -1,4 +1,4 @@
-"""Decoded frames as rows: a column for each signal, in its physical unit. Knows no files and no bus."""
+"""Decoded frames as rows: a column for each signal, in its physical unit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Column:
         return f"{self.name} [{self.signal.unit}]" if self.signal.unit else self.name
 
     def cell(self, value: Value) -> Value:
-        """What stands in the column for the raw *value*: the number in the column's unit, else *value* itself."""
+        """The cell for the raw *value*: the number in the column's unit, else *value* itself."""
         if isinstance(value, int | float) and self.signal.meaning.has_number:
             return self.signal.meaning.number(value)
         return value

@@ -1,4 +1,4 @@
-"""Signals of a recording over time, found by their names. Knows no files and no screen."""
+"""Signals of a recording over time, found by their names."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _fits(word: str, signal: Signal, column: Column) -> bool:
 
 
 def _objects(signal: Signal) -> set[str]:
-    """How the signal's object may be written: `606C:00`, `606C:0`, `606C`."""
+    """Accepted spellings of the signal's object: `606C:00`, `606C:0`, `606C`."""
     index, _, sub_index = signal.object.partition(":")
     if not sub_index:
         return set()

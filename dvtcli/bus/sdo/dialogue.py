@@ -107,7 +107,7 @@ class _Wait:
         return item
 
     def shorten(self, timeout_s: float) -> None:
-        """Wait *timeout_s* (s) from now on at most."""
+        """Limit the rest of the wait to *timeout_s* (s)."""
         now_s = self._link.now_s()
         self._deadline_s = min(
             now_s + self._timeout_s if self._deadline_s is None else self._deadline_s, now_s + timeout_s
@@ -331,7 +331,7 @@ class Dialogue:
             raise SdoAborted(*_object_of(answer[1:4]), int.from_bytes(answer[4:], "little"), node=self.node_id)
 
     def _fits(self, request: bytes, answer: bytes) -> bool:
-        """Whether *answer* is the answer to *request*; any other is dropped and counted."""
+        """Whether *answer* is the answer to *request*; any other is discarded and counted."""
         if len(answer) == 8:
             kind, specifier = request[0] >> 5, answer[0] >> 5
             fits = specifier in _ANSWERS_TO[kind]

@@ -42,7 +42,7 @@ class SdoLink(Protocol):
         ...
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
-        """Wait for an answer in *inbox* until *deadline_s* (as `now_s` tells)."""
+        """Wait for an answer in *inbox* until *deadline_s* (of `now_s`)."""
         ...
 
     def await_share(self) -> None:
@@ -74,7 +74,7 @@ class SdoLink(Protocol):
         ...
 
     def delay_s(self) -> float:
-        """How long in all this machine, and no node, kept answers from being read, in seconds."""
+        """Total time in seconds during which this machine, not a node, kept answers from being read."""
         ...
 
     def now_s(self) -> float:
@@ -112,7 +112,7 @@ class DroppedAnswers:
 
 @dataclass(slots=True)
 class SdoSettings:
-    """*timeout_s* for each answer, and how often (0..) a read's first request is repeated after it."""
+    """*timeout_s* for each answer, and the number (0..) of repetitions of a read's first request after it."""
 
     timeout_s: float
     retries: int

@@ -63,7 +63,7 @@ _TEXTS = {
 
 
 class GatewayRequestError(ValueError):
-    """A request that is answered with *error*; the text says why, for people."""
+    """A request to be answered with *error*; the text is the reason for people."""
 
     def __init__(self, error: GatewayError, why: str) -> None:
         super().__init__(why)

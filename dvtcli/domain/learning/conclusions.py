@@ -46,7 +46,7 @@ def forecast(subject: ProbedPdo, *, isolated: bool, operational: bool = False) -
 
 
 def most_writes(subject: ProbedPdo, probes: list[Probe]) -> int:
-    """How many downloads these are at most, refusals asked twice, with the way between them; in full tens."""
+    """Maximum downloads for these probes, with repeated refusals and the way between probes; rounded up to tens."""
     asked = sum(len(probe.writes) - 1 + max(_TWICE, 1 + _way_back(probe)) for probe in probes)
     stands = sum(_FIRST[stand] for stand in {probe.stand for probe in probes})
     again = [len(probe.writes) + 1 for probe in probes if probe.where is ProbeCondition.OPERATIONAL]

@@ -328,7 +328,7 @@ def _other(known: KnownAnswers) -> int | None:
 
 
 def _cob_ids(known: KnownAnswers) -> Iterator[Probe]:
-    """What a COB-ID may be while the PDO is off: bits 30 and 29, another CAN-ID."""
+    """Probe COB-IDs while the PDO is disabled: bits 30 and 29, another CAN-ID."""
     off = known.subject.off.raw
     for name, sense, word, check in (
         ("bit 30 clear", "bit 30 (no RTR) may be clear", off & ~_NO_RTR, "rtr-bit"),

@@ -35,7 +35,7 @@ class Spot:
 
 
 def object_text(index: int, sub_index: int | None) -> str:
-    """An object as it is printed, `6C01:01`, or without a sub-index as a whole, `6C01`."""
+    """An object as printed, `6C01:01`, or a whole object, `6C01`."""
     return f"{index:04X}" if sub_index is None else f"{index:04X}:{sub_index:02X}"
 
 

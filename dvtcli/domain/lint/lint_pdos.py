@@ -179,7 +179,7 @@ def synchronous_without_sync(device: DescribedDevice) -> Found:
 
 @check("timer-below-inhibit", WARNING, "the event timer of a TPDO is shorter than its inhibit time", _COMMUNICATION)
 def timer_below_inhibit(device: DescribedDevice) -> Found:
-    """The inhibit time (100 µs each) wins: frames come later than the event timer (ms) says."""
+    """The inhibit time (100 µs each) wins: frames come later than the event timer (ms) demands."""
     for pdo in device.pdos:
         held = pdo.config.communication
         if pdo.pdo.is_tpdo and held.event_timer and held.inhibit_time and held.event_timer * 10 < held.inhibit_time:

@@ -31,7 +31,7 @@ def vendor_id_object(device: DescribedDevice) -> Found:
 
 @check("standard-type", ERROR, "an object of 0x1000 to 0x1BFF has another length than CiA 301 says", "CiA 301, 7.5.2")
 def standard_type(device: DescribedDevice) -> Found:
-    """Every master writes them with the standard's length, and is refused."""
+    """Every master writes the standard's length, and the device refuses it."""
     yield from _other_types(device, of_same_length=False)
 
 
@@ -156,7 +156,7 @@ def sync_counter(device: DescribedDevice) -> Found:
 @check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID",
        "CiA 301, 7.5.2.33")  # fmt: skip
 def sdo_can_id(device: DescribedDevice) -> Found:
-    """Nobody could reach the node."""
+    """No client could reach the node."""
     for sub_index, base in _SDO.items():
         number = device.number(0x1200, sub_index)
         if number is not None and number != base + device.node_id:

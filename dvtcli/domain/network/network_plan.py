@@ -154,17 +154,17 @@ class NetworkPlan:
 
     @property
     def changed(self) -> bool:
-        """Whether anything is to be written, stores aside."""
+        """Whether the plan has writes, apart from stores."""
         return any(len(node.plan) for node in self.nodes)
 
     @property
     def to_do(self) -> bool:
-        """Whether anything is to be written or stored."""
+        """Whether the plan has writes or stores."""
         return any(len(node.plan) or node.stores for node in self.nodes)
 
     @property
     def remains(self) -> int:
-        """How many settings differ from the file and are not written."""
+        """Number of settings that differ from the file and are not written."""
         return sum(len(node.remaining) for node in self.nodes)
 
     @property

@@ -21,7 +21,7 @@ _LINKED = re.compile(r"([0-9]+):([rt]pdo[0-9]+)")
 
 @dataclass(frozen=True, slots=True, order=True)
 class Mark:
-    """A place in a file: line and column, both 1 and up, and how many characters stand there. 0: made by a program."""
+    """A place in a file: line and column, both 1 and up, and length in characters. 0: made by a program."""
 
     line: int = 0
     column: int = 0
@@ -94,7 +94,7 @@ class ValueWish:
 
 @dataclass(frozen=True, slots=True)
 class HeartbeatWatch:
-    """An entry of 0x1016: the node watches *producer* (node-ID 1..127), late after *time_ms*; 0 for does not watch."""
+    """An entry of 0x1016: the node monitors *producer* (node-ID 1..127), late after *time_ms*; 0 for no monitoring."""
 
     producer: int
     time_ms: int

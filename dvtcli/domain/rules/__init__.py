@@ -19,7 +19,7 @@ _RANK = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
 
 
 def check_pdo(proposal: Proposal) -> tuple[Finding, ...]:
-    """Everything the rules say about *proposal*: errors first, each kind in frame order."""
+    """All findings about *proposal*: errors first, each kind in frame order."""
     findings = [
         *whole_findings(proposal),
         *mapping_findings(proposal),

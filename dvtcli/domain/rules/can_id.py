@@ -259,7 +259,7 @@ def _same_senders(proposal: Proposal) -> list[Producer]:
 
 
 def default_owner(can_id: int) -> tuple[Pdo, int] | None:
-    """The PDO and node-ID that the pre-defined connection set gives *can_id* to, or None."""
+    """The PDO and node-ID with *can_id* in the pre-defined connection set, or None."""
     for direction in Direction:
         for number in range(1, 5):
             pdo = Pdo(direction, number)

@@ -83,7 +83,7 @@ def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
 
 
 def _static_findings(proposal: Proposal) -> Iterator[Finding]:
-    """A mapping with read-only sub-indices is static; Granularity does not tell."""
+    """A mapping with read-only sub-indices is static, regardless of Granularity."""
     dictionary, index = proposal.dictionary, proposal.pdo.mapping_index
     first = 0 if proposal.profile.filler is None else 1  # fillers stand for a count that is read-only
     for sub_index in range(first, len(proposal.want.mapping) + 1):
@@ -119,7 +119,7 @@ def _size_findings(proposal: Proposal) -> Iterator[Finding]:
 
 
 def _count_findings(proposal: Proposal) -> Iterator[Finding]:
-    """More entries than the mapping has sub-indices, or than the family or the standard takes."""
+    """More entries than the mapping has sub-indices, or than the family or the standard allows."""
     wanted, label = len(proposal.want.mapping), proposal.pdo.label
     subs = _entry_sub_indices(proposal)
     limit = min(MAX_ENTRIES, proposal.profile.max_entries or MAX_ENTRIES)

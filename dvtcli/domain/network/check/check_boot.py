@@ -105,7 +105,7 @@ def guarded_by_manager(network: CheckedNetwork) -> NetFound:
 
 @check("nobody-starts", NOTE, "no node is NMT master, and the file names none", _BOOT)
 def nobody_starts(network: CheckedNetwork) -> NetFound:
-    """Somebody else has to: nodes come up in PRE-OPERATIONAL, unless they start by themselves (0x1F80)."""
+    """Another master must start them: nodes come up in PRE-OPERATIONAL, unless they start by themselves (0x1F80)."""
     known = [node for node in network.told if node.number(NMT_STARTUP) is not None]
     if known and not _managers(network) and network.state.master is None:
         yield held(known[0], NMT_STARTUP), "no node starts the others, and the file names no master"

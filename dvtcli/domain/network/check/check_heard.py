@@ -32,7 +32,7 @@ def _sync_ids(state: NetworkState) -> set[Identifier]:
 
 @check("sync-not-heard", ERROR, "PDOs are synchronous, and no SYNC was heard", "CiA 301, 7.5.2.35 and 7.5.2.37")
 def sync_not_heard(network: CheckedNetwork) -> NetFound:
-    """They are never sent, and never taken over."""
+    """Synchronous PDOs are never sent, and never take effect."""
     traffic, periods = network.traffic, network.state.sync_periods_us
     if traffic is None or not network.synchronous or any(map(traffic.count, _sync_ids(network.state))):
         return

@@ -145,7 +145,7 @@ def guarding(network: CheckedNetwork) -> NetFound:
 
 @check("unwatched-link", WARNING, "the consumer of a PDO does not wait for the heartbeat of its producer", _CONSUMER)
 def unwatched_link(network: CheckedNetwork) -> NetFound:
-    """It goes on with the last values when the producer is gone, unless the RPDO has a deadline."""
+    """The consumer keeps the last values after a loss of the producer, unless the RPDO has a deadline."""
     said: set[tuple[int, int]] = set()
     for connection in network.heard:
         pair = connection.consumer.node_id, connection.producer.node_id

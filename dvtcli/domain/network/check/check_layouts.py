@@ -206,7 +206,7 @@ def synchronous_consumer(network: CheckedNetwork) -> NetFound:
 
 
 def _commanded(network: CheckedNetwork, *, controlwords: bool) -> NetFound:
-    """What is no command and goes to a controlword, else to a target or an output."""
+    """Objects other than commands that feed a controlword, else a setpoint or an output."""
     for one, heard, sent in _pairs(network):
         producer, consumer = _sides(one)
         known = consumer.described(heard), producer.described(sent)

@@ -19,7 +19,7 @@ _COUNTER = "CiA 301, 7.5.2.20 and 7.5.2.37: SYNC counter, SYNC start value"
 
 @check("sync-not-produced", ERROR, "PDOs are synchronous, and neither a node nor the master sends SYNC", _TYPES)
 def sync_not_produced(network: CheckedNetwork) -> NetFound:
-    """They are never sent, and never taken over."""
+    """Synchronous PDOs are never sent, and never take effect."""
     if network.state.master is not None:
         yield from _without_sync(network)
 
