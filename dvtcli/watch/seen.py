@@ -173,7 +173,7 @@ class FrameStore:
                         course.take(value, row.last_s)
 
     def gap(self, time_s: float, text: str) -> None:
-        """Note that no frames were received until *time_s*, with *text* as an event; only events and frame count stay."""
+        """Note a gap without frames until *time_s*, with *text* as an event; only events and frame count stay."""
         self.rows.clear()
         self.states.clear()
         self.unlisted = 0
