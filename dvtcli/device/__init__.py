@@ -1,1 +1,1 @@
-"""One device over the two seams: reading it, changing it, storing. The only place that moves a device."""
+"""Read, change and store one device over SDO and NMT. No other package writes to devices."""

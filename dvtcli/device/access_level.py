@@ -1,7 +1,4 @@
-"""Logging in to a device that keeps its writes behind access levels.
-
-Knows the sequence that a profile names. Does not know where a passcode comes from, and neither keeps nor shows one.
-"""
+"""Log in to a device that protects writes by access levels, in the sequence of its profile. Stores no passcode."""
 
 from __future__ import annotations
 
@@ -25,13 +22,13 @@ RULES = (
 
 
 def access_level(access: NodeAccess) -> int:
-    """The access level that the device is at, 0 for logged out; DvtcliError where its family has no login."""
+    """The device's current access level, 0 if logged out. Raises DvtcliError if its family has no login."""
     level = policy_of(access).level
     return int.from_bytes(access.bus.sdo(access.node_id).upload(*level), "little")
 
 
 def policy_of(access: NodeAccess) -> LoginPolicy:
-    """How the device is logged in to; DvtcliError where its family has no login."""
+    """The login rules of the device's family. Raises DvtcliError if the family has no login."""
     if access.profile.login is not None:
         return access.profile.login
     raise DvtcliError(
@@ -43,11 +40,11 @@ def policy_of(access: NodeAccess) -> LoginPolicy:
 
 
 def log_in(access: NodeAccess, wanted: int, passcode: Callable[[], int], user: int | None = None) -> int:
-    """Bring the device to access level *wanted* or above (0: log out); the level it is at then.
+    """Bring the device to access level *wanted* or above (0: log out) and return the level reached.
 
-    *passcode* is asked for a number 0..0xFFFF only where one is needed; *user* is the user ID (1..0xFFFF), None for
-    the family's. Raises UsageError for a level that the family does not have, DeviceRefused where it is not reached.
-    Source: the published Gen4 manual, login.
+    *passcode* is called for a number 0..0xFFFF only if the device needs a passcode; *user* is the user ID (1..0xFFFF),
+    None for the family's. Raises UsageError if the family lacks the level, DeviceRefused if the device does not reach
+    the level. Source: the published Gen4 manual, login.
     """
     policy = policy_of(access)
     if not 0 <= wanted <= policy.highest:
@@ -104,7 +101,7 @@ def _not_reached(access: NodeAccess, wanted: int, aborted: SdoAborted | None) ->
 
 
 def refuse_passcode(access: NodeAccess, index: int, sub_index: int) -> None:
-    """Raise SafetyRefusal where a raw write is about to send a passcode, which its words have shown already."""
+    """Raise SafetyRefusal if a raw write would send a passcode: the command line has shown the passcode already."""
     policy = access.profile.login
     if policy is not None and (index, sub_index) == policy.passcode:
         raise SafetyRefusal(
@@ -116,7 +113,7 @@ def refuse_passcode(access: NodeAccess, index: int, sub_index: int) -> None:
 
 
 def level_findings(access: NodeAccess, plan: Plan) -> tuple[Finding, ...]:
-    """An error where *plan* writes what the device's access level does not allow; reads the level, writes nothing."""
+    """An error if *plan* writes more than the device's access level allows. Reads the level, writes nothing."""
     policy = access.profile.login
     if policy is None or not any(policy.asked_for(step.index) for step in plan.steps):
         return ()
@@ -124,7 +121,7 @@ def level_findings(access: NodeAccess, plan: Plan) -> tuple[Finding, ...]:
 
 
 def level_finding(access: NodeAccess) -> tuple[Finding, ...]:
-    """An error where the device's access level is too low for PDO work and storing; none where that is not known."""
+    """An error if the access level is too low for PDO changes and storing; empty if the level is unknown."""
     policy = access.profile.login
     if policy is None:
         return ()

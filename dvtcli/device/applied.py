@@ -1,4 +1,4 @@
-"""What became of a checked plan, and refusing one that the rules forbid. Knows no device."""
+"""The outcome of an applied plan, and the refusal of a plan that the rules forbid."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dvtcli.errors import RuleError
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """A plan that the device took, with what the rules said beforehand.
+    """A plan that the device took, with the findings of the rules.
 
-    *unreadable* are the objects of it that cannot be read back: they were acknowledged, and nothing more is known.
-    *not_put_back* says of each PDO that was to be what it was before, and that the device did not take, what it is now.
-    *unrestored* are the objects that were to be put back and keep what was written: nobody knows what they held.
+    *unreadable* are objects of the plan without read access: acknowledged, but not verified. *not_put_back* describes
+    each untouched PDO whose old value the device refused, with its present value. *unrestored* are objects that keep
+    the written value because their old value is unknown.
     """
 
     plan: Plan
@@ -26,7 +26,7 @@ class Applied:
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool, can_force: bool = True) -> None:
-    """Raise RuleError where *findings* hold an error, and *force* is not given or can change nothing of it."""
+    """Raise RuleError if *findings* hold an error, unless *force* is given and *can_force* allows it."""
     stopping = errors_in(findings)
     if stopping and not (force and can_force):
         raise RuleError(f"{text}: {stopping[0].text}", stopping, node=node_id, can_force=can_force)

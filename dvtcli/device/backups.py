@@ -1,4 +1,4 @@
-"""The automatic backups of a node: scripts that set every PDO as it was. Finds them; does not run them."""
+"""Find the automatic backups of a node: scripts that set every PDO to its former configuration."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from dvtcli.domain.script_line import REMARKS, identity_line, serial_line
 
 @dataclass(frozen=True, slots=True)
 class Backup:
-    """A backup's file, and when it was made: `20261122T041120.123456Z`."""
+    """A backup file with its time stamp in UTC, like `20261122T041120.123456Z`."""
 
     path: Path
     stamp: str
 
     def was_made(self, when: str) -> bool:
-        """Whether it was made at *when*: a date, with or without a time, in any punctuation, as exact as it is."""
+        """True if the time stamp starts with *when*: a date with or without a time, in any punctuation."""
         return bool(re.search(r"\d", when)) and _digits(self.stamp).startswith(_digits(when))
 
     def lines(self) -> list[str]:
-        """Its lines; none where it cannot be read."""
+        """The file's lines; empty if unreadable."""
         try:
             return self.path.read_text("utf-8", "replace").splitlines()
         except OSError:
@@ -33,14 +33,14 @@ class Backup:
 
 
 def backups(folder: Path, bus: str, node_id: int, identity: Mapping[str, int | None]) -> list[Backup]:
-    """The backups in *folder* of the node at *node_id* on *bus* that has this *identity*, oldest first."""
+    """The backups in *folder* for the node at *node_id* on *bus* with this *identity*, oldest first."""
     head, needed = f"{file_name(bus)}-{node_id}-", identity_line(identity)
     found = [Backup(path, path.name.removeprefix(head).removesuffix(".dvt")) for path in folder.glob(f"{head}*.dvt")]
     return sorted((backup for backup in found if _pins(backup.lines()) == needed), key=lambda backup: backup.stamp)
 
 
 def of_this_device(found: Iterable[Backup], identity: Mapping[str, int | None]) -> list[Backup]:
-    """Those of *found* that were made of the very device of this *identity*, by its serial number, or do not say."""
+    """Only the backups of the device with this serial number, or without a serial number."""
     line = serial_line(identity)
     return [backup for backup in found if line in (lines := backup.lines()) or not any(map(_tells_serial, lines))]
 
@@ -50,12 +50,12 @@ def _tells_serial(line: str) -> bool:
 
 
 def _pins(lines: Sequence[str]) -> str | None:
-    """The one of a backup's *lines* that pins the identity, empty where none does; None of a file without lines."""
+    """The line that pins the identity, empty if none does; None for a file without lines."""
     return next((line for line in lines[:5] if line.startswith("require ")), "") if lines else None
 
 
 def remarks(path: Path) -> list[str]:
-    """What the backup at *path* says that it does not put back as it was: multiplexed PDOs, for one."""
+    """The remarks in the backup at *path* about settings not covered by the backup, such as multiplexed PDOs."""
     lines = path.read_text("utf-8", "replace").splitlines()
     return [line.removeprefix("# ") for line in lines if line.startswith("# ") and line.endswith(REMARKS)]
 
@@ -65,7 +65,7 @@ def _digits(text: str) -> str:
 
 
 def in_order(changes: Iterable[PdoChange]) -> Iterator[PdoChange]:
-    """*changes* so that a CAN-ID is given up before another PDO gets it, where that is possible."""
+    """Sort *changes* to free a CAN-ID before another PDO gets the same CAN-ID, if possible."""
     pending = list(changes)
     while pending:
         free = (
@@ -77,12 +77,12 @@ def in_order(changes: Iterable[PdoChange]) -> Iterator[PdoChange]:
 
 
 def _holds(other: PdoChange, one: PdoChange) -> bool:
-    """Whether *other* is enabled, so far, with the CAN-ID that *one* is to be enabled with."""
+    """True if *other* is enabled at present with the CAN-ID wanted for *one*."""
     held, wanted = other.before.communication.cob_id, one.after.communication.cob_id
     return held.valid and wanted.valid and (held.can_id, held.extended) == (wanted.can_id, wanted.extended)
 
 
 def way_to(now: Mapping[Pdo, PdoConfig], wanted: Mapping[Pdo, PdoConfig]) -> tuple[PdoChange, ...]:
-    """What takes PDOs from *now* to *wanted*; those that are right already are left alone."""
+    """The changes from *now* to *wanted*, without PDOs that are equal already."""
     changes = (plan_pdo(pdo, now[pdo], config) for pdo, config in wanted.items())
     return tuple(in_order([change for change in changes if change.steps]))

@@ -1,7 +1,4 @@
-"""What a node came up with, and whether anything was written since: whether a store would store anything new.
-
-Knows what was read and that something was written. Reads and writes nothing itself.
-"""
+"""Tell whether RAM still equals what the node booted with, to spare the EEPROM an unnecessary store."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ class BootSnapshot:
             self.boot_ups, self.pdos, self.written = boot_ups, {}, False
 
     def read(self, boot_ups: int, found: Mapping[Pdo, PdoConfig]) -> None:
-        """*found* was read, all of it after boot-up number *boot_ups*."""
+        """Record *found*, read completely after boot-up number *boot_ups*."""
         self._follow(boot_ups)
         if not self.written:
             for pdo, config in found.items():
@@ -40,7 +37,7 @@ class BootSnapshot:
         self.writes += 1
 
     def why_not(self, boot_ups: int, now: Mapping[Pdo, PdoConfig]) -> str:
-        """Why *now* may differ from what is stored; empty where it is what came up, and nothing was written since."""
+        """Why *now* may differ from the stored values; empty if equal to the boot values with no write since."""
         if not boot_ups:
             return "no boot-up of the node was heard"
         if boot_ups != self.boot_ups:

@@ -1,7 +1,4 @@
-"""A canary: one harmless value that is changed in RAM after a store, so that a reset can show what it takes.
-
-Knows what is harmless to change and how it is put back. Does not reset anything, and judges no store.
-"""
+"""A canary: a harmless value changed in RAM after a store, to show whether a reset clears RAM."""
 
 from __future__ import annotations
 
@@ -64,7 +61,7 @@ _NAMES = {
 class CanaryParameter:
     """One parameter of a PDO, from *before* to *after*.
 
-    With *is_on* the PDO is enabled: then nothing is changed unless the node is PRE-OPERATIONAL, where no PDO is sent.
+    If *is_on* (the PDO is enabled), the change requires PRE-OPERATIONAL, when no PDO is sent.
     """
 
     pdo: Pdo
@@ -76,25 +73,25 @@ class CanaryParameter:
 
     @property
     def text(self) -> str:
-        """The place and what happens there, for a person."""
+        """The place and the change, for display."""
         held, put = (_shown(config, self.field) for config in (self.before, self.after))
         place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
         return f"{place} ({self.name}) {held} -> {put}"
 
     @property
     def put_back_text(self) -> str:
-        """The same after it was put back, and read back."""
+        """The place and the verified old value, for display."""
         place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
         return f"{place} ({self.name}) is put back to {_shown(self.before, self.field)}, read back equal"
 
     @property
     def name(self) -> str:
-        """What the parameter is called, and of which PDO it is."""
+        """The parameter's name with the PDO."""
         return f"{_NAMES[self.field]} of {self.pdo.label}"
 
     @property
     def change(self) -> Change:
-        """It as a change."""
+        """The canary as a change."""
         return plan_pdo(self.pdo, self.before, self.after)
 
     def survived(self, _node: Node, pdos: Mapping[Pdo, PdoConfig]) -> bool:
@@ -103,7 +100,7 @@ class CanaryParameter:
         return held is not None and _value(held, self.field) == _value(self.after, self.field)
 
     def without(self, pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
-        """*pdos* with the value as it was before: it has been put back."""
+        """*pdos* with the canary rolled back to the old value."""
         held = pdos[self.pdo]
         value = getattr(self.before.communication, self.field)
         return {**pdos, self.pdo: replace(held, communication=replace(held.communication, **{self.field: value}))}
@@ -111,7 +108,7 @@ class CanaryParameter:
 
 @dataclass(frozen=True, slots=True)
 class CanaryObject:
-    """One object that is no parameter of an active PDO, called *name*, from what *step* found to what it writes."""
+    """An object outside active PDOs, called *name*, with the old and the new value in *step*."""
 
     step: Step
     name: str
@@ -119,26 +116,26 @@ class CanaryObject:
 
     @property
     def text(self) -> str:
-        """The place and what happens there, for a person."""
+        """The place and the change, for display."""
         held, put = self.step.text(self.step.before), self.step.text(self.step.after)
         return f"0x{self.step.object} ({self.name}) {held} -> {put}"
 
     @property
     def put_back_text(self) -> str:
-        """The same after it was put back, and read back."""
+        """The place and the verified old value, for display."""
         return f"0x{self.step.object} ({self.name}) is put back to {self.step.text(self.step.before)}, read back equal"
 
     @property
     def change(self) -> Change:
-        """It as a change."""
+        """The canary as a change."""
         return ValueChange(self.step)
 
     def survived(self, node: Node, _pdos: Mapping[Pdo, PdoConfig]) -> bool:
-        """Whether *node*, which was restarted, still holds the changed value."""
+        """True if *node* still holds the changed value after a restart."""
         return node.upload(self.step.index, self.step.sub_index) == self.step.after
 
     def without(self, pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
-        """*pdos* as they are: the object is no part of what is read of them."""
+        """*pdos* unchanged: the object belongs to no PDO configuration."""
         return dict(pdos)
 
 
@@ -152,13 +149,13 @@ def _value(config: PdoConfig, field: str) -> int | CobId | None:
 
 
 def _shown(config: PdoConfig, field: str) -> str:
-    """The value of a parameter, for a person."""
+    """The value of a parameter, for display."""
     value = _value(config, field)
     return f"{value} {'enabled' if value.valid else 'off'}" if isinstance(value, CobId) else str(value)
 
 
 def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
-    """Parameters of PDOs that are disabled and not kept by the device itself, with a value that the rules allow."""
+    """Parameters of disabled PDOs, not managed by the device, with a new value that passes the rules."""
     off = [(pdo, config) for pdo, config in pdos.items() if _is_off(config)]
     for field, sub_index, values in _FIELDS:
         for pdo, config in off:
@@ -167,10 +164,10 @@ def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Canar
 
 
 def places_beside(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[AnyPlace]:
-    """What else may be changed for a moment, the most harmless first, where no PDO that is off offers anything.
+    """Other places for a canary if no disabled PDO offers any, the most harmless first.
 
-    A heartbeat that is a millisecond faster, an entry of an empty mapping, the event timer of a TPDO, a PDO that is
-    taken off or its type (these only while no PDO is sent), and a slow heartbeat where there was none.
+    A heartbeat 1 ms faster, an entry of an empty mapping, a TPDO's event timer, disabling a PDO or changing the
+    transmission type (both only while no PDO is sent), and a slow heartbeat if there was none.
     """
     heartbeat = _number(node, _HEARTBEAT)
     if heartbeat:
@@ -184,7 +181,7 @@ def places_beside(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[AnyPlac
 
 
 def _places_of_enabled(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
-    """What of PDOs that are enabled may be changed while none is sent: an event timer, bit 31, a type."""
+    """Canary places in enabled PDOs for use while no PDO is sent: an event timer, bit 31, a transmission type."""
     timer, _, kind = _FIELDS
     on = [(pdo, config) for pdo, config in pdos.items() if _is_whole_and_on(node, pdo, config)]
     timers = (islice(_allowed(node, pdo, config, *timer), 1) for pdo, config in on if pdo.is_tpdo)
@@ -208,7 +205,7 @@ def _heartbeats(node: Node, held: int, put: int) -> Iterator[CanaryObject]:
 
 
 def _unused_entries(node: Node, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryObject]:
-    """The first entry of the empty mapping of *pdo*, with what another PDO of that direction maps."""
+    """The first entry of the empty mapping of *pdo*, filled as in another PDO of the same direction."""
     entries = (entry for other, config in pdos.items() if other.is_tpdo is pdo.is_tpdo for entry in config.mapping)
     held = read_optional(node.memory, pdo.mapping_index, 1, 4)
     if held is None:
@@ -227,7 +224,7 @@ def _is_whole_and_on(node: Node, pdo: Pdo, config: PdoConfig) -> bool:
 
 
 def _taken_off(node: Node, pdo: Pdo, config: PdoConfig) -> Iterator[CanaryParameter]:
-    """*pdo* switched off, where the rules let that be done and undone."""
+    """*pdo* disabled, if the rules allow both the change and the roll-back."""
     off = replace(config, communication=replace(config.communication, cob_id=config.communication.cob_id.disabled()))
     ways = ((config, off), (off, config))
     if not any(errors_in(check_pdo(proposal(node, pdo, now, want))) for now, want in ways):
@@ -235,7 +232,7 @@ def _taken_off(node: Node, pdo: Pdo, config: PdoConfig) -> Iterator[CanaryParame
 
 
 def _is_off(config: PdoConfig) -> bool:
-    """Whether it was read that it sends nothing; one whose COB-ID cannot be read may be sending."""
+    """True if the PDO was read as disabled; an unreadable COB-ID counts as enabled."""
     return config.has_cob_id and not config.enabled and config.mpdo is None
 
 
@@ -255,9 +252,9 @@ def _allowed(
 
 
 def choose_canary(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
-    """The first harmless place that *node* lets be changed, which was tried and put back; None where there is none.
+    """The first harmless place that *node* accepts, tried and rolled back; None if there is none.
 
-    Asks before a node leaves OPERATIONAL for it. LeftChanged where what was tried could not be put back.
+    Asks before a node leaves OPERATIONAL. Raises LeftChanged if the roll-back of a trial fails.
     """
     beside = (place for place in places_beside(node, pdos) if not _is_default(node, place))
     off = (place for place in harmless_places(node, pdos) if not _is_default(node, place))
@@ -272,7 +269,7 @@ def choose_canary(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
 
 
 def _is_default(node: Node, place: AnyPlace) -> bool:
-    """Whether *place* would be changed to what the node may come up with where it has stored nothing."""
+    """True if the new value of *place* may equal the node's boot value without a store."""
     step = place.change.steps[-1]
     entry = node.dictionary.entry(step.index, step.sub_index) if node.dictionary else None
     default = None if entry is None else entry.initial(node.node_id)
@@ -284,13 +281,13 @@ def _is_default(node: Node, place: AnyPlace) -> bool:
 
 @dataclass(slots=True)
 class Canary:
-    """A value at *place* of *node* that is changed and read back; the journal stays until `gone` or `put_back`."""
+    """A changed and verified value at *place* of *node*; the journal stays until `gone` or `put_back`."""
 
     node: Node
     place: AnyPlace
 
     def plant(self) -> bool:
-        """Change the value; false where the device does not let it be changed, and holds what it held."""
+        """Change the value; false if the device refuses and keeps the old value."""
         try:
             carry_out(self.node, self.plan, keep_journal=True)
         except DvtcliError as failed:
@@ -303,7 +300,7 @@ class Canary:
 
     @property
     def plan(self) -> Plan:
-        """The change as a plan of its own."""
+        """The change as a separate plan."""
         return Plan(self.node.node_id, (self.place.change,))
 
     def survived(self, pdos: Mapping[Pdo, PdoConfig]) -> bool:
@@ -311,17 +308,19 @@ class Canary:
         return self.place.survived(self.node, pdos)
 
     def gone(self) -> None:
-        """The reset took the changed value: there is nothing to put back."""
+        """Close the journal: the reset took the changed value, nothing to roll back."""
         if self.node.keeper is not None:
             self.node.keeper.own_journal.end()
 
     def put_back(self) -> None:
-        """Put the value back and verify that; LeftChanged, with the journal kept, where that fails."""
+        """Roll back and verify. Raises LeftChanged and keeps the journal if the roll-back fails."""
         put_test_back(self.node, self.plan.changes, self.place.text)
         self.gone()
 
     def put_back_after(self, fault: BaseException) -> None:
-        """The proof did not come to its end: the value may be there still; LeftChanged where that stays unknown."""
+        """Roll back after a failed proof, if the value may still be there. Raises LeftChanged if the state stays
+        unknown.
+        """
         try:
             self.put_back()
         except LeftChanged as left:
@@ -334,16 +333,16 @@ class Canary:
 
 
 def holds_test(node: Node, changes: Sequence[Change]) -> bool:
-    """Whether *node* still holds what *changes* of a proof left on it: no restart has taken it then."""
+    """True if *node* still holds the test values in *changes*: no restart has cleared RAM."""
     return bool(changes) and node.observed(
         lambda: all(first_difference(node.sdo, change) is None for change in changes)
     )
 
 
 def put_test_back(node: Node, changes: Sequence[Change], text: str) -> None:
-    """Put back what *changes* of a proof left on *node*, in words *text*, and verify that.
+    """Roll back and verify the test *changes* of a proof, described by *text*.
 
-    LeftChanged, with the journal kept, where that fails.
+    Raises LeftChanged and keeps the journal if the roll-back fails.
     """
     try:
         with node.cancellation.guard():

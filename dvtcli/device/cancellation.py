@@ -10,9 +10,9 @@ INTERRUPTED = 130
 
 
 class Cancellation:
-    """*requested* is set from outside; *active* says that a device is being written and stopping must wait.
+    """*requested* is set by a signal; *active* defers the stop to the next safe point while a device is written.
 
-    *exit_code* is what the stopped command ends with: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+    *exit_code* is the exit code of the stopped command: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
     """
 
     def __init__(self) -> None:
@@ -22,10 +22,10 @@ class Cancellation:
         self._way_back = self._late = False
 
     def asked(self, exit_code: int, *, insists: bool) -> bool:
-        """A signal came that ends with *exit_code*; whether the work must stop here and now.
+        """Record a signal with *exit_code*; true if the work must stop immediately.
 
-        While a device is written the first one waits for the next safe point, and only a second one that *insists*
-        tears the work apart.
+        While a device is written, the first signal waits for the next safe point. Only a second signal that *insists*
+        stops the work at once.
         """
         if self.exit_code == INTERRUPTED:  # a Ctrl-C ends a line, the others end the program, whatever came before
             self.exit_code = exit_code
@@ -58,7 +58,7 @@ class Cancellation:
 
     @contextmanager
     def way_back(self) -> Iterator[None]:
-        """While the block puts things back, no request stops it at a safe point: there is none before its end."""
+        """Run a roll-back without stopping at safe points; a request waits until the end of the block."""
         outer, self.requested = self.requested, False
         self._way_back, self._late = True, False
         try:
@@ -69,7 +69,7 @@ class Cancellation:
             self._way_back = self._late = False
 
     def hold(self) -> None:
-        """A change is complete: a request that comes now is too late for it, and waits until `release`."""
+        """Defer new requests until `release`: the change is complete and can no longer be stopped."""
         self.active = True
 
     def release(self) -> None:

@@ -1,7 +1,6 @@
-"""The changes that were made to a device, newest last, so that a later process can put the last one back.
+"""The history of changes to a device, newest last, for `undo` in a later process.
 
-One file a device and node-ID, found by its identity (0x1018). Whoever adds or drops holds the node's lock. Does not
-read or write devices, and does not decide what is put back.
+One file per device and node-ID, found by identity (0x1018). Adding and dropping require the node's lock.
 """
 
 from __future__ import annotations
@@ -35,13 +34,13 @@ _COUNT_BYTES = 19
 
 
 def has_serial(identity: Identity) -> bool:
-    """Whether *identity* tells one device from the next of its kind."""
+    """True if *identity* distinguishes a device from others of its type."""
     return identity.get("serial") not in _NO_SERIAL
 
 
 @dataclass(slots=True)
 class ChangeHistory:
-    """The changes made on *bus*, in the files of *folder*; *say* shows what goes wrong with remembering."""
+    """The changes on *bus*, in files of *folder*; *say* shows failures to record a change."""
 
     folder: Path
     bus: str
@@ -52,13 +51,13 @@ class ChangeHistory:
     _own: list[tuple[Path, str] | None] = field(default_factory=list)
 
     def path(self, node_id: int, identity: Identity) -> Path:
-        """The file of the device of this *identity* at *node_id*, whether there is one or not."""
+        """The file for the device of this *identity* at *node_id*, existing or not."""
         return self.folder / f"{file_name(self.bus)}-{_words(identity)}-node{node_id}.json"
 
     def add(self, plan: Plan, identity: Identity, name: str = "") -> None:
-        """Remember *plan*, which was carried out and verified; its id is *name*, or a new one where that is empty.
+        """Record the verified *plan* with the id *name*, or a new id if empty.
 
-        That this fails makes the change no less done.
+        A failure does not affect the change.
         """
         path = self.path(plan.node_id, identity)
         self._own.append(None)  # its place among the changes of this process, whatever becomes of its file
@@ -72,11 +71,11 @@ class ChangeHistory:
 
     @property
     def remembers_last(self) -> bool:
-        """Whether a later process can put the last change of this one back."""
+        """True if a later process can undo the last change of this process."""
         return not self._own or self._own[-1] is not None
 
     def _sound(self, path: Path) -> list[ChangeHistoryEntry]:
-        """What *path* holds; a damaged file is set aside under another name."""
+        """The entries in *path*; a damaged file is renamed."""
         try:
             return self._read(path)
         except InputFileError as damaged:
@@ -85,35 +84,35 @@ class ChangeHistory:
             return []
 
     def newest(self, node_id: int, identity: Identity) -> ChangeHistoryEntry | None:
-        """The last change of a device at *node_id* that is remembered; InputFileError where its file is damaged."""
+        """The last recorded change of a device at *node_id*. Raises InputFileError if its file is damaged."""
         return next(reversed(self.entries(node_id, identity)), None)
 
     def entries(self, node_id: int, identity: Identity, selected: int | None = None) -> list[ChangeHistoryEntry]:
-        """The last changes of a device at *node_id*, oldest first, as far back as all are meant by *selected*.
+        """The last changes of a device at *node_id*, oldest first, as far back as all belong to *selected*.
 
-        InputFileError where its file is damaged.
+        Raises InputFileError if the file is damaged.
         """
         found = [entry for entry in self.all_of(node_id, identity) if not entry.undoes]
         meant = takewhile(lambda entry: entry.is_meant(selected), reversed(found))
         return list(meant)[::-1]
 
     def all_of(self, node_id: int, identity: Identity) -> list[ChangeHistoryEntry]:
-        """The same, whoever is meant, and what `undo` put back of it after it was stored."""
+        """All changes of a device at *node_id*, including roll-backs of stored changes by `undo`."""
         return [entry for entry in self._read(self.path(node_id, identity)) if entry.is_of(self.bus, identity)]
 
     def tops(self, selected: int | None) -> list[ChangeHistoryEntry]:
-        """The last change of each device of this bus, where *selected* means it; newest first.
+        """The last change of each device on this bus that belongs to *selected*, newest first.
 
-        Files that are damaged are passed over.
+        Skips damaged files.
         """
         found = self._last_of(f"{file_name(self.bus)}-*.json")
         meant = (entry for entry in found if entry.bus == self.bus and entry.is_meant(selected))
         return sorted(meant, key=lambda entry: entry.order, reverse=True)
 
     def moved(self, node_id: int, identity: Identity) -> ChangeHistoryEntry | None:
-        """The last change of this device, by its serial number, while it had another node-ID than *node_id*.
+        """The last change of the device with this serial number at another node-ID than *node_id*.
 
-        Whether it really is the same device, and not a second one with that serial number, others have to find out.
+        The caller must check for a second device with the same serial number.
         """
         if not has_serial(identity):
             return None
@@ -125,7 +124,7 @@ class ChangeHistory:
         )
 
     def newest_of_all(self) -> ChangeHistoryEntry | None:
-        """The last change on this bus, whichever device it was made on; files that are damaged are passed over."""
+        """The last change on this bus, of any device; skips damaged files."""
         return next(iter(self.tops(None)), None)
 
     def _last_of(self, pattern: str, *, undoing: bool = False) -> Iterator[ChangeHistoryEntry]:
@@ -134,14 +133,14 @@ class ChangeHistory:
                 yield from [entry for entry in self._read(path) if undoing or not entry.undoes][-1:]
 
     def forget(self, entries: Sequence[ChangeHistoryEntry], back: Plan) -> None:
-        """Drop *entries*, which are of one device: *back* put them back, and is remembered where they were stored."""
+        """Drop *entries* of one device, undone by *back*; *back* is recorded if they were stored."""
         for path in {self.path(entry.plan.node_id, entry.identity) for entry in entries}:
             self._drop(path, [entry.id for entry in entries], back)
 
     def drop(self, node_id: int, identity: Identity, names: Collection[str], back: Plan | None = None) -> None:
-        """Drop the changes of those ids: they were put back, as `recover` does.
+        """Drop the changes with the ids *names* after a roll-back, as by `recover`.
 
-        *back* is what was put back of what a store took, or may have taken: that is remembered for the next store.
+        *back* restores values that a store took, or may have taken, and is recorded for the next store.
         """
         path = self.path(node_id, identity)
         if names and path.exists():
@@ -153,7 +152,7 @@ class ChangeHistory:
                 self.say(f"it is put back, but that it is not stored cannot be remembered: {_why(failed)}")
 
     def was_stored(self, node_id: int, identity: Identity, labels: Collection[str]) -> None:
-        """A store took what the device held of *labels*, and with that all that was changed of them before."""
+        """Mark *labels* as stored, and with them all earlier changes to the same PDOs and objects."""
         path, taken = self.path(node_id, identity), frozenset(labels)
         if not taken or not path.exists():
             return
@@ -164,9 +163,9 @@ class ChangeHistory:
             self.say(f"it is stored, but that cannot be remembered for a later store: {_why(failed)}")
 
     def may_be_stored(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
-        """The changes of those ids may have been stored: nobody heard what became of the store.
+        """Mark the changes with the ids *names* as possibly stored, after a store without an answer.
 
-        OSError and SafetyRefusal are shown.
+        OSError and SafetyRefusal are shown, not raised.
         """
         path = self.path(node_id, identity)
         if not names or not path.exists():
@@ -187,7 +186,7 @@ class ChangeHistory:
             self._drop(path, [name for _, name in dropped], back)
 
     def _drop(self, path: Path, names: Collection[str], back: Plan | None = None) -> None:
-        """Drop the changes of those ids; what *back* put back of them is remembered where a store had taken them."""
+        """Drop the changes with the ids *names*; *back* is recorded for changes that had been stored."""
         try:
             found = self._sound(path)
             self._write(path, [entry for entry in found if entry.id not in names])
@@ -208,13 +207,13 @@ class ChangeHistory:
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
 
     def _entry(self, plan: Plan, identity: Identity, name: str = "", *, undoes: bool = False) -> ChangeHistoryEntry:
-        """*plan* as it is remembered, with the id *name*, or a new one where that is empty."""
+        """The history entry for *plan* with the id *name*, or a new id if empty."""
         now = datetime.now(UTC).isoformat()
         entry, number = name or uuid.uuid4().hex, self._next_number()
         return ChangeHistoryEntry(entry, now, self.bus, identity, plan, self.selected, undoes=undoes, number=number)
 
     def _next_number(self) -> int:
-        """One more than that of any change on this bus; OSError and SafetyRefusal if it cannot be written down."""
+        """The next change number on this bus. Raises OSError and SafetyRefusal if the number cannot be saved."""
         private_folder(self.folder.parent, is_shared=True)
         private_folder(self.folder, is_shared=True)
         path = self.folder / f"{file_name(self.bus)}.count"
@@ -254,7 +253,7 @@ class ChangeHistory:
 
 
 def _words(identity: Identity) -> str:
-    """*identity* as part of a file's name."""
+    """*identity* as part of a file name."""
     words = [identity.get(name) for name in ("vendor", "product", "revision", "serial")]
     return "-".join("none" if word is None else f"{word:08X}" for word in words)
 

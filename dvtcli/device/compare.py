@@ -9,10 +9,9 @@ from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSI
 
 
 def differences(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> list[str]:
-    """Every parameter of *pdo* in which *held* is not *wanted*, in a person's words.
+    """Every parameter of *pdo* that differs between *held* and *wanted*, in words.
 
-    Half a PDO, as a file may list one, wishes nothing of the other half; nor does one of which a parameter could not be
-    read wish anything of that.
+    A part missing from *wanted* (a file may list half a PDO) and unreadable parameters are not compared.
     """
     return [
         *(_in_communication(pdo, wanted, held) if wanted.has_cob_id else ()),
@@ -56,7 +55,7 @@ def _in_mapping(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[str]:
 
 
 def _as_multiplexed(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[str]:
-    """How an MPDO differs, or what should be one."""
+    """The differences of an MPDO, or of a PDO that should be an MPDO."""
     if held.count != wanted.count:
         yield f"0x{pdo.mapping_index:04X}:00 (count) is {held.count}, expected {wanted.count}"
     else:

@@ -1,7 +1,4 @@
-"""An object dictionary behind the same seam as a node, so that what a file says is read the way a device is.
-
-Reads no device and no file: the dictionary is given.
-"""
+"""An object dictionary with the interface of a node, to read a file like a device. Reads neither device nor file."""
 
 from __future__ import annotations
 
@@ -18,13 +15,13 @@ _OFF = bytes([0, 0, 0, 0x80])
 
 
 class ToldValues(ABC):
-    """What a file says of one node, behind the same seam as the node."""
+    """The values of one node in a file, with the interface of a node."""
 
     __slots__ = ()
 
     @abstractmethod
     def told(self, index: int, sub_index: int) -> bytes:
-        """What the file says; SdoAborted where it says nothing of it."""
+        """The value in the file. Raises SdoAborted if missing."""
 
     def upload(
         self,
@@ -34,22 +31,22 @@ class ToldValues(ABC):
         timeout_s: float | None = None,  # noqa: ARG002 - a file answers at once
         retries: int | None = None,  # noqa: ARG002
     ) -> bytes:
-        """What the file says; SdoAborted as of `told`."""
+        """The value in the file. Raises SdoAborted like `told`."""
         return self.told(index, sub_index)
 
 
 @dataclass(frozen=True, slots=True)
 class FileValues(ToldValues):
-    """What *dictionary* says that node *node_id* holds: ParameterValue, else DefaultValue.
+    """The values of node *node_id* according to *dictionary*: ParameterValue, else DefaultValue.
 
-    Else the standard's default, else zeros. A PDO of which it tells no COB-ID is off.
+    Otherwise the standard's default, or zeros. A PDO without a COB-ID in the file is disabled.
     """
 
     dictionary: ObjectDictionary
     node_id: int
 
     def told(self, index: int, sub_index: int) -> bytes:
-        """What the file says; SdoAborted where it has no such object, or tells nothing of it."""
+        """The value in the file. Raises SdoAborted if the file lacks the object or its value."""
         entry = self.dictionary.entry(index, sub_index)
         value = None if entry is None else self._of_entry(entry)
         if value is None:
@@ -69,7 +66,7 @@ class FileValues(ToldValues):
 
 @dataclass(frozen=True, slots=True)
 class Defaults(FileValues):
-    """What *dictionary* says that node *node_id* holds when nothing was ever set: DefaultValue, with the node-ID."""
+    """The factory values of node *node_id* according to *dictionary*: DefaultValue, with the node-ID."""
 
     def _of_entry(self, entry: OdEntry) -> bytes | None:
         told = replace(entry, value=None).initial(self.node_id)
@@ -77,7 +74,7 @@ class Defaults(FileValues):
 
 
 def _is_no_cob_id(entry: OdEntry, told: bytes) -> bool:
-    """Whether a file says that a PDO is enabled with CAN-ID 0x000, which is NMT: that it does not tell its COB-ID."""
+    """True if the file enables a PDO with CAN-ID 0x000 (NMT), meaning that its COB-ID is not given."""
     pdo = Pdo.at(entry.index)
     is_cob_id = pdo is not None and (entry.index, entry.sub_index) == (pdo.communication_index, 1)
     return is_cob_id and len(told) == len(_OFF) and not any(told)

@@ -1,7 +1,4 @@
-"""Errors as one device tells them: error register, error history, and the list of a family's own.
-
-Knows the objects (CiA 301, 7.5.2.2 and 7.5.2.4). Does not know what a code means.
-"""
+"""The errors of one device: error register, error history and family fault list (CiA 301, 7.5.2.2, 7.5.2.4)."""
 
 from __future__ import annotations
 
@@ -32,12 +29,12 @@ class HistoryEntry:
 
 
 def read_register(sdo: SdoTransport) -> int | None:
-    """The error register (0x1001), None where the device has none."""
+    """The error register (0x1001), None if the device has none."""
     return read_optional(sdo, ERROR_REGISTER, 0, 1)
 
 
 def read_history(sdo: SdoTransport) -> tuple[HistoryEntry, ...] | None:
-    """The error history (0x1003), newest first; None where the device has none."""
+    """The error history (0x1003), newest first; None if the device has none."""
     count = read_optional(sdo, ERROR_HISTORY, 0, 1)
     if count is None:
         return None
@@ -54,9 +51,9 @@ def read_history(sdo: SdoTransport) -> tuple[HistoryEntry, ...] | None:
 
 
 def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
-    """Empty the error history (0 to 0x1003:00) and read back that it is; what it held before.
+    """Clear the error history (0 to 0x1003:00), verify, and return the former entries.
 
-    DeviceRefused where the device has none, SdoAborted where it refuses, DvtcliError where it is not empty afterwards.
+    Raises DeviceRefused if the device has no history, SdoAborted if the device refuses, DvtcliError if entries remain.
     """
     sdo, place = access.bus.sdo(access.node_id), f"{ERROR_HISTORY:04X}:00"
     before = read_history(sdo)
@@ -97,10 +94,10 @@ def _nothing_to_clear(access: NodeAccess) -> DeviceRefused:
 
 
 def read_fault_list(access: NodeAccess, own: FaultList, *, may_choose: bool) -> tuple[int, ...]:
-    """The codes in a family's *own* list, in its order.
+    """The codes in the family's *own* fault list, in its order.
 
-    A position is chosen by writing it, and what was chosen before is put back; without *may_choose* only the code at
-    the position that is chosen now is read.
+    Reading writes a position selector, restored afterwards; without *may_choose* only the code at the selected position
+    is read.
     """
     sdo = access.bus.sdo(access.node_id)
     count = read_optional(sdo, *own.count, 2)

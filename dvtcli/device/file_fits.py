@@ -1,4 +1,4 @@
-"""Whether a file describes the device that is there, and a family's rules what the file says. Reads nothing."""
+"""Check whether a file describes the connected device, and a family's rules match the file. Reads nothing."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _PARTS = (("vendor", 1), ("product", 2))
 
 
 def unlike_file(node_id: int, dictionary: ObjectDictionary, identity: tuple[int | None, int | None]) -> str:
-    """How *identity* (vendor and product of 0x1018) differs from what *dictionary* is about; empty where it may fit.
+    """The difference between *identity* (vendor and product of 0x1018) and *dictionary*; empty if they may match.
 
-    0 is nobody's number: a file or a device that says it tells nothing. A file may tell its product twice, as
-    ProductNumber and as default of 0x1018:02, and need be right once.
+    0 means unknown in a file and in a device. A file may give its product twice, as ProductNumber and as default of
+    0x1018:02; one match is enough.
     """
     info = dictionary.info
     told = {1: info.vendor_id, 2: info.product_code}
@@ -51,7 +51,7 @@ def refuse_unlike_file(node_id: int, unlike: str, *, force: bool) -> None:
 
 
 def as_file_says(profile: DeviceProfile, dictionary: ObjectDictionary | None) -> DeviceProfile:
-    """*profile* where it does not say that the device lacks what its own file has: a way to store."""
+    """*profile*, corrected if it denies the device a store (0x1010) listed in its file."""
     if dictionary is None or profile.store.sub_indices or _STORE not in dictionary:
         return profile
     entries = dictionary[_STORE].entries

@@ -1,7 +1,6 @@
-"""What devices of one identity (0x1018, without the serial number) were found to want; later processes know it, too.
+"""Learned write requirements of device types (0x1018 without the serial number), shared with later processes.
 
-One file an identity; what a node without one wants is known of that node only, as long as the session lasts. Does not
-know how anything is found out, nor writes to a device.
+One file per identity; the requirements of a node without identity last for the session. Writes to no device.
 """
 
 from __future__ import annotations
@@ -30,9 +29,9 @@ Parameter = tuple[Direction, int]
 
 @dataclass(frozen=True, slots=True)
 class Habit:
-    """The device answered *abort* to *parameter* of a PDO that was on, and took it once the PDO was off.
+    """The device aborted a write to *parameter* of an enabled PDO with *abort*, and took it with the PDO disabled.
 
-    Without a *parameter*: it answered so to a PDO write while it was OPERATIONAL, and took it in PRE-OPERATIONAL.
+    Without a *parameter*: aborted any PDO write while OPERATIONAL, and took it in PRE-OPERATIONAL.
     """
 
     parameter: Parameter | None
@@ -41,7 +40,10 @@ class Habit:
 
 @dataclass(slots=True)
 class Habits:
-    """What devices take only with a PDO off or in PRE-OPERATIONAL, kept in *folder*; *say* shows what goes wrong."""
+    """Writes that device types accept only with the PDO disabled or in PRE-OPERATIONAL, in files of *folder*.
+
+    *say* shows a failure.
+    """
 
     folder: Path | None = None
     say: Callable[[str], None] = lambda _text: None
@@ -49,22 +51,22 @@ class Habits:
 
     @property
     def are_there(self) -> bool:
-        """Whether anything is known of any device: else nobody need be asked who it is."""
+        """True if requirements of any device are known; otherwise no identity needs to be read."""
         return any(self._known.values()) or (self.folder is not None and any(self.folder.glob("*.json")))
 
     def off_first(self, identity: Identity) -> frozenset[Parameter]:
-        """What the device of *identity* takes only while the PDO is off, as far as that is sure."""
+        """Parameters writable only while the PDO is disabled on devices of *identity*, as far as certain."""
         known = self._of(identity).items()
         return frozenset(
             habit.parameter for habit, times in known if times >= OFTEN_ENOUGH and habit.parameter is not None
         )
 
     def is_pre_operational_wanted(self, identity: Identity) -> bool:
-        """Whether the device of *identity* takes PDO writes only in PRE-OPERATIONAL, as far as that is sure."""
+        """True if devices of *identity* accept PDO writes only in PRE-OPERATIONAL, as far as certain."""
         return any(times >= OFTEN_ENOUGH and habit.parameter is None for habit, times in self._of(identity).items())
 
     def add(self, identity: Identity, refusal: Habit) -> int:
-        """The device of *identity* took a change only so; returns how often that was the case by now."""
+        """Record a *refusal* of the device of *identity* and return its count."""
         known = self._of(identity)
         known[refusal] += 1
         name = name_of(identity)
@@ -76,7 +78,7 @@ class Habits:
         return known[refusal]
 
     def _of(self, identity: Identity) -> Counter[Habit]:
-        """What was found out so far; of a node without an identity under an empty name."""
+        """The counts so far; a node without identity has an empty name."""
         name = name_of(identity)
         if name not in self._known:
             self._known[name] = Counter() if self.folder is None or not name else self._read(self.folder, name)
@@ -94,7 +96,7 @@ class Habits:
 
 
 def name_of(identity: Identity) -> str:
-    """What devices of *identity* are called: `0000001E-0705302D-00010000`; empty without a vendor or a product."""
+    """The name for devices of *identity*: `0000001E-0705302D-00010000`; empty without a vendor or a product."""
     vendor, product, revision = (identity.get(word) for word in ("vendor", "product", "revision"))
     if not vendor or product is None:
         return ""
@@ -102,7 +104,7 @@ def name_of(identity: Identity) -> str:
 
 
 def read_habits(path: Path) -> Counter[Habit]:
-    """How often each refusal was seen, from one file of `Habits`; OSError, ValueError where it does not say."""
+    """The count of each refusal in a file of `Habits`. Raises OSError, or ValueError if malformed."""
     with path.open("rb") as file:
         document = json.loads(file.read(_MOST_BYTES))
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:

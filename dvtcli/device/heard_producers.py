@@ -25,9 +25,10 @@ LISTENED_S, AT_ONCE_S = 0.1, 0.01
 
 @dataclass(slots=True)
 class HeardIds:
-    """How many frames of each CAN-ID (with whether it has 29 bits) others sent, and which were sent from here.
+    """Counts of received frames per CAN-ID (with true for 29 bits), and the CAN-IDs sent from here.
 
-    *bus* is listened to since *since_s* (s, of its time), when *states* were known of its nodes; None if it is not.
+    *bus* is monitored since *since_s* (s, in its time) with the *states* of its nodes at that time; None if not
+    monitored.
     """
 
     bus: CanopenBus | None = None
@@ -37,7 +38,7 @@ class HeardIds:
     sent: set[tuple[int, bool]] = field(default_factory=set)
 
     def note(self, frame: Frame, sent: bool) -> None:
-        """*frame* passed; a remote frame asks for what its CAN-ID's producer sends."""
+        """Count *frame*; a remote frame comes from a consumer and does not count."""
         identifier = (frame.can_id, frame.extended)
         if sent:
             self.sent.add(identifier)
@@ -45,24 +46,24 @@ class HeardIds:
             self.others[identifier] = self.others.get(identifier, 0) + 1
 
     def may_hear(self, identifier: tuple[int, bool]) -> bool:
-        """Whether *identifier* was heard, or is yet to be listened for."""
+        """True if *identifier* was received, or may still be received within LISTENED_S."""
         return self.bus is not None and (identifier in self.others or self.bus.now_s() - self.since_s < LISTENED_S)
 
     def frames_of(self, identifier: tuple[int, bool]) -> int:
-        """How many frames of *identifier* others sent; if none yet, what is left of LISTENED_S is listened for one."""
+        """The number of frames received with *identifier*; waits for the rest of LISTENED_S if none yet."""
         while self.bus is not None and identifier not in self.others and self.bus.now_s() - self.since_s < LISTENED_S:
             self.bus.idle(AT_ONCE_S)
         return self.others.get(identifier, 0)
 
     def cannot_send(self, node_id: int) -> bool:
-        """Whether node *node_id* sent no PDO since then: it said before and after that it is not OPERATIONAL."""
+        """True if node *node_id* sent no PDO meanwhile: it reported another state than OPERATIONAL before and after."""
         silent = (NmtState.PRE_OPERATIONAL, NmtState.STOPPED)
         return self.bus is not None and {self.states.get(node_id), self.bus.nmt_state(node_id)} <= {*silent}
 
 
 @contextmanager
 def heard_ids(bus: CanopenBus) -> Iterator[HeardIds]:
-    """What passes on *bus* while the block runs; nothing on a simulated bus, where every node is known."""
+    """The frames on *bus* during the block; empty on a simulated bus with only known nodes."""
     if bus.simulated or not bus.carries_frames:
         yield HeardIds()
         return
@@ -78,10 +79,10 @@ def heard_ids(bus: CanopenBus) -> Iterator[HeardIds]:
 def heard_producer_findings(
     node: KnownPdos, changes: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], heard: HeardIds
 ) -> Iterator[Finding]:
-    """An error for each TPDO of *changes* (before, after) that gets a CAN-ID which somebody unknown sends.
+    """An error for each TPDO of *changes* (before, after) with a new CAN-ID already sent by an unknown producer.
 
-    Frames of TPDOs that another known node has enabled now do not count, nor those of *node* unless it cannot have sent
-    them: the other rules judge these.
+    Frames of enabled TPDOs of other known nodes do not count, nor frames of *node* unless impossible: other rules check
+    these.
     """
     for pdo, (now, want) in changes.items():
         held, cob_id = now.communication.cob_id, want.communication.cob_id

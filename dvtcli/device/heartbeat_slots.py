@@ -1,4 +1,4 @@
-"""What a node says of heartbeats: how often it sends one, whose it waits for, whether it is guarded. Writes nothing."""
+"""The heartbeat configuration of a node: producer time, consumers, and node guarding. Writes nothing."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _GUARD_TIME, _LIFE_TIME_FACTOR = 0x100C, 0x100D
 
 
 def heartbeat_ms(sdo: SdoReader) -> int | None:
-    """How often the node sends a heartbeat, in ms (0x1017); 0 for never, None where it has no such object."""
+    """The producer heartbeat time in ms (0x1017); 0 for none, None without the object."""
     return read_optional(sdo, HEARTBEAT_TIME, 0, 2)
 
 
 def heartbeat_slots(sdo: SdoReader) -> dict[int, int]:
-    """The entries of the node's 0x1016 by sub-index; none where it has no such object."""
+    """The entries of the node's 0x1016 by sub-index; empty without the object."""
     count = read_optional(sdo, _CONSUMER, 0, 1) or 0
     held = {sub_index: read_optional(sdo, _CONSUMER, sub_index, 4) for sub_index in range(1, count + 1)}
     return {sub_index: value for sub_index, value in held.items() if value is not None}

@@ -1,7 +1,4 @@
-"""A change that was made to a device, as it is remembered, and its form in a file.
-
-Does not know where the file is, nor which changes are put back.
-"""
+"""An entry of the change history, and its form in a file."""
 
 from __future__ import annotations
 
@@ -19,12 +16,11 @@ MOST_NUMBER = 10**18
 
 @dataclass(frozen=True, slots=True)
 class ChangeHistoryEntry:
-    """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device.
+    """A verified change: its *plan*, time (ISO 8601, UTC), bus and device.
 
-    *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none. *stored* are the
-    labels of what a store took of it, *maybe_stored* of what a store may have taken. With *undoes* it put changes back
-    that had been stored: no `undo` reverts it, and it is remembered for what was not stored since. *number* counts the
-    changes of its bus; 0 of earlier versions.
+    *selected* is the node-ID given to dvtcli, whichever node was changed; None for none. *stored* are the labels taken
+    by a store, *maybe_stored* those possibly taken. *undoes* marks the roll-back of stored changes: no `undo` reverts
+    it, and it records values not stored since. *number* counts the changes of the bus; 0 in earlier versions.
     """
 
     id: str
@@ -40,20 +36,20 @@ class ChangeHistoryEntry:
 
     @property
     def order(self) -> tuple[int, str]:
-        """What is larger of a later change on its bus; no clock decides, which may have been set back."""
+        """A key that grows with each change on the bus, independent of the clock, which may have been set back."""
         return self.number, self.when
 
     @property
     def labels(self) -> frozenset[str]:
-        """What it changed: PDOs and objects."""
+        """The changed PDOs and objects."""
         return frozenset(change.label for change in self.plan.changes)
 
     def is_of(self, bus: str, identity: Identity) -> bool:
-        """Whether it was made on a device of this *identity* on *bus*."""
+        """True if the change was made on a device of this *identity* on *bus*."""
         return (self.bus, self.identity) == (bus, identity)
 
     def is_meant(self, selected: int | None) -> bool:
-        """Whether it is one of the node *selected*, or was made from there; every one is where that is None."""
+        """True if the change is of the node *selected*, or was made with that selection; always true for None."""
         return selected is None or selected in (self.plan.node_id, self.selected)
 
 
@@ -75,7 +71,7 @@ def document(one: ChangeHistoryEntry) -> dict[str, Any]:
 
 
 def recorded_changes(document: Any) -> Iterator[ChangeHistoryEntry]:
-    """What a file's *document* holds, oldest first; ValueError where it is none of ours."""
+    """The entries in a file's *document*, oldest first. Raises ValueError if the format is another."""
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise ValueError(f"it does not say {SCHEMA}")
     changes = document.get("changes")

@@ -1,7 +1,4 @@
-"""What is known of a node's PDOs: what was read of them, and what this session last set them to.
-
-Reads, and says how old that is. Does not judge, and does not write.
-"""
+"""The known PDOs of a node: read values with their age, and values set by this session. Writes nothing."""
 
 from __future__ import annotations
 
@@ -49,7 +46,7 @@ class KnownPdos(Reached):
     _present: list[Pdo] | None = field(default=None, init=False)
 
     def describe(self, dictionary: ObjectDictionary | None) -> None:
-        """Take the node's *dictionary*, which was not known, or was another one, when it was met; None for none."""
+        """Set the node's *dictionary*, unknown or different when the node was opened; None for none."""
         self.dictionary, self._present = dictionary, None
 
     def present(self) -> list[Pdo]:
@@ -59,15 +56,15 @@ class KnownPdos(Reached):
         return self._present
 
     def pdos(self) -> dict[Pdo, PdoConfig]:
-        """Every PDO as the device holds it now, in one life of it; one that the EDS lists and it lacks is left out.
+        """Read every PDO of the device, repeated after a restart; PDOs listed in the EDS but missing are left out.
 
-        One of which something cannot be read is inconsistent, and among them.
+        A PDO with an unreadable parameter is included and marked inconsistent.
         """
         self.memory.forget()
         return dict(self.known_pdos())
 
     def known_pdos(self) -> Mapping[Pdo, PdoConfig]:
-        """The same, with what of it was read since the last thing that could have changed it."""
+        """Every PDO, from the cache if nothing could have changed it since."""
         boot_ups = self.bus.boot_ups(self.node_id)
         self._pdos = self.observed(self._read_pdos)
         self._shown = dict(self._pdos)
@@ -80,7 +77,7 @@ class KnownPdos(Reached):
         return self._of_present(lambda pdo: read_pdo(look, pdo, WHATEVER))
 
     def _of_present(self, read: Callable[[Pdo], T]) -> dict[Pdo, T]:
-        """What *read* reads of each PDO; one that the EDS lists and the node lacks is left out."""
+        """The result of *read* for each PDO, without PDOs missing in the node."""
         found: dict[Pdo, T] = {}
         present = self.present()
         try:
@@ -93,12 +90,12 @@ class KnownPdos(Reached):
         return found
 
     def pdo(self, pdo: Pdo) -> PdoConfig:
-        """One PDO as the device holds it now; UsageError where the node has no such PDO."""
+        """Read one PDO. Raises UsageError if the node has no such PDO."""
         self.memory.forget_objects((pdo.communication_index, pdo.mapping_index))
         return self.known_pdo(pdo)
 
     def known_pdo(self, pdo: Pdo) -> PdoConfig:
-        """The same, as it was read since the last thing that could have changed it."""
+        """One PDO, from the cache if nothing could have changed it since."""
         try:
             config = self.observed(lambda: read_pdo(self.memory.look(), pdo))
         except SdoAborted as aborted:
@@ -109,9 +106,9 @@ class KnownPdos(Reached):
         return config
 
     def known_cob_ids(self) -> Mapping[Pdo, CobId]:
-        """The COB-ID of every PDO, as it was read since the last thing that could have changed it.
+        """The COB-ID of every PDO, from the cache if nothing could have changed it since.
 
-        One that the device refuses for a reason that may pass is asked for again, for `PASSING_S` in all.
+        A temporary refusal is retried, for `PASSING_S` in all.
         """
         return self.observed(self._read_cob_ids)
 
@@ -132,16 +129,16 @@ class KnownPdos(Reached):
 
     @property
     def last_read(self) -> Mapping[Pdo, PdoConfig]:
-        """What was last read of the PDOs; reads nothing."""
+        """The PDOs as last read; reads nothing."""
         return self._pdos
 
     @property
     def last_seen(self) -> Mapping[Pdo, PdoConfig]:
-        """What was last read or set of the PDOs, however long ago: to be shown, not to be built upon; reads nothing."""
+        """The PDOs as last read or set, of any age, for display only; reads nothing."""
         return self._shown
 
     def present_known(self) -> list[Pdo]:
-        """The PDOs that are known without asking the node: those of the EDS, or those that were read."""
+        """The PDOs known without a read: from the EDS, or read before."""
         return self._present or list(self._shown)
 
     def tpdos_known(self) -> list[PdoConfig]:
@@ -149,17 +146,17 @@ class KnownPdos(Reached):
         return [config for pdo, config in {**self._pdos, **self.wanted}.items() if pdo.is_tpdo]
 
     def is_dynamic(self, pdo: Pdo) -> bool:
-        """Whether the EDS lets the mapping of *pdo* be changed; True where there is none."""
+        """True if the EDS allows changes to the mapping of *pdo*, or no EDS is known."""
         entry = self.dictionary.entry(pdo.mapping_index, 0) if self.dictionary else None
         return entry is None or entry.access.writable
 
     def read_anew(self) -> None:
-        """What was read may be old: the next question is asked of the node."""
+        """Expire the read cache: the next request reads the node."""
         self._pdos.clear()
         self.memory.forget()
 
     def mark_unknown(self) -> None:
-        """It holds something else now, and nobody knows what: nothing is shown of it until it is read."""
+        """Discard all known values after an unknown change: nothing is displayed until the next read."""
         self.read_anew()
         self._shown.clear()
 

@@ -1,7 +1,7 @@
-"""LSS master: the services of CiA 305, one question at a time, over any bus that carries frames.
+"""LSS master: the services of CiA 305, one request at a time, over any bus.
 
-Answers carry no number that says whose question they are to: what comes late or twice is waited out, what does not fit
-is dropped, and whoever needs to be sure asks again by another service. Does not know what a node-ID is chosen by.
+Answers carry no request number: late or repeated answers are waited out, and other answers are dropped. For certainty,
+verify by another service.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ _MOST_NODES = 127
 
 
 class LssMaster:
-    """Speaks to the LSS slaves of *bus*; each question of a fast scan waits *scan_s* seconds for its answer.
+    """Talks to the LSS slaves of *bus*; each request of a fast scan waits *scan_s* seconds for its answer.
 
-    In a `with` block, behind which every node waits as before; after `keep_selected` who was selected stays so.
+    At the end of a `with` block every node returns to LSS waiting, unless `keep_selected` was called.
     """
 
     def __init__(self, bus: CanopenBus, scan_s: float = SCAN_S) -> None:
@@ -68,29 +68,29 @@ class LssMaster:
             self._untap()
 
     def keep_selected(self) -> None:
-        """Leave who is being configured in that state."""
+        """Leave the selected node in the configuration state."""
         self._keeps = True
 
     def let_wait(self) -> None:
-        """Switch every node to the waiting state; nobody answers. One with its first node-ID boots up."""
+        """Switch every node to the waiting state, without an answer. A node with its first node-ID boots up."""
         self._send(lss.SWITCH_GLOBAL, bytes([lss.WAITING]))
 
     def reset_communication(self, node_id: int) -> None:
-        """Let the node with *node_id* take its new one; 255: all nodes that have none."""
+        """Let the node with *node_id* activate its new node-ID; 255: all nodes without a node-ID."""
         self._bus.send_nmt(NmtCommand.RESET_COMMUNICATION, node_id)
 
     def reset_node(self, node_id: int) -> None:
-        """Let the node with *node_id* begin anew, with what it stored."""
+        """Restart the node with *node_id* from its stored values."""
         self._bus.send_nmt(NmtCommand.RESET_NODE, node_id)
 
     def comes_up(self, node_id: int, seen: int, within_s: float) -> bool:
-        """Whether the node boots up as *node_id*, or answers so; *seen* boot-up messages of it were heard before."""
+        """True if the node boots up or answers as *node_id*; *seen* is the earlier number of its boot-ups."""
         return SentReset(self._bus, node_id, seen, self._bus.now_s(), within_s).comes_back()
 
     def select(self, address: LssAddress) -> int:
-        """Let the node with *address* alone be configured; how many answered that they are it.
+        """Select only the node with *address* for configuration and return the number of answers.
 
-        A lost frame is made good by asking again.
+        Repeats the request after a lost frame.
         """
         for _ in range(_TRIES):
             self.let_wait()
@@ -116,9 +116,9 @@ class LssMaster:
         return 0
 
     def is_within(self, ranges: LssRanges) -> bool:
-        """Whether a node within *ranges* says so, with or without a node-ID; all stay in the state that they are in.
+        """True if any node within *ranges* answers, with or without a node-ID; LSS states do not change.
 
-        How many there are cannot be told: their answers are one frame on the line.
+        Several answers look the same as one: they are identical frames.
         """
         *first, last = (_number(part) for part in ranges.numbers)
         for _ in range(_TRIES):
@@ -129,9 +129,9 @@ class LssMaster:
         return False
 
     def inquire(self) -> tuple[LssAddress, int] | None:
-        """The node that is being configured: its address, and its node-ID (255: none); None where nobody is.
+        """Address and node-ID (255: none) of the selected node; None if no node is selected.
 
-        DeviceRefused where several are, or one does not tell all.
+        Raises DeviceRefused if several are selected, or a node answers in part.
         """
         asked = [self._told(lss.INQUIRE_NODE_ID)]
         if not asked[0]:
@@ -158,24 +158,24 @@ class LssMaster:
         return []
 
     def configure_node_id(self, node_id: int) -> None:
-        """Give who is being configured *node_id* (1..127, 255 for none), which counts once it boots up or is reset.
+        """Give the selected node *node_id* (1..127, 255 for none), effective after boot-up or reset.
 
-        DeviceRefused with its reason, NoAnswer.
+        Raises DeviceRefused with the node's reason, NoAnswer.
         """
         self._configure(lss.CONFIGURE_NODE_ID, bytes([node_id]), f"node-ID {node_id}", lss.NODE_ID_REFUSED)
 
     def configure_bit_rate(self, bit_rate: int) -> None:
-        """Give who is being configured *bit_rate* (bit/s, one of the standard's), which counts once it is activated.
+        """Give the selected node *bit_rate* (bit/s, a standard rate), effective after activation.
 
-        DeviceRefused with its reason, NoAnswer.
+        Raises DeviceRefused with the node's reason, NoAnswer.
         """
         timing = bytes([0, lss.BIT_TIMINGS[bit_rate]])
         self._configure(lss.CONFIGURE_BIT_TIMING, timing, f"bit rate {bit_rate}", lss.BIT_TIMING_REFUSED)
 
     def configure_own_bit_rate(self) -> None:
-        """Give who is being configured the bit rate that the bus runs at; nothing where that is not known.
+        """Give the selected node the bit rate of the bus; no effect if the rate is unknown.
 
-        DeviceRefused, NoAnswer, as of one that takes no bit rate at all.
+        Raises DeviceRefused; NoAnswer, also if the node does not support bit rates.
         """
         if self._bus.runs_at in lss.BIT_TIMINGS:
             self.configure_bit_rate(self._bus.runs_at)
@@ -197,7 +197,7 @@ class LssMaster:
         raise NoAnswer(f"no answer to LSS configure {what}", hint=Hint(Action.LSS_SCAN, why="shows who is there"))
 
     def store(self) -> None:
-        """Let who is being configured keep its node-ID without power; DeviceRefused with its reason, NoAnswer."""
+        """Let the selected node store its node-ID. Raises DeviceRefused with the node's reason, NoAnswer."""
         settle = _ALL * self._answer_s / self._store_s  # a store takes long, and who else answers it does not
         answers = self._ask(lss.STORE_CONFIGURATION, b"", lss.STORE_CONFIGURATION, self._store_s, settle=settle)
         if not answers:
@@ -208,12 +208,11 @@ class LssMaster:
         _require_success(answers, "store configuration", lss.STORE_REFUSED)
 
     def scan(self, found: Sequence[LssAddress], on_bit: Callable[[int], None] = lambda _bit: None) -> LssAddress | None:
-        """The lowest address of the nodes without a node-ID besides those *found*; None if no other node answers.
+        """The lowest address of a node without a node-ID besides *found*; None if no other node answers.
 
-        The node that was found is being configured then, as those before it: that keeps them out of the next scan. Some
-        slaves answer every question in that state: if one does, all wait, and every branch is asked instead. *on_bit*
-        is told how many of 128 bits are known. NoAnswer if the answers do not fit together, however long they are
-        waited for.
+        The node found stays in the configuration state like those before: this excludes them from the next scan. Some
+        slaves answer every request in that state: if so, all return to waiting, and every branch is scanned instead.
+        *on_bit* is called with the number of known bits of 128. Raises NoAnswer if the answers stay contradictory.
         """
         if self._everybody is not None:
             return next((slave for slave in self._everybody if slave not in found), None)
@@ -243,7 +242,7 @@ class LssMaster:
         )
 
     def _echoes(self, wait_s: float) -> bool:
-        """Whether a slave answers what none can: both halves of the last part, while all have just begun."""
+        """True if a slave gives an impossible answer: both halves of the last part at the start of a scan."""
         last = lss.PARTS - 1
         return all(self._scanned(number, _HIGHEST_BIT, last, last, wait_s) for number in (0, 1 << _HIGHEST_BIT))
 
@@ -266,7 +265,7 @@ class LssMaster:
         return [LssAddress(*parts) for parts in known]
 
     def _numbers_behind(self, before: tuple[int, ...], wait_s: float) -> list[int]:
-        """What the next part is of the nodes whose first parts are *before*; empty if the answers are of no nodes."""
+        """The values of the next part among nodes whose first parts are *before*; empty if the answers fit no node."""
         part = len(before)
         if not self._anybody(wait_s):
             return []
@@ -291,7 +290,7 @@ class LssMaster:
         return any(self._scanned(0, lss.SCAN_RESET, 0, 0, wait_s) for _ in range(_TRIES))
 
     def _scan_once(self, wait_s: float, on_bit: Callable[[int], None]) -> LssAddress | None:
-        """One fast scan; None where a part that was found bit by bit is not confirmed as a whole."""
+        """One fast scan; None if a part found bit by bit is not confirmed as a whole."""
         parts: list[int] = []
         for part in range(lss.PARTS):
             number = 0
@@ -309,9 +308,9 @@ class LssMaster:
         return bool(self._ask(lss.FAST_SCAN, data, lss.IDENTIFIED, wait_s))
 
     def _ask(self, service: int, data: bytes, answer: int, wait_s: float, *, settle: float = _SETTLE) -> list[bytes]:
-        """Send a request, and every *answer* that came within *wait_s*, or soon after the first one.
+        """Send a request and return every *answer* within *wait_s*, or shortly after the first.
 
-        *settle* is the share of *wait_s* for which others are waited for once somebody has answered.
+        *settle* is the share of *wait_s* to wait for further answers after the first.
         """
         for _ in self._bus.receive(0.0):
             pass  # what came before is an answer to nothing
@@ -343,7 +342,7 @@ def _number(part: int) -> bytes:
 
 
 def _require_success(answers: list[bytes], what: str, reasons: dict[int, str]) -> None:
-    """DeviceRefused where one answer is none of success, or there are several: one node alone was meant."""
+    """Raise DeviceRefused if an answer is no success, or several nodes answer a request for one."""
     refused = next((frame for frame in answers if frame[1]), None)
     if refused is not None:
         raise DeviceRefused(f"the node refused LSS {what}", why=lss.refusal(reasons, refused[1], refused[2]))

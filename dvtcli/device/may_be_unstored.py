@@ -1,4 +1,4 @@
-"""What a node may hold otherwise than it has stored, as far as changes of dvtcli go. Reads who the node is at most."""
+"""Changes of dvtcli that a node may not have stored. Reads at most the node's identity."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def may_be_unstored(node: Node, labels: Iterable[str]) -> set[str]:
-    """Those of *labels* that *node* may hold otherwise than it has stored, as far as changes of dvtcli go.
+    """The labels of changes by dvtcli that *node* may not have stored.
 
-    All of them where what is stored is no state of this session, as after a part was stored.
+    All *labels* if the stored values are no state of this session, as after a partial store.
     """
     pending, wanted = node.pending, set(labels)
     if pending.partly_stored or len(node.history) < pending.stored_at:

@@ -1,4 +1,4 @@
-"""What to say of PDOs and objects that a device does not have. Reads nothing."""
+"""Error texts for PDOs and objects missing in a device. Reads nothing."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from dvtcli.errors import SdoAborted
 
 
 def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) -> SdoAborted:
-    """The error for *pdo*, of which node *node_id* *aborted* the read: with the PDOs that are *present*, in words.
+    """The error for *pdo*, unreadable (*aborted*) in node *node_id*, with the *present* PDOs in words.
 
-    These may be what its file lists: where the node says that there is no such object, that is said.
+    *present* may come from the file: a missing object is reported as such.
     """
     same = [other for other in present if other.direction is pdo.direction]
     if pdo in same:
@@ -35,7 +35,7 @@ def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) 
 
 
 def hint_for_missing(aborted: SdoAborted, dictionary: ObjectDictionary | None) -> Hint | str | None:
-    """What to try where an upload was refused because there is no such object; None for other refusals."""
+    """What to try after an upload of a missing object; None for other refusals."""
     if aborted.code == Abort.NO_SUB_INDEX and dictionary is not None:
         from dvtcli.domain.rules.mapped_object import decimal_hint
 

@@ -1,4 +1,4 @@
-"""What the other nodes of a session send, as far as they say it. Does not know which nodes there are."""
+"""The PDOs and services that the other nodes of a session send."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 
 def producers(nodes: Iterable[KnownPdos], *, anew: bool = True) -> tuple[Producer, ...]:
-    """Every enabled TPDO of *nodes*, as they say now; of a node that does not answer, as it was last known.
+    """Every enabled TPDO of *nodes*, read now; the last known values of a node without an answer.
 
-    Without *anew* as they said since the last thing that could have changed it.
+    Without *anew* from the cache if nothing could have changed since.
     """
     return tuple(producer for node in nodes for producer in _producers(node, anew=anew))
 
 
 def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
-    """CAN-IDs of further SDO channels of *nodes*, each with what it is; a node that does not answer takes none.
+    """CAN-IDs of further SDO channels of *nodes*, each with a description; none for a silent node.
 
-    A node without an EDS of which nothing was read yet is not asked.
+    A node without an EDS and without any read so far is not asked.
     """
     found: dict[tuple[int, bool], str] = {}
     for node in nodes:
@@ -41,7 +41,7 @@ def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
 
 
 def services_taken(nodes: Iterable[KnownPdos], *, without: int | None = None) -> dict[tuple[int, bool], str]:
-    """CAN-IDs of SYNC, EMCY, TIME and further SDO channels of *nodes*, as of `channels_taken`, but for *without*."""
+    """CAN-IDs of SYNC, EMCY, TIME and further SDO channels of *nodes* (see `channels_taken`), except *without*."""
     found: dict[tuple[int, bool], str] = {}
     for node in nodes:
         if node.dictionary is not None or node.last_seen:
@@ -51,7 +51,7 @@ def services_taken(nodes: Iterable[KnownPdos], *, without: int | None = None) ->
 
 
 def enabled_pdos(nodes: Iterable[KnownPdos]) -> Iterator[Producer]:
-    """Every PDO of *nodes* that is enabled, RPDOs too; of a node that does not answer, as it was last known."""
+    """Every enabled PDO of *nodes*, including RPDOs; the last known values of a node without an answer."""
     for node in nodes:
         try:
             held = dict(node.known_cob_ids())
@@ -61,9 +61,9 @@ def enabled_pdos(nodes: Iterable[KnownPdos]) -> Iterator[Producer]:
 
 
 def producers_of(nodes: Iterable[KnownPdos], cob_id: CobId) -> tuple[Producer, ...]:
-    """The enabled TPDOs of *nodes* that send the CAN-ID of *cob_id*, as they say now.
+    """The enabled TPDOs of *nodes* with the CAN-ID of *cob_id*, read now.
 
-    A node is asked if it was known to send it, or if not all of its TPDOs are known since it came up.
+    Reads a node if it was known to send the CAN-ID, or if some of its TPDOs are unknown since its boot-up.
     """
     asked = [node for node in nodes if any(map(partial(_same_id, cob_id), _ever_known(node))) or not _is_known(node)]
     return tuple(producer for producer in producers(asked) if _same_id(cob_id, producer.cob_id))
@@ -74,7 +74,7 @@ def _is_known(node: KnownPdos) -> bool:
 
 
 def _ever_known(node: KnownPdos) -> Iterator[CobId]:
-    """The COB-IDs that the TPDOs of *node* had when they were read, and those that this session gave them."""
+    """All known COB-IDs of the TPDOs of *node*, read or set by this session."""
     yield from () if node.sent is None else node.sent[1].values()
     for known in (node.last_seen, node.wanted):
         yield from (config.communication.cob_id for pdo, config in known.items() if pdo.is_tpdo)
@@ -91,7 +91,7 @@ def _producers(node: KnownPdos, *, anew: bool) -> Iterator[Producer]:
 
 
 def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
-    """The COB-IDs of the TPDOs of *node*, as *sdo* tells them: another dvtcli may have moved one meanwhile."""
+    """The COB-IDs of the TPDOs of *node*, read through *sdo*: another dvtcli may have changed them."""
     known = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
     boot_ups = node.bus.boot_ups(node.node_id)
     try:
@@ -103,7 +103,7 @@ def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
 
 
 def _cob_id(sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
-    """Sub-index 1 of a TPDO; where the node does not tell it, what is *known*, or None as of one that it lacks."""
+    """Sub-index 1 of a TPDO; the *known* COB-ID if unreadable, or None for a missing TPDO."""
     try:
         return read_cob_id(sdo, pdo)
     except SdoAborted:

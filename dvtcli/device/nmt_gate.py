@@ -1,7 +1,4 @@
-"""Getting at a device: its NMT state, the pre-operational gate, and the reasons it gives.
-
-Knows behaviours that a profile names. Does not write PDO parameters.
-"""
+"""The NMT state of a device, the pre-operational gate, and the device's reasons for an abort."""
 
 from __future__ import annotations
 
@@ -22,14 +19,14 @@ CONFIRM_TIMEOUT_S = 2.0
 
 @dataclass(slots=True)
 class NodeAccess:
-    """One node's state and reasons, read the way its *profile* says."""
+    """State and abort reasons of one node, read according to its *profile*."""
 
     bus: CanopenBus
     node_id: int
     profile: DeviceProfile
 
     def state(self, timeout_s: float = 0.0) -> NmtState | None:
-        """The node's NMT state: from its own state object where it has one, else from heartbeats; None if unknown."""
+        """The NMT state, from the node's state object if any, else from heartbeats; None if unknown."""
         if self.profile.state_object is None:
             return self.bus.nmt_state(self.node_id, timeout_s)
         heard = self.bus.nmt_state(self.node_id)
@@ -45,7 +42,7 @@ class NodeAccess:
         return NmtState(value) if value in list(NmtState) else None
 
     def explain(self, aborted: SdoAborted) -> None:
-        """Add the device's own reason to a general abort (0x08000000), where the profile knows one."""
+        """Add the device's own reason to a general abort (0x08000000), if the profile has a source."""
         if aborted.code != Abort.GENERAL or self.profile.extended_error is None:
             return
         index, sub_index = self.profile.extended_error
@@ -58,10 +55,10 @@ class NodeAccess:
         aborted.why = f"the device says {reason} at 0x{index:04X}:{sub_index:02X}: {text}"
 
     def request(self, state: NmtState) -> None:
-        """Bring the node to PRE-OPERATIONAL or OPERATIONAL and confirm it; DeviceRefused where it stays.
+        """Bring the node to PRE-OPERATIONAL or OPERATIONAL and confirm. Raises DeviceRefused if the state stays.
 
-        A node that is a master takes its state from an object of its own, a slave from NMT. A master remembers what
-        it was asked for, even without power: a request that it did not obey is taken back (the published Gen4 manual).
+        An NMT master takes its state from its own object, a slave from NMT. A master remembers the request even without
+        power: a request not obeyed is withdrawn (the published Gen4 manual).
         """
         if self.profile.state_request is None or not self.is_master():
             command = NmtCommand.ENTER_PRE_OPERATIONAL if state is NmtState.PRE_OPERATIONAL else NmtCommand.START
@@ -86,9 +83,9 @@ class NodeAccess:
             raise
 
     def insist(self, state: NmtState) -> None:
-        """As `request`, but where the node is silent or aborts it is asked again for a while: it may be rebooting.
+        """As `request`, with retries for a while if the node is silent or aborts: it may be rebooting.
 
-        Also where it does not obey because it restarted after it was asked.
+        Repeats the request as well if the node restarted after it.
         """
         from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 
@@ -106,15 +103,15 @@ class NodeAccess:
                 return
 
     def is_master(self) -> bool:
-        """Whether it says that it is an NMT master, which obeys no NMT command."""
+        """True if the node reports to be an NMT master, which obeys no NMT command."""
         if self.profile.master_object is None:
             return False
         return bool(read_optional(self.bus.sdo(self.node_id), *self.profile.master_object, 1))  # none: not one
 
     def confirmed(self, wanted: NmtState, timeout_s: float) -> NmtState | None:
-        """The state the node tells within *timeout_s*, as soon as it is *wanted*; None where it tells none.
+        """The state reported within *timeout_s*, as soon as it is *wanted*; None without a report.
 
-        A stopped node answers no SDO, so STOPPED is only ever heard.
+        A stopped node answers no SDO: STOPPED is known from heartbeats only.
         """
         deadline_s = self.bus.now_s() + timeout_s
         state = None
@@ -140,9 +137,9 @@ class NodeAccess:
 
 @dataclass(slots=True)
 class Gate:
-    """PRE-OPERATIONAL for as long as a node is worked on, where its profile demands that.
+    """Keeps a node PRE-OPERATIONAL during work on it, if its profile requires.
 
-    *consent* is asked before a node leaves OPERATIONAL; it returns or raises.
+    *consent* is called before a node leaves OPERATIONAL, and returns or raises.
     """
 
     access: NodeAccess
@@ -157,7 +154,7 @@ class Gate:
     _vanished: bool = False
 
     def enter(self) -> None:
-        """Make PDO writes possible; remembers the state that was found."""
+        """Make PDO writes possible and remember the initial state."""
         if self.wanted is not None:
             self._enter(self.wanted)
         elif self.access.profile.pre_operational_gate is PreOperational.REQUIRED:
@@ -165,11 +162,11 @@ class Gate:
 
     @property
     def question(self) -> str:
-        """What is asked before the node leaves OPERATIONAL."""
+        """The question to the user before the node leaves OPERATIONAL."""
         return f"node {self.access.node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?"
 
     def enter_agreed(self) -> None:
-        """PRE-OPERATIONAL whatever the profile says, after a question that said so was answered with yes."""
+        """Enter PRE-OPERATIONAL regardless of the profile, after the user agreed."""
         self._enter(lambda _question: None)
 
     def enter_to_test(self) -> None:
@@ -195,9 +192,9 @@ class Gate:
         self.entered = True
 
     def leave(self) -> None:
-        """Return to the state that was found; to be called only where the node is as planned, or as it was.
+        """Return to the initial state; call only if the node is as planned or rolled back.
 
-        An error says what was done to the node before.
+        An error mentions the completed changes.
         """
         if self.found is NmtState.OPERATIONAL:
             try:
@@ -212,12 +209,12 @@ class Gate:
         self.done.clear()
 
     def renew(self) -> None:
-        """Make the node pre-operational again where it fell out of it, as by a reboot in the middle of a change."""
+        """Enter PRE-OPERATIONAL again if the node has left it, as by a reboot during a change."""
         if self.entered and self.access.state() is NmtState.OPERATIONAL:
             self.access.request(NmtState.PRE_OPERATIONAL)
 
     def abandon(self) -> str | None:
-        """Forget the state that was found; says so where the node was OPERATIONAL and stays PRE-OPERATIONAL."""
+        """Forget the initial state; a message if the node was OPERATIONAL and stays PRE-OPERATIONAL."""
         found, self.found, self.entered = self.found, None, False
         vanished, self._vanished = self._vanished, False
         self.done.clear()

@@ -1,8 +1,4 @@
-"""One node as a command sees it: its PDOs, what was changed, and the way to change it.
-
-Joins reading, rules, plan and transaction; what only a change needs is imported by it. Does not print, ask, or know
-what a file or an option is.
-"""
+"""One node for a command: its PDOs, its changes, and the means to change it."""
 
 from __future__ import annotations
 
@@ -25,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Node(Applier):
-    """A node with the way to change it, and to undo what was changed."""
+    """A node to configure, write and undo."""
 
     #: how the device differs from the one that its file is about; empty where it does not
     unlike_file: str = ""
@@ -35,10 +31,10 @@ class Node(Applier):
     def configure(
         self, wants: Mapping[Pdo, PdoWant], *, force: bool = False, found: InitialState | None = None
     ) -> Applied:
-        """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back.
+        """Set each PDO to *wants*, all or none: check, write the differences, read back, roll back on failure.
 
-        *found* is how the node was claimed, where it was for this already: what was read since then counts.
-        Raises as `resolve` where a want comes to nothing on this node, RuleError where a rule forbids it.
+        *found* is the initial state if the node was claimed before: reads since then count. Raises errors of `resolve`
+        for a request impossible on this node, RuleError if a rule forbids the change.
         """
         from dvtcli.device.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
@@ -77,7 +73,7 @@ class Node(Applier):
         return applied
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
-        """Write one object as a plan of one step, under the rules of the command that is meant for it."""
+        """Write one object as a plan of one step, under the rules of the matching command."""
         from dvtcli.device.access_level import refuse_passcode
         from dvtcli.device.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
@@ -114,7 +110,7 @@ class Node(Applier):
         self.said[pdo] = self.said.get(pdo, frozenset()) | parameters
 
     def go_on_from(self, before: Node) -> None:
-        """Be the same device as *before*, met anew: what this session did to it counts, nothing that was read of it."""
+        """Continue as the device *before*, opened again: keep this session's changes, discard all reads."""
         self.history, self.unkept, self.said = before.history, before.unkept, before.said
         self.wanted, self.wanted_values = before.wanted, before.wanted_values
         self.unreadable_values = before.unreadable_values
@@ -122,7 +118,7 @@ class Node(Applier):
         self.pending, self.expected = before.pending, before.expected
 
     def look_after_gap(self) -> tuple[str, ...]:
-        """Nobody listened for a while: what it does not hold any more of what was set and not stored, as labels."""
+        """After a gap in monitoring: labels of unstored changes that the node has lost."""
         from dvtcli.device.wish import Wish, unlike
 
         pdos = {pdo: config for pdo, config in self.wanted.items() if pdo.label in self.unstored}
@@ -134,7 +130,7 @@ class Node(Applier):
         return lost
 
     def undo(self, *, everything: bool = False, force: bool = False, rolls_back: bool = False) -> Applied:
-        """Put back what the last plan replaced, or all of them, in one transaction."""
+        """Undo the last plan, or all plans, in one transaction."""
         from dvtcli.device.change.way_back import TakeBack
 
         asked = TakeBack(self.history, everything=everything, force=force, own=True, rolls_back=rolls_back)
@@ -143,7 +139,7 @@ class Node(Applier):
         return applied
 
     def was_undone(self, applied: Applied, count: int) -> None:
-        """*applied* put back what the newest *count* plans of this session had left."""
+        """Record that *applied* undid the newest *count* plans of this session."""
         self.history = self.history[: len(self.history) - count]
         for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
@@ -155,7 +151,7 @@ class Node(Applier):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
 
     def put_back(self, asked: TakeBack) -> tuple[Applied, int]:
-        """Put back what *asked* says; and how many plans that were. Raises as `way_back`."""
+        """Undo the changes in *asked* and return the number of plans. Raises the errors of `way_back`."""
         from dataclasses import replace
 
         from dvtcli.device.change.taken_back import foreseen, put_back_findings
@@ -187,16 +183,16 @@ class Node(Applier):
         return replace(applied, unrestored=back.unrestored), len(back.undone)
 
     def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
-        """The PDOs of which *plan* writes nothing, as they were read last, each as a change to what it is."""
+        """The PDOs not written by *plan*, as last read, each as a change to its present values."""
         from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 
         present = present_beside(self, plan)
         return as_they_are({pdo: config for pdo, config in self.last_read.items() if pdo in present})
 
     def _put_others_back(self, plan: Plan, others: Sequence[PdoChange]) -> None:
-        """Put back what the device altered of *others* with *plan*, a way back that was carried out.
+        """Roll back side effects of the completed undo *plan* on *others*.
 
-        LeftChanged names the PDOs that are not as they were.
+        Raises LeftChanged naming the PDOs still different.
         """
         from dvtcli.device.change.untouched_pdos import altered_of, others_left
         from dvtcli.domain.plan import PdoChange, Plan, plan_pdo
@@ -234,7 +230,7 @@ class Node(Applier):
 
 
 def _fitting(findings: Iterable[Finding], pdo: Pdo, want: PdoWant) -> Iterator[Finding]:
-    """*findings* about *pdo* with hints that whoever asked for *want* can follow."""
+    """*findings* about *pdo*, with hints suited to the caller of *want*."""
     from dvtcli.domain.request import Cleared, Switched, hinting_at_set
 
     if not isinstance(want, Switched | Cleared):

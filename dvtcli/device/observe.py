@@ -1,7 +1,4 @@
-"""Looking at a node that may restart meanwhile: what was read in two of its lives is no observation.
-
-Knows boot-ups and repeated uploads as numbers of the bus. Does not know what is looked at.
-"""
+"""Consistent reads: repeat a read if the node rebooted while it was running."""
 
 from __future__ import annotations
 
@@ -22,39 +19,39 @@ T = TypeVar("T")
 
 
 class RebootMonitor(Protocol):
-    """Who noticed what happened to a node."""
+    """Counts the boot-ups and disturbances of a node."""
 
     def boot_ups(self) -> int:
-        """How many boot-ups were seen so far."""
+        """The number of boot-ups so far."""
         ...
 
     def upsets(self) -> int:
-        """A number that grows with each boot-up, and with each upload that had to be asked again."""
+        """A number that grows with each boot-up and each repeated upload."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class BusWitness:
-    """What *bus* heard of *node_id*."""
+    """The boot-ups and disturbances of *node_id* as seen by *bus*."""
 
     bus: CanopenBus
     node_id: int
 
     def boot_ups(self) -> int:
-        """How many boot-ups were seen so far."""
+        """The number of boot-ups so far."""
         return self.bus.boot_ups(self.node_id)
 
     def upsets(self) -> int:
-        """A number that grows with each boot-up, and with each upload that had to be asked again."""
+        """A number that grows with each boot-up and each repeated upload."""
         return self.bus.upsets(self.node_id)
 
 
 @dataclass(frozen=True, slots=True)
 class InitialState:
-    """How a node was found before a change was planned: its NMT state, None where it told none, and what had happened.
+    """A node before the planning of a change: its NMT state (None if unknown), and the bus's counters.
 
-    *boot_ups* and *upsets* are those of the bus by then. With *whatever_happened* the change is made also if the node
-    restarts after that, as a way back is.
+    *boot_ups* and *upsets* are the bus's counts. With *whatever_happened* the change proceeds even if the node restarts
+    meanwhile, as a roll-back does.
     """
 
     state: NmtState | None
@@ -64,7 +61,7 @@ class InitialState:
 
 
 class Undisturbed:
-    """Of a node to which nothing happens, as one that is called directly."""
+    """A monitor for a node that never restarts, such as a node called directly."""
 
     def boot_ups(self) -> int:
         """None."""
@@ -76,9 +73,9 @@ class Undisturbed:
 
 
 def observed(witness: RebootMonitor, look: Callable[[], T], node_id: int | None = None) -> T:
-    """What *look* answers, once nothing upset the node from its first to its last upload; *node_id* names it.
+    """The result of *look*, repeated until no disturbance occurred during its uploads; *node_id* for the error.
 
-    NoAnswer where that does not come about within `MOST_LOOKS`.
+    Raises NoAnswer after `MOST_LOOKS` tries.
     """
     for _ in range(MOST_LOOKS):
         upsets = witness.upsets()
@@ -94,7 +91,7 @@ def observed(witness: RebootMonitor, look: Callable[[], T], node_id: int | None 
 
 
 def restarted_since_read(node_id: int, lost: Iterable[str] = ()) -> SafetyRefusal:
-    """The error of a change that was not begun, since *node_id* restarted after it was read; *lost* are labels."""
+    """The error: the change was not begun because *node_id* restarted after the read; *lost* are labels."""
     gone = join_some(lost)
     return SafetyRefusal(
         f"node {node_id} restarted since it was read; run it again",

@@ -1,6 +1,6 @@
-"""Which objects of a node are process data, and no setting that a store keeps and a proof compares. Writes nothing.
+"""Tell process data from settings, which a store keeps and a proof compares. Writes nothing.
 
-Does not know what is configuration for a file: that is `Configuration`.
+`Configuration` tells the configuration for a file.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ _MAKERS = range(0x2000, 0x6000)
 
 
 def is_no_setting(node: KnownPdos, place: Place) -> bool:
-    """Whether the object at *place* is a command, a target or an output by a standard; a maker's own by its name, too.
+    """True if the object at *place* is a command, a target or an output, by a standard or for a manufacturer's object.
 
-    The latter only where a PDO can carry it; and what an enabled RPDO takes of the maker's, whatever its file says.
+    A manufacturer's object counts by its name, if a PDO can carry it, and always if an enabled RPDO maps it, whatever
+    its file says.
     """
     dictionary = node.dictionary
     entry = dictionary.entry(*place) if dictionary else None

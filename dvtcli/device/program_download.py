@@ -1,7 +1,6 @@
-"""Loading a program into a device: stop, clear, transfer, check, start, and see it run (CiA 302-3).
+"""Load firmware into a device: stop, clear, transfer, check, start, and wait until it runs (CiA 302-3).
 
-Nothing of it can be put back once the old program is cleared: every failure says what the device holds then. Asks
-nobody anything; does not know files.
+Nothing can be rolled back after the old program is cleared: every failure reports the state of the device.
 """
 
 from __future__ import annotations
@@ -42,9 +41,9 @@ _UNREADABLE = (*ABSENT, Abort.WRITE_ONLY)
 
 @dataclass(slots=True)
 class ProgramDownload:
-    """A program on its way into program *number* (1..254) of *node_id*.
+    """A download to program *number* (1..254) of *node_id*.
 
-    *on_stage* is told of each stage before it begins; *cancellation* is looked at as long as the old program is there.
+    *on_stage* is called before each stage; *cancellation* is checked as long as the old program exists.
     """
 
     bus: CanopenBus
@@ -57,14 +56,14 @@ class ProgramDownload:
     restarted: bool = field(default=False, init=False)
 
     def identification(self) -> int | None:
-        """What the software identification says of the program; None where the device has no such object."""
+        """The program software identification; None if the device has no such object."""
         return self._read(SOFTWARE_IDENTIFICATION)
 
     def run(self, data: bytes, expected: int | None) -> None:
-        """Load *data*, see that its identification is *expected* (None: whatever it is), start it and see it run.
+        """Load *data*, compare its identification with *expected* (None: any), start the program and see it run.
 
-        The failure that ends it, with state `rolled_back` where the old program was seen to run again; LeftChanged,
-        which says what the device holds, otherwise.
+        On failure raises the cause with state `rolled_back` if the old program is running again; otherwise LeftChanged
+        with the state of the device.
         """
         with self.cancellation.guard():
             try:
@@ -138,7 +137,7 @@ class ProgramDownload:
             raise DeviceRefused(f"node {self.node_id} restarted, and does not run its program", node=self.node_id)
 
     def _runs(self) -> bool:
-        """Whether it says that its program runs; False also where it says nothing."""
+        """True if the device reports a running program; false without a report."""
         with suppress(NoAnswer, SdoProtocolError):
             return self._read(PROGRAM_CONTROL) == START
         return False
@@ -148,7 +147,7 @@ class ProgramDownload:
         sdo.download(PROGRAM_CONTROL, self.number, bytes([command]), timeout_s=timeout_s)
 
     def _read(self, index: int) -> int | None:
-        """What the object of this program says; None where the device has none, or it cannot be read."""
+        """The value of the program's object at *index*; None if missing or unreadable."""
         try:
             return int.from_bytes(self.bus.sdo(self.node_id).upload(index, self.number), "little")
         except SdoAborted as aborted:
@@ -157,7 +156,7 @@ class ProgramDownload:
             raise
 
     def _await_answer(self) -> None:
-        """Wait until a node that restarts answers; NoAnswer where it does not."""
+        """Wait until a restarting node answers. Raises NoAnswer if it does not."""
         deadline_s = self.bus.now_s() + BOOT_S
         while True:
             try:
@@ -169,7 +168,7 @@ class ProgramDownload:
                 return
 
     def _await_flash(self, what: str) -> None:
-        """Wait until the flash memory is not at work any more; DeviceRefused where it says what went wrong."""
+        """Wait until the flash operation ends. Raises DeviceRefused with the reported error."""
         deadline_s = self.bus.now_s() + FLASH_S
         while True:
             try:
@@ -200,7 +199,7 @@ class ProgramDownload:
         return failed
 
     def _left(self, failed: BaseException) -> BaseException:
-        """The failure that says what the device holds now."""
+        """The error with the present state of the device."""
         if not isinstance(failed, (DvtcliError, KeyboardInterrupt)):
             return failed
         text = failed.text if isinstance(failed, DvtcliError) else "stopped in the middle of the transfer"

@@ -1,6 +1,6 @@
-"""What is kept of a program download that is under way: whoever meets the node after a kill is told.
+"""Notes on disk about a program download in progress, to inform the next user after a kill.
 
-One file a node, there from before the first write until the new program was seen to run. Reads and writes no device.
+One file per node, from before the first write until the new program runs.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class ProgramNotes:
         return self.folder / f"{file_name(self.bus)}-{node_id}.json"
 
     def write(self, node_id: int, file: str, number: int, stage: Stage) -> None:
-        """Note that *file* is on its way as program *number* of *node_id*, and has come to *stage*; OSError."""
+        """Note that *file*, for program *number* of *node_id*, has reached *stage*. Raises OSError."""
         now = datetime.now(UTC).isoformat(timespec="seconds")
         document = {"schema": SCHEMA, "bus": self.bus, "node": node_id, "file": file, "program": number}
         write_private(self._path(node_id), json.dumps({**document, "stage": stage.name, "when": now}) + "\n")
@@ -43,7 +43,7 @@ class ProgramNotes:
         return was_there
 
     def told(self, node_id: int) -> str:
-        """What to say of a download that was not completed; empty where there is none."""
+        """The message about an incomplete download; empty if there is none."""
         try:
             with self._path(node_id).open("rb") as opened:
                 document = json.loads(opened.read(_MOST_BYTES))

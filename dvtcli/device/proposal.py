@@ -1,4 +1,4 @@
-"""What the rules look at before a PDO of a node may be changed. Reads what they need to know; judges nothing."""
+"""Read the facts that the rules need before a change of a PDO."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class LazyMapping(Mapping[Pdo, T], Generic[T]):
-    """Something about each of the PDOs that *which* tells, by *load*: an event timer needs none of that traffic."""
+    """A value per PDO of *which*, read by *load* on first use: an event timer needs none of this traffic."""
 
     def __init__(self, which: Callable[[], Iterable[Pdo]], load: Callable[[Pdo], T]) -> None:
         self._which, self._load = which, load
@@ -51,10 +51,10 @@ def proposal(
     elsewhere: Elsewhere | None = None,
     channels: Channels | None = None,
 ) -> Proposal:
-    """What the rules look at before *pdo* of *node* may become *want*; *together* are PDOs changed in the same plan.
+    """The facts for the rules before *pdo* of *node* becomes *want*, with PDOs changed *together* in the plan.
 
-    *elsewhere* is what the other nodes will send, None for what they send now (for a COB-ID that stays: with it);
-    *channels* are the further SDO channels of all known nodes, None for all services of its neighbours as they are now.
+    *elsewhere* are the future PDOs of the other nodes, None for the present (for an unchanged COB-ID: including it);
+    *channels* are the further SDO channels of all known nodes, None for all present services of its neighbours.
     """
     learn = node.dictionary is None and now.mapping != want.mapping
     lengths, absent = learnt_objects(want.mapping, node.memory.upload) if learn else ({}, {})
@@ -82,7 +82,7 @@ def proposal(
 def _others(
     node: KnownPdos, pdo: Pdo, together: Mapping[Pdo, PdoConfig]
 ) -> tuple[Mapping[Pdo, PdoConfig], Mapping[Pdo, CobId]]:
-    """The other PDOs of *node* as they will be, and their COB-IDs; each is read when a rule first looks at it."""
+    """The other PDOs of *node* after the plan, and their COB-IDs, each read on first use."""
 
     @cache
     def cob_ids() -> Mapping[Pdo, CobId]:

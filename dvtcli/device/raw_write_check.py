@@ -1,4 +1,4 @@
-"""What the rules say of a raw write, with what they must know of the node. Writes nothing."""
+"""Check a raw write by the rules, reading the needed facts from the node. Writes nothing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
-    """Everything the rules say of writing *data* to *index*:*sub_index* of *node*."""
+    """All findings about writing *data* to *index*:*sub_index* of *node*."""
     findings = write_findings(node.dictionary, index, sub_index, data)
     pdo = Pdo.at(index)
     if index in COB_ID_OF and not sub_index and len(data) == 4 and not findings:
@@ -49,10 +49,10 @@ def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes)
 
 
 def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
-    """An error if *data* gives a service of *node* a CAN-ID that another service or an enabled PDO has.
+    """An error if *data* gives a service of *node* a CAN-ID used by another service or an enabled PDO.
 
-    Services are SYNC, the time stamp, EMCY and further SDO channels. Asks *node* and the other known nodes what they
-    hold now, so it is for a write alone: a plan judges the state that it leaves.
+    Services are SYNC, the time stamp, EMCY and further SDO channels. Reads present values of *node* and the other known
+    nodes, so only for a single write: a plan is judged by its result.
     """
     is_channel = index in SDO_CHANNEL_INDICES and sub_index in (1, 2)
     raw = int.from_bytes(data, "little")
@@ -70,9 +70,9 @@ def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: byt
 
 
 def raw_change(node: KnownPdos, step: Step) -> Change:
-    """What a write does: a change of a PDO where it is one, so that it is undone and verified like any other.
+    """The effect of a write: a PDO change if possible, to be undone and verified like any other.
 
-    A parameter of another length is none: nobody knows what a device that takes it makes of it.
+    A parameter of unusual length is no PDO change: its effect on the device is unknown.
     """
     pdo, value = Pdo.at(step.index), int.from_bytes(step.after, "little")
     if pdo is None or length_findings(step.index, step.sub_index, step.after):
@@ -88,7 +88,7 @@ def raw_change(node: KnownPdos, step: Step) -> Change:
 
 
 def _with_count(node: KnownPdos, pdo: Pdo, now: PdoConfig, count: int) -> PdoConfig:
-    """*now* with *count*, as it reads back: an MPDO, or inconsistent where there are fewer entries."""
+    """*now* with *count*, as read back: an MPDO, or inconsistent if entries are missing."""
     if is_mpdo(count):
         first = _entries(node, pdo, 1)
         return replace(now, mapping=(), mpdo=count, held_count=None, unread=now.lacking, multiplexed=first)
@@ -101,7 +101,7 @@ def _with_count(node: KnownPdos, pdo: Pdo, now: PdoConfig, count: int) -> PdoCon
 
 
 def _entries(node: KnownPdos, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ...]:
-    """The mapping entries that a raw *count* would make active."""
+    """The mapping entries activated by a raw *count*."""
     numbers = range(1, min(count, MAX_ENTRIES) + 1)
     words = (read_optional(node.memory, pdo.mapping_index, number, 4) for number in numbers)
     return tuple(
@@ -110,10 +110,10 @@ def _entries(node: KnownPdos, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ..
 
 
 def held_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
-    """What an object holds, so that it can be compared and put back; None where it cannot be read back.
+    """The present value for comparison and roll-back; None if it cannot be read back.
 
-    That is a write-only object, by its file or by the device's answer, and an object that a standard lets answer with
-    a state.
+    This concerns write-only objects, by the file or by the device's answer, and objects that return a state by the
+    standard.
     """
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if answers_with_state(index) or (entry is not None and not entry.access.readable):

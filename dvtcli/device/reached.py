@@ -1,7 +1,4 @@
-"""One node as it is reached: its SDO channel, its NMT state and gate, what it says of itself.
-
-Does not know its PDOs, what was read before, or what was changed.
-"""
+"""The connection to one node: SDO channel, NMT state and gate, and identity."""
 
 from __future__ import annotations
 
@@ -67,11 +64,11 @@ class Reached:
 
     @property
     def witness(self) -> BusWitness:
-        """Who tells whether the node restarted."""
+        """The monitor of the node's restarts."""
         return BusWitness(self.bus, self.node_id)
 
     def observed(self, look: Callable[[], T]) -> T:
-        """What *look* answers, in one life of the node; NoAnswer where it restarts again and again."""
+        """The result of *look*, read without a restart between. Raises NoAnswer after repeated restarts."""
         return observed(self.witness, look, self.node_id)
 
     @property
@@ -81,7 +78,7 @@ class Reached:
 
     @property
     def gate(self) -> Gate:
-        """The node's pre-operational gate; one for as long as the caller keeps it open."""
+        """The node's pre-operational gate; the same gate as long as the caller keeps it open."""
         if self._gate is None:
             self._gate = Gate(self.access, self._ask)
         return self._gate
@@ -92,11 +89,11 @@ class Reached:
 
     @property
     def title(self) -> str:
-        """What the device calls itself in its file, or its family's name."""
+        """The device name from the file, or the family's name."""
         return (self.dictionary.info.product_name if self.dictionary else "") or self.profile.title
 
     def identity(self) -> Identity:
-        """The node's identity (0x1018) as this line read it: at a prompt another device may have taken its place."""
+        """The node's identity (0x1018), read once per line: at a prompt the device may have been replaced."""
         names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
         look = self.memory.look()
         return {name: read_optional(look, IDENTITY, sub_index, 4) for name, sub_index in names.items()}
@@ -107,7 +104,7 @@ class Reached:
         return self.known_value(index, sub_index)
 
     def known_value(self, index: int, sub_index: int) -> bytes:
-        """The same, as it was read since the last thing that could have changed it."""
+        """One object, from the cache if nothing could have changed it since."""
         try:
             return self.memory.upload(index, sub_index)
         except SdoAborted as aborted:

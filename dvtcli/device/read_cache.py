@@ -1,8 +1,8 @@
-"""What was read of a node since the last thing that could have changed it, so that nothing is read twice.
+"""A read cache for a node, valid until an event could have changed a value.
 
-It is read like the node's SDO channel: an object that was read is answered from memory, also where it was refused. It
-empties itself where the node restarted, an answer was lost, or another SDO client wrote; whoever writes, or
-lets others write, has to empty it. Never for reading back, which is done on the channel itself.
+Used like the node's SDO channel, for values and refusals. Expires after a restart, a lost answer, or a write by another
+SDO client; own writes, and releasing the node to others, must call `forget`. Never use the cache for a read-back: read
+the channel itself.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dvtcli.errors import SdoAborted
 
 
 class OnBus(Protocol):
-    """Something, such as a node, that is reached over a bus."""
+    """An object, such as a node, reached over a bus."""
 
     @property
     def bus(self) -> CanopenBus:
@@ -25,7 +25,7 @@ class OnBus(Protocol):
 
 
 def read_side_by_side(nodes: Iterable[OnBus], jobs: Sequence[Callable[[], None]]) -> None:
-    """Do *jobs*, each of which reads one of *nodes*, which are on one bus; raises a Ctrl-C, or that the bus is gone."""
+    """Run *jobs* in parallel, each reading one of *nodes* on one bus. Raises Ctrl-C, and the loss of the bus."""
     for node in list(nodes)[:1]:
         for fault in node.bus.side_by_side(jobs):
             raise fault
@@ -33,7 +33,7 @@ def read_side_by_side(nodes: Iterable[OnBus], jobs: Sequence[Callable[[], None]]
 
 @dataclass(slots=True)
 class ReadCache:
-    """The objects of *node_id* on *bus* that were read, by index and sub-index; *channel* reads those that were not."""
+    """The objects read from *node_id* on *bus*, by index and sub-index; *channel* reads the others."""
 
     bus: CanopenBus
     node_id: int
@@ -47,14 +47,14 @@ class ReadCache:
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
-        """What the object held when it was read, now at the latest; raises as the channel does."""
+        """The cached value, or read now. Raises the errors of the channel."""
         self.bus.drain()
         return self.upload_known(index, sub_index, timeout_s=timeout_s, retries=retries)
 
     def upload_known(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
-        """The same, as far as what was read of the bus by now tells whether that may be old."""
+        """As `upload`, judging expiry by frames received so far, without receiving more."""
         self._drop_what_may_be_old()
         if (index, sub_index) not in self._read:
             self._read[index, sub_index] = self._asked(index, sub_index, timeout_s, retries)
@@ -64,9 +64,9 @@ class ReadCache:
         return held
 
     def look(self) -> CacheLook:
-        """The same for objects that are read one after the other, and nothing else meanwhile.
+        """A faster view for consecutive reads without other work between.
 
-        What has arrived on the bus by now counts, and what an exchange meets: it is not read for each object.
+        Checks the frames that have arrived once and during exchanges, not for each object.
         """
         self.bus.drain()
         return CacheLook(self)
@@ -79,7 +79,7 @@ class ReadCache:
             return aborted
 
     def forget(self) -> None:
-        """Everything may be old, but who the node is: that changes with a restart at most."""
+        """Expire all values except the identity, which only a restart can change."""
         self._read = {place: held for place, held in self._read.items() if place[0] == IDENTITY}
 
     def forget_one(self, index: int, sub_index: int) -> None:
@@ -91,7 +91,7 @@ class ReadCache:
         self._read = {place: held for place, held in self._read.items() if place[0] not in indices}
 
     def learn(self, other: ReadCache) -> None:
-        """Know what *other* knows of the same node."""
+        """Copy the values of *other*, a cache of the same node."""
         self._read, self._seen = dict(other._read), other._seen
 
     def clear(self) -> None:
@@ -99,7 +99,7 @@ class ReadCache:
         self._read.clear()
 
     def is_of_now(self) -> bool:
-        """Whether something was read since the last thing that could have changed it."""
+        """True if the cache has a value read since the last possible change."""
         return bool(self._read) and self._seen[0] == self.bus.upsets(self.node_id)
 
     def _drop_what_may_be_old(self) -> None:
@@ -111,12 +111,12 @@ class ReadCache:
 
 @dataclass(frozen=True, slots=True)
 class CacheLook:
-    """One look at *cache* (`ReadCache.look`)."""
+    """A view of *cache* (`ReadCache.look`)."""
 
     cache: ReadCache
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
-        """What the object held when it was read, now at the latest; raises as the channel does."""
+        """The cached value, or read now. Raises the errors of the channel."""
         return self.cache.upload_known(index, sub_index, timeout_s=timeout_s, retries=retries)

@@ -34,7 +34,7 @@ ALWAYS_PROBED = 4
 
 
 def read_number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int:
-    """Read an unsigned number of *size* bytes; SdoProtocolError where the device sends none or more."""
+    """Read an unsigned number of *size* bytes. Raises SdoProtocolError for another length."""
     data = sdo.upload(index, sub_index)
     if not data or any(data[size:]):
         raise SdoProtocolError(
@@ -45,7 +45,7 @@ def read_number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int:
 
 
 def read_optional(sdo: SdoReader, index: int, sub_index: int, size: int) -> int | None:
-    """Read a number that a device need not have; None where it has none."""
+    """Read an optional number; None if missing."""
     try:
         return read_number(sdo, index, sub_index, size)
     except SdoAborted as aborted:
@@ -55,7 +55,7 @@ def read_optional(sdo: SdoReader, index: int, sub_index: int, size: int) -> int 
 
 
 def read_identity(sdo: SdoReader, sub_index: int) -> int | None:
-    """Read a part of the identity (0x1018); None where the device refuses it, for whatever reason it gives."""
+    """Read a part of the identity (0x1018); None after any refusal."""
     try:
         return read_number(sdo, IDENTITY, sub_index, 4)
     except SdoAborted:
@@ -65,10 +65,10 @@ def read_identity(sdo: SdoReader, sub_index: int) -> int | None:
 def learnt_objects(
     entries: Iterable[PdoMappingEntry], upload: Callable[[int, int], bytes]
 ) -> tuple[dict[tuple[int, int], int], dict[tuple[int, int], int]]:
-    """What one upload each tells of mapped objects that no file describes.
+    """Find the lengths of mapped objects without a description in a file, by one upload each.
 
-    Returns the lengths in bits of the objects that can be read, and the abort codes for objects that the device says it
-    does not have. An object that cannot be read (write-only) is in neither.
+    Returns the lengths in bits of readable objects, and the abort codes of objects missing in the device. Unreadable
+    (write-only) objects are in neither.
     """
     lengths: dict[tuple[int, int], int] = {}
     absent: dict[tuple[int, int], int] = {}
@@ -82,7 +82,7 @@ def learnt_objects(
 
 
 def sdo_channel_places(sdo: SdoReader, dictionary: ObjectDictionary | None) -> Iterator[tuple[int, int]]:
-    """The COB-IDs of further SDO servers and clients that a node has: the EDS's, else those that the node answers for.
+    """The COB-IDs of further SDO servers and clients, from the EDS, else by asking the node.
 
     Source: CiA 301, 7.5.2.33 and 7.5.2.34.
     """
@@ -112,10 +112,10 @@ def sdo_channels(sdo: SdoReader, dictionary: ObjectDictionary | None) -> dict[tu
 
 
 def service_ids(sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None) -> dict[tuple[int, bool], str]:
-    """What services of a node take: CAN-ID, whether it has 29 bits, and what it is.
+    """The CAN-IDs used by services of a node: CAN-ID, true for 29 bits, and a description.
 
-    By 0x1005, 0x1012, 0x1014 and SDO channels. If the node lacks SYNC or EMCY, the standard's default counts; an EMCY
-    that is off takes nothing, nor does a time stamp that the node does not send.
+    From 0x1005, 0x1012, 0x1014 and SDO channels. If the node lacks SYNC or EMCY, the standard's default counts. A
+    disabled EMCY uses no CAN-ID, nor does a time stamp the node does not send.
     """
     sync, emcy = read_optional(sdo, 0x1005, 0, 4), read_optional(sdo, 0x1014, 0, 4)
     time = read_optional(sdo, 0x1012, 0, 4) if dictionary is None or 0x1012 in dictionary else None
@@ -125,9 +125,9 @@ def service_ids(sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | Non
 def service_ids_beside(
     sdo: SdoReader, node_id: int, dictionary: ObjectDictionary | None, *, without: int | None = None
 ) -> dict[tuple[int, bool], str]:
-    """The same of a node beside the node that is looked at: what it does not tell takes nothing.
+    """As `service_ids` for another node: unreadable services count as unused.
 
-    Nor does what 0x1005, 0x1012, 0x1014 or the SDO channels hold if their index is *without*.
+    Ignores 0x1005, 0x1012, 0x1014 or the SDO channel with the index *without*.
     """
     held: dict[int, int | None] = dict.fromkeys((0x1005, 0x1012, 0x1014))
     for index in held:
@@ -144,12 +144,12 @@ def read_cob_id(sdo: SdoReader, pdo: Pdo) -> CobId:
 
 
 def read_pdo(sdo: SdoReader, pdo: Pdo, passing: Container[int] = UNREADABLE) -> PdoConfig:
-    """Read what *pdo* is set to: communication parameter and active mapping, as far as the device tells it.
+    """Read communication parameter and active mapping of *pdo*, as far as readable.
 
-    Sub-index 4 is never touched; sub-indices 2, 3, 5 and 6 are each optional (CiA 301, 7.5.2.35/37). Entries
-    are read up to the count only, since what lies behind is filler. Where an abort code of *passing* is the answer,
-    the PDO lacks that and is inconsistent, but for an optional one that is absent or can never be read; the SdoAborted
-    is raised where it has neither COB-ID nor mapping.
+    Sub-index 4 is never read; sub-indices 2, 3, 5 and 6 are each optional (CiA 301, 7.5.2.35/37). Entries are read up
+    to the count only, since fillers follow. An abort code in *passing* leaves the parameter out and makes the PDO
+    inconsistent, except for an optional parameter that is absent or never readable. Raises SdoAborted if neither COB-ID
+    nor mapping is readable.
     """
     told = _Told(sdo, passing)
     cob_id = told.number(pdo.communication_index, 1, 4)
@@ -186,7 +186,7 @@ def _entries(told: _Told, pdo: Pdo, count: int) -> Iterator[int | None]:
 
 @dataclass(slots=True)
 class _Told:
-    """What a device tells of one PDO: *unread* are the places that it did not, *first* its first refusal of them."""
+    """The answers of a device about one PDO: *unread* are the unreadable places, *first* the first refusal."""
 
     sdo: SdoReader
     passing: Container[int]
@@ -194,7 +194,7 @@ class _Told:
     first: SdoAborted | None = None
 
     def number(self, index: int, sub_index: int, size: int) -> int | None:
-        """A number that a PDO should have, None where an answer of *passing* says that it cannot be read."""
+        """A mandatory number, None after an abort code in *passing*."""
         try:
             return read_number(self.sdo, index, sub_index, size)
         except SdoAborted as aborted:
@@ -205,7 +205,7 @@ class _Told:
             return None
 
     def optional(self, index: int, sub_index: int, size: int) -> int | None:
-        """A number that a PDO need not have; one that it may tell at another time is *unread*."""
+        """An optional number, *unread* after a temporary refusal."""
         try:
             return read_number(self.sdo, index, sub_index, size)
         except SdoAborted as aborted:
@@ -217,7 +217,7 @@ class _Told:
 
 
 def present_pdos(sdo: SdoReader, dictionary: ObjectDictionary | None) -> list[Pdo]:
-    """The PDOs the node has, TPDOs first: the EDS's, also half ones, or what the node answers for without an EDS."""
+    """The PDOs of the node, TPDOs first: from the EDS, even incomplete, or by asking the node without an EDS."""
     if dictionary is None:
         return [pdo for direction in (Direction.TPDO, Direction.RPDO) for pdo in _probe(sdo, direction)]
     listed = {pdo for pdo in map(Pdo.at, dictionary) if pdo is not None}
@@ -234,10 +234,10 @@ def _probe(sdo: SdoReader, direction: Direction) -> Iterator[Pdo]:
 
 
 def exists(sdo: SdoReader, pdo: Pdo) -> bool:
-    """Whether the node has *pdo*, or half of it: it tells a COB-ID, or how many objects are mapped.
+    """True if the node has *pdo* or half of it: a COB-ID or a mapping count.
 
-    Or it says that it never tells them, which counts of the first `ALWAYS_PROBED` only: some say that of everything.
-    SdoAborted where it tells neither for a reason that may pass.
+    A permanent refusal of both counts as present for the first `ALWAYS_PROBED` only: some devices refuse everything so.
+    Raises SdoAborted if both refusals are temporary.
     """
     refused: list[SdoAborted] = []
     for index, sub_index in ((pdo.communication_index, 1), (pdo.mapping_index, 0)):

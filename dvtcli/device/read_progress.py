@@ -1,4 +1,4 @@
-"""What is being read of a node, so that a long look can be followed. Reads nothing and shows nothing."""
+"""The progress of a long read, for display."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ReadProgress:
-    """*node* is asked for an object; *done* of *total* PDOs were read before it, where all are read (else 0 of 0)."""
+    """*node* is asked for an object after *done* of *total* PDOs, if all PDOs are read (else 0 of 0)."""
 
     node: int
     index: int

@@ -1,7 +1,4 @@
-"""One pass over a device's object dictionary: what each object holds, or why nobody knows.
-
-Reads, and writes nothing. Does not know files, nor what becomes of what was read.
-"""
+"""Read a device's object dictionary in one pass: the value of each object, or why it is missing. Writes nothing."""
 
 from __future__ import annotations
 
@@ -47,9 +44,9 @@ class Unread(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ReadObject:
-    """What became of reading *entry*: its *data*, or the device's *abort* code, or why it was not read.
+    """The result of reading *entry*: *data*, the device's *abort* code, or why it was not read.
 
-    *changes* says that it held something else at a second look: it changes by itself.
+    *changes*: a second read gave another value.
     """
 
     entry: OdEntry
@@ -60,7 +57,7 @@ class ReadObject:
 
     @property
     def place(self) -> ObjectAddress:
-        """Its index and sub-index."""
+        """The object's index and sub-index."""
         return self.entry.index, self.entry.sub_index
 
 
@@ -73,11 +70,11 @@ def read_whole(
     on_object: OnObject = lambda *_progress: None,
     around: Callable[[OdEntry], AbstractContextManager[None]] = lambda _entry: nullcontext(),
 ) -> dict[ObjectAddress, ReadObject]:
-    """Read *entries* of *node* once, those for which *again* is true twice.
+    """Read *entries* of *node* once, and twice if *again* is true for an entry.
 
-    What is write-only, flagged against it, or a secret by *known*, is not asked for; an abort stands in its place.
-    Each upload is done within *around* it. Does not tell whether the node restarts meanwhile (`read_together` does).
-    NoAnswer if the node falls silent.
+    Objects that are write-only, flagged against reading, or secret by *known* are skipped; their result is an abort.
+    Each upload runs within *around*. Does not detect a restart meanwhile (`read_together` does). Raises NoAnswer if the
+    node falls silent.
     """
     found = {read_object.place: read_object for read_object in (_judged(entry, known) for entry in entries)}
     reading = _DeviceReading(node, on_object, around)
@@ -93,17 +90,17 @@ def read_whole(
 
 
 def named_itself(entry: OdEntry) -> OdEntry:
-    """*entry* of an object that a file says a value of: to read that one is no scan."""
+    """*entry* marked as named in a file with a value: reading it is no scan."""
     return replace(entry, object_flags=entry.object_flags & ~_REFUSED_ON_SCAN)
 
 
 def values_of(found: Mapping[ObjectAddress, ReadObject]) -> dict[ObjectAddress, bytes]:
-    """What was read and did not change meanwhile."""
+    """The values read that did not change meanwhile."""
     return {place: one.data for place, one in found.items() if one.data is not None and not one.changes}
 
 
 def _judged(entry: OdEntry, known: Configuration) -> ReadObject:
-    """*entry*, and why it is not to be read."""
+    """*entry*, with the reason not to read it."""
     why = None
     if not entry.access.readable:
         why = Unread.WRITE_ONLY
@@ -127,7 +124,7 @@ class _DeviceReading:
     around: Callable[[OdEntry], AbstractContextManager[None]]
 
     def read(self, found: dict[ObjectAddress, ReadObject], places: Collection[ObjectAddress]) -> None:
-        """Read what is at *places* into *found*."""
+        """Read the objects at *places* into *found*."""
         now_s = self.node.bus.now_s
         since_s, size = now_s(), 0
         for number, place in enumerate(places):

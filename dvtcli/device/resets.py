@@ -1,7 +1,4 @@
-"""Nodes that are restarted, and the boot-up messages that say so: by NMT, or by somebody who switches one off and on.
-
-Does not know what a node loses by it, nor whether it may be restarted.
-"""
+"""Restart nodes by NMT or by a power cycle, and wait for their boot-up messages."""
 
 from __future__ import annotations
 
@@ -35,9 +32,9 @@ _OFF = 10
 
 @dataclass(slots=True)
 class SentReset:
-    """A reset that was sent to *node_id* at *began_s*, when *seen* of its boot-up messages had been heard.
+    """A reset sent to *node_id* at *began_s*, after *seen* boot-up messages from it.
 
-    It is over with the boot-up message, or with any answer after `QUIET_S`: some devices send no such message.
+    Over after the boot-up message, or any answer after `QUIET_S`: some devices send no boot-up message.
     """
 
     bus: CanopenBus
@@ -58,7 +55,7 @@ class SentReset:
         return self.bus.boot_ups(self.node_id) > self.seen
 
     def is_over(self) -> bool:
-        """Whether the boot-up message or another answer came, or comes too late; asks the node now and then."""
+        """True after the boot-up message, another answer, or the time-out; asks the node from time to time."""
         now_s, until_s = self.bus.now_s(), self.began_s + self.timeout_s
         if not self.is_back and self._ask_at_s <= now_s <= until_s - _ANSWER_S:
             self._ask_at_s = now_s + _ASK_EVERY_S
@@ -78,7 +75,7 @@ class SentReset:
         return self.is_back
 
     def wait_a_moment(self) -> None:
-        """Wait for the boot-up message until the node is to be asked again, or it is too late."""
+        """Wait for the boot-up message until the next request to the node is due, or the time-out."""
         left_s = self.began_s + self.timeout_s - self.bus.now_s()
         self.bus.wait_boot_up(self.node_id, self.seen, max(0.0, min(_ASK_EVERY_S, left_s)))
 
@@ -112,7 +109,7 @@ def _answers(bus: CanopenBus, node_id: int) -> bool:
 
 
 def send_reset(access: NodeAccess, command: NmtCommand) -> SentReset:
-    """Reset the node, and wait for nothing; it may take `BOOT_TIMEOUT_S` to its boot-up message."""
+    """Reset the node without waiting; its boot-up message may take up to `BOOT_TIMEOUT_S`."""
     bus, node_id = access.bus, access.node_id
     sent = SentReset(bus, node_id, bus.boot_ups(node_id), bus.now_s())
     bus.send_nmt(command, node_id)
@@ -120,16 +117,16 @@ def send_reset(access: NodeAccess, command: NmtCommand) -> SentReset:
 
 
 def reset_and_wait(access: NodeAccess, command: NmtCommand) -> float:
-    """Reset the node and wait for its boot-up message, or any other answer; the seconds it took. NoAnswer."""
+    """Reset the node, wait for its boot-up message or another answer, and return the seconds. Raises NoAnswer."""
     return send_reset(access, command).wait()
 
 
 def reset_all_and_wait(
     bus: CanopenBus, command: NmtCommand, known: Collection[int], timeout_s: float = BOOT_TIMEOUT_S
 ) -> list[int]:
-    """Reset all nodes, and wait for the *known* (node-IDs); those of them that sent no boot-up message, but answer.
+    """Reset all nodes and wait for *known*; the node-IDs that answer but sent no boot-up message.
 
-    NoAnswer names those that do neither.
+    Raises NoAnswer naming the nodes with neither.
     """
     began_s = bus.now_s()
     sent = [SentReset(bus, node_id, bus.boot_ups(node_id), began_s, timeout_s) for node_id in sorted(known)]
@@ -149,10 +146,10 @@ def reset_all_and_wait(
 def await_power_cycle(
     access: NodeAccess, timeout_s: float, ask: Callable[[], None], stop: Callable[[], None] = lambda: None
 ) -> None:
-    """Let *ask* ask somebody to switch the node off and on, and wait for it to be back; NoAnswer if it is not.
+    """Let *ask* request a power cycle from the user and wait for the node. Raises NoAnswer if it does not return.
 
-    It is back with its boot-up message; a node that sends none is back when it answers SDO after a while in which it
-    did not: `_OFF` questions in a row. *stop* is called again and again meanwhile, and raises to end the wait.
+    The node is back after its boot-up message, or after an SDO answer following `_OFF` unanswered requests in a row.
+    *stop* is called repeatedly meanwhile and raises to end the wait.
     """
     bus, node_id = access.bus, access.node_id
     seen, deadline_s = bus.boot_ups(node_id), bus.now_s() + timeout_s
@@ -177,6 +174,6 @@ def await_power_cycle(
 
 
 def return_to(access: NodeAccess, state: NmtState | None) -> None:
-    """Bring a node that was OPERATIONAL before its reset back there."""
+    """Bring a node that was OPERATIONAL before its reset back to OPERATIONAL."""
     if state is NmtState.OPERATIONAL:
         access.request(NmtState.OPERATIONAL)

@@ -1,6 +1,6 @@
-"""What a want for a PDO comes to on a node: finds out what it does not say, refuses what cannot be said.
+"""Resolve a PDO request on a node: complete it, or refuse an impossible request.
 
-Reads lengths of objects. Does not judge the outcome by the rules, and writes nothing.
+Reads lengths of objects; the rules are applied elsewhere. Writes nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Lengths = Mapping["ObjectAddress", int | None]
 
 
 def untyped_lengths(node: KnownPdos, wants: Iterable[PdoWant]) -> Lengths:
-    """Lengths in bits of the objects that *wants* name without one, as the EDS or *node* tells; None if none."""
+    """Lengths in bits of the objects named without a length in *wants*, from the EDS or *node*; None if unknown."""
     places = [place for want in wants if isinstance(want, PdoRequest) for place in want.untyped_lengths]
     return {place: node.length_of(*place) for place in dict.fromkeys(places)}
 
@@ -35,10 +35,10 @@ def untyped_lengths(node: KnownPdos, wants: Iterable[PdoWant]) -> Lengths:
 def resolve(
     node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: Lengths, elsewhere: Elsewhere | None = None
 ) -> PdoConfig:
-    """The configuration that *want* means for *pdo* of *node*, which is *now*; *lengths* come from `untyped_lengths`.
+    """The configuration requested by *want* for *pdo* of *node*, now *now*; *lengths* come from `untyped_lengths`.
 
-    *elsewhere* is what the other nodes will send, None for what they send now. RuleError for an object
-    that the EDS lacks, UsageError for anything else that cannot be resolved.
+    *elsewhere* are the future PDOs of the other nodes, None for the present. Raises RuleError for an object missing in
+    the EDS, UsageError for any other unresolvable request.
     """
     beside = elsewhere or cache(lambda: producers(node.neighbours()))
     held = proposal(node, pdo, now, now, elsewhere=beside)
@@ -59,7 +59,7 @@ def resolve(
 
 
 def _refuse_missing(held: Proposal, want: PdoRequest, unknown: Iterable[ObjectAddress]) -> None:
-    """Raise RuleError for an object of *unknown* length that the EDS does not have at all."""
+    """Raise RuleError for an object of *unknown* length that is missing in the EDS."""
     dictionary = held.dictionary
     for index, sub_index in unknown:
         if dictionary is not None and dictionary.entry(index, sub_index) is None:

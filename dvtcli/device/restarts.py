@@ -1,4 +1,4 @@
-"""Nodes that restarted of their own accord, and what they lost by that. Asks no node; the bus has heard it or not."""
+"""Unexpected restarts of nodes and their losses, as seen by the bus. Asks no node."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def held_plans(node: Node) -> list[Plan]:
-    """The plans of this session whose changes *node* holds, as far as it was heard: a reset takes what is unstored.
+    """The plans of this session still in effect on *node*, by the known resets, which clear unstored values.
 
-    Where only a part was stored nobody says of which plans: what may be held is listed rather than forgotten.
+    After a partial store nobody knows the stored plans: doubtful plans are listed.
     """
     pending, history = node.pending, node.history
     stored, since = history[: pending.stored_at], history[max(pending.stored_at, pending.lost_until) :]
@@ -27,13 +27,13 @@ def held_plans(node: Node) -> list[Plan]:
 
 
 def losses(nodes: Iterable[Node]) -> Iterator[str]:
-    """What to say of each of *nodes* that restarted since somebody asked last, and lost what was set."""
+    """A message for each node that restarted and lost changes since the last call."""
     for node in nodes:
         if lost := node.notice_reboot():
             yield f"node {node.node_id} restarted: what was not stored is lost ({', '.join(lost)})"
 
 
 def refuse_after_restarts(nodes: Iterable[Node]) -> None:
-    """A script, and a command of its own, has not done what it says where a node lost that again: raise Restarted."""
+    """Raise Restarted if a node has lost changes of this script or command: its result does not hold."""
     for text in losses(nodes):
         raise Restarted(text, hint="look at its supply, then do it all again", state="unknown")

@@ -1,7 +1,4 @@
-"""Whether a node is the device that it was before its bus was gone. Reads nothing.
-
-Does not know why it was looked at before, nor what is to be done with it.
-"""
+"""Tell whether a node is still the same device after its bus was lost. Reads nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def unlike_before(before: Identity, now: Identity) -> str:
-    """How the identity (0x1018) that was read *now* differs from that of *before*; empty where it does not."""
+    """The difference between the identities (0x1018) *before* and *now*; empty if equal."""
     return ", ".join(
         f"{name} {_shown(now.get(name))}, was {_shown(known)}"
         for name, known in before.items()
@@ -24,7 +21,7 @@ def unlike_before(before: Identity, now: Identity) -> str:
 
 
 def another_device(node_id: int, unlike: str) -> SafetyRefusal:
-    """The error of whoever would go on with another device, *unlike* the one before, as if it were the same."""
+    """The error for continuing on another device, with the difference *unlike*."""
     return SafetyRefusal(
         f"node {node_id} is another device than before the bus was gone",
         node=node_id,

@@ -1,7 +1,4 @@
-"""A device that no file describes: which objects it answers for, index by index, and what they hold.
-
-Reads, and writes nothing. Does not know what an object means, but for the standard's.
-"""
+"""Scan a device without an EDS: its objects, index by index, and their values. Writes nothing."""
 
 from __future__ import annotations
 
@@ -37,11 +34,10 @@ _IS_THERE = (
 def scan_objects(
     node: Node, known: Configuration, areas: tuple[range, ...] = AREAS, on_object: OnObject = lambda *_progress: None
 ) -> dict[ObjectAddress, ReadObject]:
-    """Ask *node* for each index of *areas*, and for the sub-indices of those that it has.
+    """Ask *node* for each index in *areas*, and for the sub-indices of existing objects.
 
-    Programs, the operating system's channels and what *known* says is part of a login are not asked for. Does not
-    tell whether the node restarts meanwhile (`read_together` does). NoAnswer if the node says nothing about what it
-    lacks.
+    Skips programs, OS command channels, and login objects by *known*. Does not detect a restart meanwhile
+    (`read_together` does). Raises NoAnswer if the node does not answer for missing objects.
     """
     scan = _Scan(node, known)
     indices = [index for area in areas for index in area if index not in _CHANNELS and index != _PROGRAM]
@@ -54,7 +50,7 @@ def scan_objects(
 
 
 class _Scan:
-    """What was *found* of *node* so far."""
+    """A scan of *node* with the objects *found* so far."""
 
     def __init__(self, node: Node, known: Configuration) -> None:
         self._node, self._known = node, known
@@ -62,7 +58,7 @@ class _Scan:
         self._silent = self._size = 0
 
     def ask_index(self, index: int) -> None:
-        """Sub-index 0, and the others where it may say how many there are."""
+        """Read sub-index 0, and the others if sub-index 0 may be their number."""
         first = self._ask(index, 0)
         if first is None or first.data is None or len(first.data) != 1 or not first.data[0]:
             return
@@ -72,7 +68,7 @@ class _Scan:
             self._ask(index, sub_index)
 
     def _ask(self, index: int, sub_index: int) -> ReadObject | None:
-        """Read one object into what was found; None where there is none."""
+        """Read one object into *found*; None if missing."""
         entry = _entry(index, sub_index)
         one: ReadObject | None = ReadObject(entry)
         if self._known.why_not(entry) is NotWritten.PASSCODE:
@@ -103,7 +99,7 @@ class _Scan:
 
 
 def _entry(index: int, sub_index: int) -> OdEntry:
-    """What the standard says of an object that no file describes; elsewhere anything is possible."""
+    """The standard's description of an object without an EDS; anything is possible outside the standard."""
     standard = standard_entry(index, sub_index)
     if standard is None:
         return OdEntry(index, sub_index, "")

@@ -49,12 +49,12 @@ def carry_out_as_taken(
     *,
     is_kept: bool = False,
 ) -> tuple[Plan, tuple[Finding, ...]]:
-    """Carry *plan* out; what was carried out in the end, and *findings* with what the device wanted otherwise.
+    """Apply *plan*; return the plan in its final form, and *findings* with the device's requirements.
 
-    If the device refuses a parameter of a PDO that is on, and everything was put back, the plan is done again with that
-    PDO disabled, once. If it refuses a PDO write for its state and is OPERATIONAL, the plan is done again, once, in
-    PRE-OPERATIONAL, with consent. A refusal that comes a second time is remembered of the device: from then on its PDOs
-    are disabled, or it is brought to PRE-OPERATIONAL, right away.
+    If the device refuses a parameter of an enabled PDO and the roll-back succeeded, the plan is repeated once with the
+    PDO disabled. If it refuses a PDO write for its state and is OPERATIONAL, the plan is repeated once in PRE-
+    OPERATIONAL, with consent. A requirement seen twice is learned for the device type: from then on the PDO is
+    disabled, or the device brought to PRE-OPERATIONAL, at once.
     """
     plan = _as_known(node, plan)
 
@@ -79,9 +79,9 @@ _Run = Callable[[Plan, "InitialState | None"], None]
 
 
 def _carry_out_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> tuple[Plan, Finding]:
-    """Carry *plan*, of which the device *refused* a step, out otherwise; what was carried out, and what to say of it.
+    """Repeat *plan* after a refused step in another way; the final plan, and a finding.
 
-    *refused* itself is raised if there is no other way.
+    Raises *refused* if there is no other way.
     """
     change, step = _refused_while_on(plan, refused)
     if change is not None and step is not None and _may_be_off(node, change):
@@ -107,7 +107,7 @@ def _carry_out_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: 
 
 
 def _is_for_its_state(node: Changeable, plan: Plan, refused: DeviceRefused) -> bool:
-    """Whether a PDO write was *refused*, and put back, perhaps because the node is OPERATIONAL, which it says it is."""
+    """True if a PDO write was refused and rolled back, possibly because the node is OPERATIONAL."""
     steps = {step.object for change in plan.changes for step in change.steps if _is_of_pdo(change)}
     return (
         refused.state == "rolled_back"
@@ -140,7 +140,7 @@ def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, ru
 
 
 def _wants_pre_operational(node: Changeable, plan: Plan) -> bool:
-    """Whether it was found out before that the device takes a PDO change as *plan* has one only in PRE-OPERATIONAL."""
+    """True if the device type is known to take a PDO change like *plan* only in PRE-OPERATIONAL."""
     return any(map(_is_of_pdo, plan.changes)) and not node.gate.entered and node.is_found_to_want_pre_operational
 
 
@@ -149,13 +149,13 @@ def _is_of_pdo(change: Change) -> bool:
 
 
 def _noted(node: Changeable, change: PdoChange, step: Step, refused: DeviceRefused) -> str:
-    """Note what the device wanted; what that means for the next time, for people."""
+    """Record the device's requirement; the consequence for the next time, for display."""
     times = node.habits.add(node.identity(), Habit((change.pdo.direction, step.sub_index), refused.abort or 0))
     return _remembered(node, times, "disabled")
 
 
 def _remembered(node: Changeable, times: int, what: str) -> str:
-    """What it means for the next time that something was found out so many *times*; *what* is done first then."""
+    """The consequence of a requirement seen *times* times, for display; *what* is done first from then on."""
     if times < OFTEN_ENOUGH:
         return "where that comes again it is remembered"
     if not name_of(node.identity()):
@@ -164,12 +164,12 @@ def _remembered(node: Changeable, times: int, what: str) -> str:
 
 
 def _may_pass(node: Changeable, refused: DeviceRefused) -> bool:
-    """Whether *refused* says no more than that the device does not take it in its present state, and it runs."""
+    """True if *refused* gives the device's present state as the only reason, and the device is running."""
     return refused.abort == Abort.DEVICE_STATE and present_state(node.access) is NmtState.OPERATIONAL
 
 
 def _refused_while_on(plan: Plan, refused: DeviceRefused) -> tuple[PdoChange, Step] | tuple[None, None]:
-    """The change, and the step of it, that the device *refused* where a PDO was on; None where it was another thing."""
+    """The change and the step *refused* while a PDO was enabled; None if another step was refused."""
     if refused.state == "rolled_back" and refused.abort in _WHILE_ON:
         for change in plan.changes:
             for step in _while_on(change):
@@ -179,7 +179,7 @@ def _refused_while_on(plan: Plan, refused: DeviceRefused) -> tuple[PdoChange, St
 
 
 def _while_on(change: Change) -> Iterator[Step]:
-    """The steps of *change* that write a parameter of a PDO that is on."""
+    """The steps of *change* that write a parameter of an enabled PDO."""
     if not isinstance(change, PdoChange) or not change.before.enabled:
         return
     for step in change.steps:
@@ -189,7 +189,7 @@ def _while_on(change: Change) -> Iterator[Step]:
 
 
 def _as_known(node: Changeable, plan: Plan) -> Plan:
-    """*plan* as this device takes it, as far as that was found out before."""
+    """*plan* adapted to the known requirements of this device."""
     candidates = [change for change in plan.changes if any(True for _ in _while_on(change))]
     if not candidates or not node.habits.are_there:
         return plan
@@ -202,7 +202,7 @@ def _as_known(node: Changeable, plan: Plan) -> Plan:
 
 
 def _may_be_off(node: Changeable, change: PdoChange) -> bool:
-    """Whether the rules let the PDO be enabled again as it is to be, and as it was."""
+    """True if the rules allow the PDO to be enabled again, both as planned and as before."""
     off = replace(change.before.communication, cob_id=change.before.communication.cob_id.disabled())
     now = replace(change.before, communication=off)
     return not any(_errors(node, change, now, want) for want in (change.after, change.before))
@@ -213,6 +213,6 @@ def _errors(node: Changeable, change: PdoChange, now: PdoConfig, want: PdoConfig
 
 
 def _with_off(plan: Plan, change: PdoChange) -> Plan:
-    """*plan* with the PDO of *change* disabled before anything of it is written."""
+    """*plan* with the PDO of *change* disabled before its first write."""
     off = replace(plan_pdo(change.pdo, change.before, change.after, off=True), back=change.back)
     return replace(plan, changes=tuple(off if planned is change else planned for planned in plan.changes))

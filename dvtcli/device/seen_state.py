@@ -1,7 +1,4 @@
-"""Seeing which NMT state a node is in, after it was commanded into one.
-
-Knows the ways in which a state can be seen, and which of them may be asked for. Does not command anything.
-"""
+"""Observe the NMT state of a node, especially after an NMT command. Sends no command."""
 
 from __future__ import annotations
 
@@ -37,11 +34,10 @@ _LATE_S = 0.5
 
 
 def seen_state(access: NodeAccess, wanted: NmtState) -> NmtState | None:
-    """The state that a node just commanded to *wanted* is seen in; None where it cannot be seen.
+    """The observed state of a node just commanded to *wanted*; None if unobservable.
 
-    By boot-up, heartbeat or the family's state object; a heartbeat that is slow (0x1017) is waited for. By node
-    guarding only where the node sends no heartbeats and its life is not guarded, which the first request would
-    start (CiA 301, 7.2.8.3.2.1).
+    By boot-up, heartbeat or the family's state object; waits for a slow heartbeat (0x1017). By node guarding only
+    without heartbeats and without life guarding, which the first request would start (CiA 301, 7.2.8.3.2.1).
     """
     return _settled(access, wanted, access.confirmed(wanted, CONFIRM_S))
 
@@ -58,10 +54,10 @@ def _settled(access: NodeAccess, wanted: NmtState, state: NmtState | None) -> Nm
 
 
 def present_state(access: NodeAccess) -> NmtState | None:
-    """The state that a node is in, which was not commanded; None if nothing tells it.
+    """The present state of a node without a command; None if unobservable.
 
-    If it was not heard yet, and no object tells it, the next heartbeat is waited for (0x1017 says how long), or the
-    node is asked once by node guarding, as in `seen_state`.
+    If no state was received and no object has it, waits for the next heartbeat (for the time in 0x1017), or sends a
+    single node guarding request, as `seen_state` does.
     """
     state = access.state()
     if state is not None:
@@ -81,7 +77,7 @@ def _heartbeat_s(access: NodeAccess) -> float | None:
 
 
 def _guarded(access: NodeAccess) -> NmtState | None:
-    """What the node answers to one node guarding request; None where it must not be asked, or is silent."""
+    """The answer to one node guarding request; None if forbidden or unanswered."""
     bus, sdo = access.bus, access.bus.sdo(access.node_id)
     try:
         life = [read_optional(sdo, index, 0, 2) or 0 for index in (GUARD_TIME, LIFE_TIME_FACTOR)]
@@ -97,7 +93,7 @@ def _guarded(access: NodeAccess) -> NmtState | None:
 
 
 def seen_states(accesses: Mapping[int, NodeAccess], wanted: NmtState) -> dict[int, NmtState | None]:
-    """As `seen_state`, of many nodes that were commanded at once; they are waited for together."""
+    """As `seen_state` for many nodes commanded at once, with a common wait."""
     if not accesses:
         return {}
     bus = next(iter(accesses.values())).bus
@@ -112,10 +108,10 @@ def seen_states(accesses: Mapping[int, NodeAccess], wanted: NmtState) -> dict[in
 
 
 def why_it_may_move(bus: CanopenBus, node_id: int) -> str:
-    """Why a reset of *node_id* may let a motor go: an axis "operation enabled", or not known; empty where neither.
+    """Why a reset of *node_id* may release a motor: an axis is "operation enabled", or unknown; else empty.
 
-    A drive has up to eight axes, `AXIS` apart (CiA 402-2, 6.2). Each is asked as often as any upload is, since one lost
-    answer does not make a drive stand still; a node that is heard to be STOPPED answers nothing, and is not asked.
+    A drive has up to eight axes, `AXIS` apart (CiA 402-2, 6.2). Each is read with the usual retries, since one lost
+    answer does not mean standstill; a STOPPED node answers no SDO and is not asked.
     """
     if bus.nmt_state(node_id) is NmtState.STOPPED:
         return "is STOPPED, so that it cannot be asked whether its operation is enabled"

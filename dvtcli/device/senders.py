@@ -1,4 +1,4 @@
-"""What the nodes of a network send and hear once a plan for all of them is carried out. Reads COB-IDs when asked."""
+"""The PDOs that the nodes of a network send and receive after a network-wide plan. Reads COB-IDs on demand."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Senders:
-    """The TPDOs of *nodes*, as they were read for this plan, and what it, or a file, makes of them.
+    """The TPDOs of *nodes*, as read for this plan, and their COB-IDs after the plan or by a file.
 
-    *after* has the COB-ID of each TPDO that gets another one, by node-ID. None stands for one that will be off, or of
-    which nobody knows yet what it will be.
+    *after* has the new COB-ID of each changed TPDO, by node-ID; None if it will be disabled, or its COB-ID is unknown
+    yet.
     """
 
     nodes: Mapping[int, KnownPdos]
@@ -38,9 +38,9 @@ class Senders:
     _channels: Mapping[tuple[int, bool], str] | None = None
 
     def read_ahead(self, changed: Collection[int]) -> None:
-        """Read of all nodes side by side what they send, and of those that are *changed* what their services take.
+        """Read the TPDOs of all nodes, and the services of *changed* nodes, in parallel.
 
-        What cannot be read is told where it is needed.
+        A read error is reported at first use of the value.
         """
         nodes = self.nodes.values()
         read_side_by_side(nodes, [partial(self._read_ahead, node, services=node.node_id in changed) for node in nodes])
@@ -53,7 +53,7 @@ class Senders:
         tuple(self._of(node))
 
     def besides(self, node_id: int) -> tuple[Producer, ...]:
-        """What the other nodes will send, and nodes that were met and are not in the plan send now."""
+        """The future TPDOs of the other nodes, and present TPDOs of known nodes outside the plan."""
         return tuple(
             producer
             for other in (*self.nodes.values(), *self._strangers())
@@ -62,27 +62,27 @@ class Senders:
         )
 
     def besides_with(self, node_id: int, cob_id: CobId) -> Sequence[Producer]:
-        """What of `besides` has the CAN-ID of *cob_id*; as `sent`."""
+        """The producers in `besides` with the CAN-ID of *cob_id*; fixed like `sent`."""
         same = self.sent().get((cob_id.can_id, cob_id.extended), ())
         return [producer for producer in same if producer.node_id != node_id]
 
     def sent(self) -> Mapping[Id, Sequence[Producer]]:
-        """What all nodes will send, by its CAN-ID; from the first call on that stays so."""
+        """The future TPDOs of all nodes by CAN-ID; fixed from the first call on."""
         if self._sent is None:
             nodes = (*self.nodes.values(), *self._strangers())
             self._sent = by_id(producer for node in nodes for producer in self._of(node))
         return self._sent
 
     def heard(self) -> Mapping[Id, Sequence[Producer]]:
-        """Every RPDO that will be enabled, of nodes that answer, by its CAN-ID; as `sent`."""
+        """Every enabled future RPDO of answering nodes by CAN-ID; fixed like `sent`."""
         if self._heard is None:
             self._heard = by_id(self._rpdos())
         return self._heard
 
     def channels(self) -> Mapping[tuple[int, bool], str]:
-        """The CAN-IDs of further SDO channels of all nodes, each with what it is; as `sent`.
+        """The CAN-IDs of further SDO channels of all nodes, each with a description; fixed like `sent`.
 
-        And all services of nodes that are not in the plan: those of its nodes may be what the plan changes.
+        Includes all services of nodes outside the plan; services of its nodes may be changed by the plan.
         """
         if self._channels is None:
             self._channels = {**services_taken(self._strangers()), **channels_taken(self.nodes.values())}

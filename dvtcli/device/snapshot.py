@@ -1,4 +1,4 @@
-"""What a node holds of what a store keeps: its PDOs, and the single objects that dvtcli wrote. Writes nothing."""
+"""The stored part of a node's values: PDOs and single objects written by dvtcli. Writes nothing."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What a node holds: its PDOs, and the single objects that this session, or an earlier one, wrote.
+    """A node's PDOs, and the single objects written by this session or an earlier session.
 
-    *unread* are those of the objects that could not be read, though they may be at another time, each with why; *notes*
-    say what else of that was left out.
+    *unread* are objects temporarily unreadable, each with the reason; *notes* describe other omissions.
     """
 
     pdos: Mapping[Pdo, PdoConfig]
@@ -35,7 +34,7 @@ class Snapshot:
 
     @classmethod
     def now(cls, node: Node) -> Snapshot:
-        """Read it; an object that only takes values is no part of it, nor is one that moves the machine."""
+        """Read the node, without write-only objects and objects that move the machine."""
         written, notes = _written(node)
         values: dict[Place, bytes] = {}
         unread: dict[Place, str] = {}
@@ -56,11 +55,11 @@ class Snapshot:
         return cls(node.pdos(), values, notes, unread)
 
     def of_group(self, sub_index: int) -> dict[Place, bytes]:
-        """The objects that group *sub_index* of 0x1010 or 0x1011 takes; none of a maker's own."""
+        """The objects covered by group *sub_index* of 0x1010 or 0x1011; empty for a manufacturer group."""
         return {place: value for place, value in self.values.items() if _is_in(place, sub_index)}
 
     def unread_of_group(self, sub_index: int) -> str:
-        """Which objects of that group could not be read, with why; empty where none."""
+        """The unreadable objects of the group with their reasons; empty if all were read."""
         return join_some(text for place, text in self.unread.items() if _is_in(place, sub_index))
 
 
@@ -70,7 +69,7 @@ def _is_in(place: Place, sub_index: int) -> bool:
 
 
 def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
-    """Single objects that were written, by whichever process; and what to say where not all is known."""
+    """The single objects written by any process, and messages if the list may be incomplete."""
     places, notes = dict.fromkeys(node.wanted_values), ()
     if node.keeper is None:
         return list(places), notes

@@ -1,7 +1,4 @@
-"""The stamp that a node holds in 0x1020, and how a change ends it. Writes nothing by itself.
-
-Does not know what a stamp is made from.
-"""
+"""The configuration stamp in 0x1020 of a node, and its removal by a change."""
 
 from __future__ import annotations
 
@@ -26,9 +23,9 @@ _ENDS = "a configuration that changes loses its stamp"
 
 
 def held_stamp(node: KnownPdos) -> Stamp | None:
-    """What 0x1020 of *node* holds, as it was read since the last change; None where it has none that can be set.
+    """The stamp in 0x1020 of *node*, read since the last change; None without a writable stamp.
 
-    SdoAborted where it cannot be read just now: it may hold a stamp of ours all the same, which vouches.
+    Raises SdoAborted if temporarily unreadable: the object may contain our stamp all the same.
     """
     days = _read(node, DATE)
     ms = None if days is None else _read(node, TIME)
@@ -53,15 +50,15 @@ def _read(node: KnownPdos, sub_index: int) -> int | None:
 
 
 def stamp_changes(held: Stamp, wanted: Stamp, reason: str) -> tuple[ValueChange, ...]:
-    """What makes *wanted* of *held*; both sub-indices, also where they stay, by way of 0."""
+    """The changes from *held* to *wanted*: both sub-indices, even if equal, by way of 0."""
     steps = (Step(STAMP, sub_index, held.data(sub_index), wanted.data(sub_index), reason) for sub_index in (DATE, TIME))
     return tuple(ValueChange(step) for step in steps if any(step.before or b"") or any(step.after))
 
 
 def ended_stamp(node: KnownPdos, changes: Sequence[Change]) -> tuple[ValueChange, ...]:
-    """What has to be written ahead of *changes* where *node* holds a stamp of ours, which vouches for what is changed.
+    """The writes needed ahead of *changes* to remove our stamp from *node*, if the stamp covers the changes.
 
-    A device should clear it by itself (CiA 301, 0x1020), and not every one does.
+    A device should clear the stamp itself (CiA 301, 0x1020), but not every device does.
     """
     if any(is_stamp(change) for change in changes) or not any(_configures(node, change) for change in changes):
         return ()
@@ -74,10 +71,10 @@ def ended_stamp(node: KnownPdos, changes: Sequence[Change]) -> tuple[ValueChange
 def stamp_back(
     node: KnownPdos, others: Sequence[Change], before: Mapping[int, bytes]
 ) -> tuple[ValueChange, ...] | None:
-    """What becomes of a stamp where *others* put back what was changed; *before* is what 0x1020 held, by sub-index.
+    """The changes to a stamp if *others* restore former values; *before* is the former 0x1020 by sub-index.
 
-    Ours says that what it stands for is stored, too, and nobody knows what was stored since: it is never put back, and
-    one that *node* holds ends. None where no stamp of ours is in it: 0x1020 is an object as any other then.
+    Our stamp asserts stored values, and a store since is possible: it is never restored, and a present stamp is
+    removed. None if neither stamp is ours: 0x1020 is treated as any other object.
     """
     held = held_stamp(node)
     if held is None:
@@ -93,17 +90,17 @@ def stamp_back(
 
 
 def with_stamp_ended(node: KnownPdos, plan: Plan) -> Plan:
-    """*plan* with that ahead of it."""
+    """*plan*, preceded by the removal of our stamp if needed."""
     return Plan(plan.node_id, (*ended_stamp(node, plan.changes), *plan.changes))
 
 
 def is_stamp(change: Change) -> TypeGuard[ValueChange]:
-    """Whether *change* is one of 0x1020."""
+    """True if *change* writes 0x1020."""
     return isinstance(change, ValueChange) and change.step.index == STAMP
 
 
 def _configures(node: KnownPdos, change: Change) -> bool:
-    """Whether *change* is one of the configuration, as a restore is: no command, no target, no store."""
+    """True if *change* alters the configuration, including a restore, but not a command, target or store."""
     if not isinstance(change, ValueChange):
         return alters(change)
     step = change.step

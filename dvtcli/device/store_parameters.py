@@ -1,7 +1,4 @@
-"""Store and restore: 0x1010 "save", 0x1011 "load".
-
-Knows the signatures and capability bits of CiA 301 (7.5.2.13, 7.5.2.14). Does not know what was changed.
-"""
+"""Store and restore: 0x1010 "save" and 0x1011 "load" (CiA 301, 7.5.2.13, 7.5.2.14)."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ SIGNATURES = {STORE: b"save", RESTORE: b"load"}
 
 @dataclass(frozen=True, slots=True)
 class Signed:
-    """A signature that the device took: where, in how many seconds, and what the object read before (None: unknown)."""
+    """An accepted signature: its object, duration in seconds, and the object's former value (None: unknown)."""
 
     index: int
     sub_index: int
@@ -38,7 +35,7 @@ class Signed:
 
     @property
     def place(self) -> str:
-        """The object, as it is printed and typed."""
+        """The object as printed and typed."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
 
@@ -51,12 +48,12 @@ def sign(
     dictionary: ObjectDictionary | None = None,
     before: Callable[[], None] = lambda: None,
 ) -> Signed:
-    """Write the signature to *index*:*sub_index*; None takes the first sub-index of *policy* that exists.
+    """Write the signature to *index*:*sub_index*; None takes the first existing sub-index of *policy*.
 
-    *before* is called right before it is written, and raises if it must not be.
+    *before* is called directly before the write and may raise to prevent it.
 
-    Waits up to the policy's own time-out, since EEPROMs are slow. Raises DeviceRefused where the device has no
-    such object, refuses, or has one that its *dictionary* says to be read-only: then nothing is sent.
+    Waits up to the policy's time-out, since EEPROMs are slow. Raises DeviceRefused if the device lacks the object or
+    refuses, or if *dictionary* makes it read-only: nothing is sent then.
     """
     sdo = access.bus.sdo(access.node_id)
     where, capability = chosen(access, policy, index, sub_index, dictionary)
@@ -91,9 +88,9 @@ def sign(
 def chosen(
     access: NodeAccess, policy: StorePolicy, index: int, sub_index: int | None, dictionary: ObjectDictionary | None
 ) -> tuple[int, int | None]:
-    """The sub-index that would take the signature, and what it reads (None: unknown); writes nothing.
+    """The sub-index for the signature and its present value (None: unknown); writes nothing.
 
-    DeviceRefused where the device says that it takes none, or its *dictionary*.
+    Raises DeviceRefused if the device or its *dictionary* has no writable sub-index.
     """
     where, capability = _choose(access.bus.sdo(access.node_id), policy, index, sub_index, access.node_id)
     _refuse_fixed(dictionary, index, where, access.node_id)
@@ -112,7 +109,7 @@ def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interr
 
 
 def _unanswered(gone: BusUnavailable, index: int) -> BusUnavailable:
-    """That the bus was *gone* before the answer came."""
+    """The error: the bus was *gone* before the answer."""
     hint = (gone.hint or "bring the bus back") + _again(index, "then {} again: whether it did is not known")
     return BusUnavailable(gone.text, node=gone.node, place=gone.place, why=gone.why, hint=hint, state=gone.state)
 
@@ -129,7 +126,7 @@ def word_of(index: int) -> str:
 def _choose(
     sdo: SdoTransport, policy: StorePolicy, index: int, sub_index: int | None, node_id: int
 ) -> tuple[int, int | None]:
-    """The sub-index that takes the signature, and what it reads; None where it cannot be read."""
+    """The sub-index for the signature and its present value; None if unreadable."""
     wanted = (sub_index,) if sub_index is not None else policy.sub_indices
     for candidate in wanted:
         try:

@@ -1,4 +1,4 @@
-"""Before and after a store or restore: what must not be stored, and what need not be named any more. Sends neither."""
+"""Checks before a store, and records after a store or restore."""
 
 from __future__ import annotations
 
@@ -31,11 +31,10 @@ def _ways_out(node_id: int, *, confirm: bool) -> Hint:
 
 
 def require_storable(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
-    """Let nothing be stored that is not as it should be: SafetyRefusal, RuleError where nobody is logged in.
+    """Raise SafetyRefusal if values to store are not as expected, RuleError if a login is required.
 
-    What this session changed is read again, and the PDOs whole, since a device may have lost or altered them;
-    *confirm* says whether: not where all of it is about to be given up, nor does it matter then that it is lost or
-    altered already.
+    Reads this session's changes and all PDOs again, since a device may have lost or altered them; not without
+    *confirm*, for a caller about to discard them all.
     """
     node.begin_change()
     word = "stored" if confirm else "restored"
@@ -55,6 +54,6 @@ def require_storable(node: Changeable, *, force: bool = False, confirm: bool = T
 
 
 def mark_stored(node: Changeable, labels: Iterable[str]) -> None:
-    """A store took what the node held of *labels*: no later process names them again."""
+    """Mark *labels* as stored: no later process lists them as unstored."""
     if node.keeper is not None:
         node.keeper.past.was_stored(node.node_id, node.storing, set(labels))

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def takes_store(node: Node) -> bool:
-    """Whether *node* can be told to store, True where nobody knows; its 0x1010 is read once."""
+    """True if *node* supports a store command, or nobody knows; its 0x1010 is read once."""
     if node.takes_store is None:
         from dvtcli.device.store_parameters import STORE, chosen
 

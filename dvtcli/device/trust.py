@@ -1,8 +1,7 @@
-"""Whose files are believed, and files and folders that are the user's alone.
+"""Decide which files to trust, and keep files and folders private to the user.
 
-Ours is what belongs to the user, or to the one who called sudo, and what nobody but them and their own group can write.
-Windows has neither owners nor modes of this kind: there every file counts as ours, and folders get what they inherit.
-Does not know what the files are for.
+Trusted are files owned by the user (or the caller of sudo) and writable only by them and their own group. Windows has
+no such owners and modes: every file counts as trusted, and folders inherit their rights.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ _CURE = "let its owner give you the right to write it" + (f"; {OTHER_STATE}" if 
 
 
 def stranger(path: str, status: os.stat_result) -> tuple[str, str] | None:
-    """Who else decides what is in *path*, by its *status*, and the shell command that cures it; None for nobody."""
+    """The other user in control of *path*, by its *status*, and a shell command to fix this; None if there is none."""
     if sys.platform == "win32":
         return None
     from shlex import quote
@@ -39,7 +38,7 @@ def stranger(path: str, status: os.stat_result) -> tuple[str, str] | None:
 
 
 def replaceable(folder: str) -> tuple[str, str] | None:
-    """Whether everybody can put another file in the place of one in *folder*, and the cure; None where nobody can."""
+    """Why everybody can replace a file in *folder*, and the fix; None if nobody can."""
     if sys.platform == "win32":
         return None
     from shlex import quote
@@ -51,12 +50,12 @@ def replaceable(folder: str) -> tuple[str, str] | None:
 
 
 def is_own_user(number: int | None) -> bool:
-    """Whether the user-ID *number*, None for an unknown one, is the user's, or that of the one who called sudo."""
+    """True if the user-ID *number* (None: unknown) is the user's, or that of the caller of sudo."""
     return number is not None and number in _own_users()
 
 
 def sudo_user() -> int | None:
-    """The user-ID of the one who called sudo; only root may have been called, so nobody else's word counts."""
+    """The user-ID of the caller of sudo; valid for root only, as other users could set it freely."""
     if sys.platform == "win32" or os.geteuid() != 0:
         return None
     said = os.environ.get("SUDO_UID", "")
@@ -64,10 +63,10 @@ def sudo_user() -> int | None:
 
 
 def private_folder(folder: str | os.PathLike[str], *, is_shared: bool = False) -> None:
-    """Make *folder* and what is missing above it, the user's alone (0700) whatever the umask.
+    """Make *folder* and its missing parents private to the user (0700), regardless of the umask.
 
-    *is_shared* as for `check_folder`. SafetyRefusal with the cure if others can write it, or if something that is no
-    folder is in its place; OSError if it cannot be made.
+    *is_shared* as for `check_folder`. Raises SafetyRefusal with the fix if others can write to it, or its place is
+    taken by another file; OSError if it cannot be made.
     """
     path = os.path.abspath(folder)  # noqa: PTH100
     missing = []
@@ -82,7 +81,7 @@ def private_folder(folder: str | os.PathLike[str], *, is_shared: bool = False) -
 
 
 def unusable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
-    """Why nothing can be kept in *folder*, which may be missing yet, with the cure; None if it can. Makes nothing."""
+    """Why *folder*, existing or not, cannot be used, with the fix; None if usable. Creates nothing."""
     path = os.path.abspath(folder)  # noqa: PTH100
     while not os.path.isdir(path):  # noqa: PTH112
         if os.path.lexists(path):
@@ -94,7 +93,7 @@ def unusable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
 
 
 def unreadable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
-    """Why nobody can tell what is kept in *folder*, with the cure; None if it can be listed, or is missing."""
+    """Why the content of *folder* cannot be listed, with the fix; None if listable or missing."""
     path = wanted = os.path.abspath(folder)  # noqa: PTH100
     while not os.path.isdir(path):  # noqa: PTH112
         if os.path.lexists(path):
@@ -125,9 +124,9 @@ def _make(folder: str) -> None:
 
 
 def check_folder(folder: str | os.PathLike[str], *, is_shared: bool = False) -> None:
-    """SafetyRefusal with the cure if somebody else can write *folder*; a folder that is not there is nobody's.
+    """Raise SafetyRefusal with the fix if another user can write to *folder*; a missing folder is fine.
 
-    *is_shared* says that every dvtcli of the user looks there, wherever its journals are.
+    *is_shared*: every dvtcli process of the user uses the folder, independent of its journals.
     """
     path = os.fspath(folder)
     for look in (os.lstat, os.stat):  # a link that somebody else made may lead elsewhere tomorrow
@@ -145,10 +144,10 @@ def check_folder(folder: str | os.PathLike[str], *, is_shared: bool = False) -> 
 
 
 def open_private(path: str | os.PathLike[str], flags: int) -> int:
-    """Open the user's own file *path* with *flags* of `os.open`; made, where they say so, with 0600 whatever the umask.
+    """Open the user's own file *path* with *flags* of `os.open`; a new file gets 0600 regardless of the umask.
 
-    A descriptor. SafetyRefusal where it is a symbolic link, no regular file, somebody else's or known by another name
-    too: what is written there would be written elsewhere. OSError as `os.open`.
+    Returns a descriptor. Raises SafetyRefusal for a symbolic link, a special file, another user's file or a hard link:
+    data would be written elsewhere. Raises OSError as `os.open`.
     """
     name = os.fspath(path)
     if os.path.islink(name):  # noqa: PTH114 - O_NOFOLLOW refuses as well, in words that nobody understands
@@ -198,7 +197,7 @@ def _own_groups() -> set[int]:
 
 
 def _user(number: int) -> str:
-    """The user's name, where the system knows one."""
+    """The user's name, if known."""
     if sys.platform == "win32":
         return str(number)
     import pwd

@@ -1,4 +1,4 @@
-"""Which remembered changes, of whichever process, a node holds that no store of dvtcli took. Writes nothing to it."""
+"""Recorded changes, of any process, present in a node but not stored by dvtcli. Writes nothing to the node."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 def held_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> Mapping[str, int]:
-    """Labels of changes that *node* holds and no store is known to have taken, each with its index.
+    """Labels of changes present in *node* and not known to be stored, each with its index.
 
-    *past* remembers them of the device of this *identity* (0x1018). It is read for that: what a restart took, or
-    somebody else replaced, is none of them. Nothing where the file is damaged, which the next change says.
+    *past* is the history of the device with this *identity* (0x1018). Reads the node, to exclude changes lost by a
+    restart or replaced by others. Empty if the file is damaged; the next change reports the damage.
     """
     return {
         label: change.steps[0].index
@@ -32,12 +32,12 @@ def held_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> M
 
 
 def is_remembered(node: KnownPdos, past: ChangeHistory) -> bool:
-    """Whether *past* has a change of *node* that no store is known to have taken; nothing of it is read for that."""
+    """True if *past* has a change of *node* not known to be stored; does not read the PDOs or objects."""
     return bool(last_unstored(node, past, node.identity()))
 
 
 def last_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> dict[str, Change]:
-    """The last remembered change of each PDO and object, where it was not stored; oldest first."""
+    """The last recorded change of each PDO and object, if not stored; oldest first."""
     try:
         entries = past.all_of(node.node_id, identity)
     except InputFileError:

@@ -1,4 +1,4 @@
-"""Reading and changing the virtual PDOs of one node. Decides nothing about what is legal (`domain.vpdo`)."""
+"""Read and change the virtual PDOs of one node; `domain.vpdo` has their rules."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_PINS = 0xFE
 
 
 def group_names(node: Node) -> list[str]:
-    """The groups of virtual PDOs that the node's family has; DvtcliError where it has none."""
+    """The groups of virtual PDOs of the node's family. Raises DvtcliError if it has none."""
     if node.profile.vpdo:
         return list(node.profile.vpdo)
     raise DvtcliError(
@@ -34,7 +34,7 @@ def group_names(node: Node) -> list[str]:
 
 
 def read_pins(node: Node, name: str) -> Pins:
-    """The pins of the group called *name* as the device holds them; UsageError where the node has no such group."""
+    """The present pins of the group called *name*. Raises UsageError if the node has no such group."""
     if name not in group_names(node):
         have = ", ".join(node.profile.vpdo)
         raise UsageError(f"node {node.node_id} has no virtual PDOs called {name!r}; it has {have}", node=node.node_id)
@@ -45,7 +45,7 @@ def read_pins(node: Node, name: str) -> Pins:
 
 
 def _values(node: Node, group: VpdoGroup) -> Iterable[int]:
-    """What each pin holds; there are as many sub-indices as the device has pins of that kind."""
+    """The value of each pin; the number of sub-indices is the device's number of pins of the kind."""
     for pin in range(1, _MOST_PINS + 1):
         held = read_optional(node.sdo, group.index, pin, 2)
         if held is None:
@@ -54,19 +54,19 @@ def _values(node: Node, group: VpdoGroup) -> Iterable[int]:
 
 
 def tie_findings(node: Node, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
-    """What speaks against *data* at *index*:*sub_index* where that is a pin of a group of virtual PDOs."""
+    """Findings against *data* at *index*:*sub_index* if the object is a pin of virtual PDOs."""
     for name, group in node.profile.vpdo.items():
         if group.index == index and sub_index and len(data) == 2:
             yield from Pins(name, group, 0, ()).findings(sub_index, int.from_bytes(data, "little"), node.dictionary)
 
 
 def names_objects(node: Node, index: int, sub_index: int) -> bool:
-    """Whether a value at *index*:*sub_index* is the index of another object, as that of a pin is."""
+    """True if a value at *index*:*sub_index* is the index of another object, as for a pin."""
     return bool(sub_index) and any(group.index == index for group in node.profile.vpdo.values())
 
 
 def apply(node: Node, changes: Iterable[ValueChange], findings: Iterable[Finding], *, force: bool) -> Applied:
-    """Make *changes* of virtual PDOs, all or none, unless *findings* forbid it and *force* is not given."""
+    """Apply *changes* of virtual PDOs, all or none, unless *findings* forbid them without *force*."""
     found = tuple(findings)
     refuse(found, "virtual PDOs not changed", node.node_id, force=force)
     return node.apply(Plan(node.node_id, tuple(changes)), found, force=force)

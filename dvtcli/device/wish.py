@@ -1,4 +1,4 @@
-"""What a node should hold, and whether it does. Does not know where the wish comes from."""
+"""The requested configuration of a node, and its comparison with the node."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Says = Callable[[int, int, bytes], str]
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """PDOs, and values of single objects, that a node should hold.
+    """The requested PDOs and single objects of a node.
 
-    *said* are the parameters of a PDO (`domain.pdo.PARAMETERS`) that whoever wishes says something of, where that
-    is not all: the others are wished to stay as they are, so that comparing them shows nothing.
+    *said* are the requested parameters of a PDO (`domain.pdo.PARAMETERS`) if not all; the others keep their present
+    values and do not differ.
     """
 
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
@@ -42,7 +42,7 @@ class Wish:
         return bool(self.pdos or self.values or self.unwritten or self.also_equal)
 
     def only(self, pdos: Collection[Pdo]) -> Wish:
-        """The part of it that is about *pdos*."""
+        """The part about *pdos*."""
         chosen = {pdo: config for pdo, config in self.pdos.items() if pdo in pdos}
         unwritten = tuple(row for row in self.unwritten if _pdo_of(row[0]) in pdos)
         return Wish(chosen, said=self.said, unwritten=unwritten)
@@ -54,12 +54,12 @@ class Wish:
 
     @property
     def parameters(self) -> int:
-        """How many parameters are compared: five of each PDO's communication, its entries, and the single objects."""
+        """The number of compared parameters: five per PDO's communication, its entries, and the single objects."""
         return sum(self._said_of(pdo, config) for pdo, config in self.pdos.items()) + self.objects
 
     @property
     def unsaid(self) -> int:
-        """How many more these PDOs have, of which nothing is said."""
+        """The number of parameters of these PDOs without a request."""
         return sum(5 + len(config.mapping) - self._said_of(pdo, config) for pdo, config in self.pdos.items())
 
     def _said_of(self, pdo: Pdo, config: PdoConfig) -> int:
@@ -69,7 +69,7 @@ class Wish:
 
 
 def _pdo_of(label: str) -> Pdo | None:
-    """The PDO whose parameter the object *label* is."""
+    """The PDO with the parameter object *label*."""
     index, colon, _ = label.partition(":")
     return Pdo.at(int(index, 16)) if colon else None
 
@@ -80,7 +80,7 @@ def session_wish(node: KnownPdos) -> Wish:
 
 
 def unreadable_of(node: KnownPdos) -> tuple[str, ...]:
-    """The objects that this session wrote to *node* and that cannot be read back, each as `2050:00`."""
+    """The objects written by this session that cannot be read back from *node*, each as `2050:00`."""
     return tuple(f"{index:04X}:{sub_index:02X}" for index, sub_index in node.unreadable_values)
 
 
@@ -90,9 +90,9 @@ def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:
 
 
 def unlike(node: KnownPdos, wish: Wish, says: Says = value_in_hex) -> tuple[Difference, ...]:
-    """Every difference between *wish* and what *node* holds now, with values as *says* says them.
+    """Every difference between *wish* and *node* now, with values formatted by *says*.
 
-    NoAnswer where it restarts again and again.
+    Raises NoAnswer after repeated restarts of the node.
     """
     return node.observed(lambda: tuple(_unlike(node, wish, says)))
 
@@ -105,7 +105,7 @@ def _unlike(node: KnownPdos, wish: Wish, says: Says) -> Iterator[Difference]:
 
 
 def unlike_values(node: KnownPdos, values: Mapping[Place, bytes], says: Says = value_in_hex) -> Iterator[Difference]:
-    """Every one of the single objects that does not read what *values* say."""
+    """Every single object that differs from *values*."""
     for (index, sub_index), value in values.items():
         held = node.upload(index, sub_index)
         if held != value:

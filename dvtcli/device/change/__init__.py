@@ -1,1 +1,1 @@
-"""A change of one device: carried out as a whole, put back, or told what is left; lock, journal, backup."""
+"""Change one device as a transaction (complete, rolled back, or reported as incomplete): lock, journal, backup."""

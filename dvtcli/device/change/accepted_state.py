@@ -1,4 +1,4 @@
-"""What a device holds of an interrupted change, whose journal is of this device and no other. Writes nothing."""
+"""Compare a device with the journal of an interrupted change made on the same device. Writes nothing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
-    """Raise SafetyRefusal where *journal* was made on another device than *node*."""
+    """Raise SafetyRefusal if *journal* was made on another device than *node*."""
     if journal.plan.node_id != node.node_id or journal.identity != node.identity():
         raise SafetyRefusal(
             f"the journal was made on another device than node {node.node_id}",
@@ -36,9 +36,9 @@ def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
 
 @dataclass(frozen=True, slots=True)
 class AcceptedState:
-    """What a device holds of an interrupted change, and what it held before, both as script lines; what differs.
+    """The present and the former values of an interrupted change as script lines, and the differences.
 
-    What can be read no more is not *is_known*, and counts as no difference.
+    Unreadable values are not *is_known* and count as equal.
     """
 
     label: str
@@ -60,7 +60,7 @@ class AcceptedState:
 
 
 def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
-    """What *node* holds now of everything that the interrupted change was about, as far as it can be read."""
+    """The present values of everything in the interrupted change, as far as *node* can be read."""
     states = []
     for change in journal.plan.changes:
         if isinstance(change, PdoChange):
@@ -93,7 +93,7 @@ def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
 
 
 def _unknown(label: str, refused: SdoAborted) -> str:
-    """A line of a script that says that nobody knows what the device holds."""
+    """A script comment for a value that the device does not return."""
     return f"# {label} is unknown: it cannot be read now ({refused})"
 
 

@@ -1,7 +1,4 @@
-"""What a device acknowledged of a plan, and whether it still holds that: a restart that nobody heard takes it.
-
-Knows what was written. Does not know boot-up messages, and writes nothing.
-"""
+"""The acknowledged steps of a plan, read back to detect a restart without a boot-up message."""
 
 from __future__ import annotations
 
@@ -14,14 +11,14 @@ from dvtcli.errors import DvtcliError, SdoAborted
 
 @dataclass(slots=True)
 class AcceptedSteps:
-    """The last value of each object that the device took, where it can be read."""
+    """The last acknowledged value of each readable object."""
 
     _values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: objects that cannot be read back
     _unreadable: set[tuple[int, int]] = field(default_factory=set)
 
     def took(self, step: Step, change: Change) -> None:
-        """The device acknowledged *step* of *change*."""
+        """Record that the device acknowledged *step* of *change*."""
         place = step.index, step.sub_index
         if isinstance(change, PdoChange) or change.is_readable:
             self._values[place] = step.after
@@ -29,11 +26,11 @@ class AcceptedSteps:
             self._unreadable.add(place)
 
     def was_taken(self, change: ValueChange) -> bool:
-        """Whether the device acknowledged *change*, whose object cannot be read back."""
+        """True if the device acknowledged *change* to an object without read access."""
         return (change.step.index, change.step.sub_index) in self._unreadable
 
     def still_held(self, sdo: SdoTransport) -> bool:
-        """Whether all of it is read back; not where there is nothing, or the device does not answer."""
+        """True if every value reads back equal; false without any value or answer."""
         try:
             return bool(self._values) and all(self._is_held(sdo, *place) for place in self._values)
         except DvtcliError:

@@ -1,7 +1,4 @@
-"""After a change, or one that failed: the NMT state of the node, its journal, and what an error says besides.
-
-Writes no configuration.
-"""
+"""After a change or a failure: restore the NMT state, close the journal, complete the error message."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ HEARTBEAT_S = 1.2
 
 
 def restarted_since(node: Changeable, found: InitialState) -> bool:
-    """Whether *node* may have restarted since it was *found*: its boot-up was heard, or an upload was repeated."""
+    """True if *node* may have restarted since *found*: a boot-up was received or an upload was repeated."""
     return node.bus.upsets(node.node_id) != found.upsets
 
 
@@ -62,7 +59,7 @@ def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_j
 
 
 def set_words(plan: Plan) -> str:
-    """What became of *plan*, which was carried out: what was read back equal, and what could not be read back."""
+    """The result of a completed *plan* in words: verified values, and values that cannot be read back."""
     blind = [change.label for change in plan.unreadable]
     read = [change.label for change in plan.changes if change.label not in blind]
     said = [f"{join_some(read)} was set and read back equal"] if read else []
@@ -70,12 +67,12 @@ def set_words(plan: Plan) -> str:
 
 
 def labels_of(plan: Plan) -> str:
-    """What *plan* changes, in a few words."""
+    """A short text of the changes in *plan*."""
     return join_some(change.label for change in plan.changes)
 
 
 def _close(node: Changeable, error: BaseException | None = None) -> None:
-    """Forget the journal; where that fails, *error* is told of it, or JournalKept is raised where there is none."""
+    """Remove the journal. If removal fails, adds a note to *error*, or raises JournalKept without an error."""
     if node.keeper is None:
         return
     try:
@@ -88,7 +85,7 @@ def _close(node: Changeable, error: BaseException | None = None) -> None:
 
 
 def settle_after(node: Changeable, error: BaseException, found: InitialState) -> None:
-    """The device is as it was: forget the journal; what cannot be put right of its NMT state is added to *error*."""
+    """Close the journal of a rolled-back change; failures to restore the NMT state are added to *error*."""
     try:
         return_to_state(node, found)
         unseen = found.state is None and _rebooted(node, found)
@@ -108,7 +105,7 @@ def _add(error: BaseException, text: str) -> None:
 
 
 def explain_refusal(node: Changeable, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
-    """Let *error* say why the device refused and what to do: what *findings* foresaw, what its maker or state tells."""
+    """Add to *error* why the device refused and what to do, from *findings*, the maker's hints and the NMT state."""
     if error.abort is not None:  # what the rules said explains a refusal, not a silence
         foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
         error.why = error.why or next(foreseen, None)
@@ -118,7 +115,7 @@ def explain_refusal(node: Changeable, error: DvtcliError, findings: tuple[Findin
 
 
 def _hint(node: Changeable, error: DvtcliError) -> str | None:
-    """What the family's maker says of this refusal at this step."""
+    """The maker's hint for a refusal at this step."""
     if error.abort is None or error.place is None or ":" not in error.place:
         return None
     index, sub_index = (int(number, 16) for number in error.place.split(":"))
@@ -126,7 +123,7 @@ def _hint(node: Changeable, error: DvtcliError) -> str | None:
 
 
 def _hint_of_state(node: Changeable, error: DvtcliError) -> Hint | None:
-    """What to try where the device refuses for a reason of its own, or its state, and runs."""
+    """What to try if a running device refuses for a reason of its own or for its state."""
     if error.abort not in (Abort.GENERAL, Abort.DEVICE_STATE):
         return None
     running = node.bus.nmt_state(node.node_id) is NmtState.OPERATIONAL
@@ -138,9 +135,9 @@ def _rebooted(node: Changeable, found: InitialState) -> bool:
 
 
 def return_to_state(node: Changeable, found: InitialState) -> None:
-    """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end.
+    """Restore the NMT state after a reboot; inside an open gate the gate's end restores the state.
 
-    A node that restarts without a boot-up message leaves an upload without an answer, and tells another NMT state.
+    A node that restarts without a boot-up message leaves an upload unanswered and reports another NMT state.
     """
     if found.state is not NmtState.OPERATIONAL or node.gate.entered:
         return

@@ -1,7 +1,4 @@
-"""A node that carries checked plans out, and remembers what they left and what a restart took of it.
-
-Does not check what is wanted, nor know how it is taken back.
-"""
+"""Apply checked plans to a node and record the changes and their loss by a restart."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Applier(Changeable):
-    """A node that may be changed, with what this session did to it."""
+    """A changeable node with the changes of this session."""
 
     #: plans that were applied, oldest first: what `undo` puts back
     history: list[Plan] = field(default_factory=list)
@@ -49,8 +46,8 @@ class Applier(Changeable):
     ) -> Applied:
         """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
 
-        With *kept* it is remembered, so that `undo` can put it back. *found* is what `claim` answered before the reads
-        that the plan was made from. *is_part* says that it is one of several, which end a stamp by themselves.
+        With *kept*, `undo` can revert the plan. *found* is the result of `claim` before the reads that the plan is
+        based on. *is_part* marks one of several plans, which end a configuration stamp themselves.
         """
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.applied import Applied, refuse
@@ -86,7 +83,7 @@ class Applier(Changeable):
         return Applied(plan, findings, unreadable=unreadable)
 
     def _unreadable_findings(self, plan: Plan) -> tuple[Finding, ...]:
-        """A warning for each object that *plan* wrote and that does not read back what was written."""
+        """A warning for each object that does not read back as written by *plan*."""
         if not (plan.unreadable or self.answered_otherwise):
             return ()
         from dvtcli.domain.plan import ValueChange
@@ -103,7 +100,7 @@ class Applier(Changeable):
         )
 
     def _with_stamp_ended(self, plan: Plan) -> Plan:
-        """*plan*, ahead of which a stamp of ours goes that vouches for what it changes."""
+        """*plan*, preceded by the removal of our stamp if the stamp covers a changed object."""
         from dvtcli.domain.plan import STAMP
 
         if self.has_no_stamp or (self.dictionary is not None and STAMP not in self.dictionary):
@@ -113,9 +110,9 @@ class Applier(Changeable):
         return with_stamp_ended(self, plan)
 
     def _done(self, plan: Plan, boot_ups: int, *, kept: bool) -> None:
-        """*plan* was carried out, and read back after *boot_ups* boot-ups: whatever fails from here on, it is so.
+        """Record *plan* as verified after *boot_ups* boot-ups, before any later step can fail.
 
-        Those took what was set before it, and nothing of the plan.
+        These boot-ups cleared earlier changes, but nothing of the plan.
         """
         from dvtcli.device.change.after_change import set_words
         from dvtcli.domain.plan import alters
@@ -137,9 +134,9 @@ class Applier(Changeable):
         self.kept_by_itself |= {change.label: change for change in readable}
 
     def require_kept(self) -> None:
-        """Read what this line changed and no store is needed for again, if the node restarted since it was read back.
+        """Read this line's changes that need no store again if the node restarted since the read-back.
 
-        Restarted if the node does not hold it: nothing else tells what a restart took of it.
+        Raises Restarted if the node has lost them: nothing else reports the loss.
         """
         changes = tuple(self.kept_by_itself.values())
         try:
@@ -160,12 +157,12 @@ class Applier(Changeable):
             self.keeper.remember(plan)
 
     def saves(self, place: tuple[int, int]) -> bool:
-        """Whether a write to *place* is how this family keeps its settings: nothing that could be undone."""
+        """True if a write to *place* makes this family store its settings; such a write cannot be undone."""
         return place == self.profile.store.saved_by
 
     @property
     def unstored(self) -> dict[str, int]:
-        """Labels of what changed since the last store, in order, each with its index."""
+        """Labels of the changes since the last store, in order, each with the index."""
         return self.pending.unstored
 
     def _remember(self, changes: tuple[Change, ...]) -> None:
@@ -186,7 +183,7 @@ class Applier(Changeable):
                 self.pending.changed(change.label, change.steps[0].index)
 
     def _remember_value(self, change: ValueChange) -> None:
-        """Keep what a single write left, so that `verify` compares it, or names it where it cannot be read back."""
+        """Record the value of a single write for `verify`; an unreadable object is only named there."""
         place = change.step.index, change.step.sub_index
         if self.saves(place):
             return
@@ -197,10 +194,7 @@ class Applier(Changeable):
         other.pop(place, None)
 
     def was_reset(self, *, communication: bool) -> tuple[str, ...]:
-        """A reset that was asked for has happened (*communication*: of the communication objects only).
-
-        Returns the labels of what is lost.
-        """
+        """Record a requested reset (*communication*: communication objects only) and return the labels of lost changes."""
         self.mark_unknown()
         self.kept_by_itself.clear()
         if self.restarts_at_read is not None:
@@ -210,7 +204,7 @@ class Applier(Changeable):
         return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))
 
     def notice_reboot(self) -> tuple[str, ...]:
-        """Labels of unstored changes that a restart nobody asked for has lost; empty where there was none."""
+        """Labels of unstored changes lost by an unexpected restart; empty if there was none."""
         try:
             boot_ups = self.bus.boot_ups(self.node_id)
         except BusUnavailable:
@@ -220,7 +214,7 @@ class Applier(Changeable):
         return lost
 
     def _heard(self, boot_ups: int) -> None:
-        """So many boot-ups were seen by now: what the last ones took is to be said."""
+        """Record *boot_ups* boot-ups; the losses of the latest are still to be reported."""
         lost = self.pending.rebooted(boot_ups)
         if lost:
             self.mark_unknown()

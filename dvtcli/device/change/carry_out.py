@@ -54,11 +54,10 @@ def carry_out(
     is_kept: bool = False,
     keep_journal: bool = False,
 ) -> None:
-    """As below, from its first to its last file and frame: a signal waits for a safe point, or comes too late.
+    """Run `_carry_out` as a unit from the first to the last file and frame: a signal waits for a safe point.
 
-    *found* is how the node was claimed when the plan was made, None where that is done now. *is_kept* says that `undo`
-    is to remember the change. With *keep_journal* the journal of a change that stands is left open: who asked for it,
-    to test a store, puts the change back.
+    *found* is the node's state when the plan was made, None to claim the node now. *is_kept* lets `undo` remember the
+    change. With *keep_journal* the journal of a successful change stays open: the caller tests a store and rolls back.
     """
     with node.cancellation.guard():
         found = node.begin_change() if found is None else found
@@ -76,10 +75,10 @@ def _carry_out(
     is_kept: bool,
     keep_journal: bool,
 ) -> None:
-    """Take *node* to where *plan* ends, or leave it as it was; LeftChanged names the journal where neither works.
+    """Apply *plan* or leave *node* unchanged. Raises LeftChanged with the journal's path if neither works.
 
-    *findings* are what the rules had said; they explain a refusal of something that was forced. *done* is called once
-    the plan was read back, before anything else can go wrong, with the number of boot-ups seen by then.
+    *findings* of the rules explain a refusal after *force*. *done* is called with the number of boot-ups directly after
+    the read-back, before any later step can fail.
     """
     node.require_not_restarted(found)
     is_watched = _is_watched(node, plan)
@@ -113,7 +112,7 @@ def _carry_out(
 
 
 def enter(node: Changeable, found: InitialState) -> None:
-    """Make PDO writes possible; a node that restarted since it was *found* OPERATIONAL goes back there at the end."""
+    """Make PDO writes possible; a node that restarted since *found* OPERATIONAL returns to OPERATIONAL at the end."""
     was_in = node.gate.entered
     node.gate.enter()
     if not was_in and node.gate.entered and node.gate.found is None and restarted_since(node, found):
@@ -123,9 +122,9 @@ def enter(node: Changeable, found: InitialState) -> None:
 def look_again(
     node: Changeable, plan: Plan, found: InitialState | None, what: str = "restarted while it was looked at"
 ) -> None:
-    """Read all that *plan* changes: Restarted, which says *what* happened to *node*, if it does not hold it.
+    """Read all that *plan* changes again. Raises Restarted, saying *what* happened, if *node* has lost the change.
 
-    Nothing is to be written any more. The node is brought back to the NMT state in which it was *found*, if given.
+    Makes no further write. Brings the node back to the NMT state *found*, if given.
     """
     differences = node.observed(lambda: [first_difference(node.sdo, change) for change in plan.changes])
     if found is not None:
@@ -141,20 +140,17 @@ def look_again(
 
 
 def _is_watched(node: Changeable, plan: Plan) -> bool:
-    """Whether what *node* holds beside *plan* is to be read whole, for a store of this process to compare.
+    """True if the PDOs outside *plan* must be read for comparison by a later store of this process.
 
-    After the only change of a program that makes one nothing is stored: no uploads are spent on that.
+    A program with a single change stores nothing afterwards and saves these uploads.
     """
     return is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
 
 
 def run(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState) -> int:
-    """Run *plan*, made from what was read since *node* was *found*, as one transaction.
+    """Run *plan*, based on reads since *found*, as one transaction, and check the COB-IDs of *others*.
 
-    The COB-IDs of *others* are looked at.
-
-    What was read of the node before counts no longer. Returns the number of boot-ups that were seen when the read-back
-    began.
+    Invalidates the read cache of the node. Returns the number of boot-ups at the start of the read-back.
     """
 
     def note(changes: Sequence[Change]) -> None:
@@ -193,7 +189,7 @@ def run(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState
 
 
 def _control_words(node: Changeable, plan: Plan) -> frozenset[tuple[int, int]]:
-    """The control word that *plan* alone writes, unless a virtual PDO of the device writes it."""
+    """The control word if *plan* writes nothing else, unless a virtual PDO of the device writes it."""
     step = next(iter(plan.steps)) if len(plan) == 1 else None
     if step is None or Pdo.at(step.index) is not None or step.index < _FIRST_OF_MAKER:
         return frozenset()

@@ -1,7 +1,4 @@
-"""Changes that stand or fall together, as the lines of an atomic script do, and what a journal says of them.
-
-Knows names only: what the changes are is in `course`.
-"""
+"""Changes that succeed or fail together, like the lines of an atomic script, and their entry in a journal."""
 
 from __future__ import annotations
 
@@ -16,12 +13,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Storing:
-    """A store that ends a whole, once all of it is verified.
+    """A store at the end of a change group, after all changes are verified.
 
-    *group* is as `store` takes it; *is_done* once the node acknowledged it, *is_begun* once it may have been asked, and
-    *is_refused* once it refused, and stored nothing. *is_accepted* once the node's journal was closed with what it
-    holds: it is not asked any more. *identity* (0x1018) is the device's, None
-    if an earlier version did not note it; *holds* what it is to hold, if it was not changed and has no journal.
+    *group* is the argument of `store`. *is_begun*: the command may have been sent. *is_done*: the node acknowledged.
+    *is_refused*: the node refused and stored nothing. *is_accepted*: the journal was closed with the present values, no
+    further request follows. *identity* (0x1018) is None in journals of earlier versions. *holds* are the expected
+    values of an unchanged node without a journal.
     """
 
     node_id: int
@@ -41,13 +38,12 @@ class Storing:
 
 @dataclass(frozen=True, slots=True)
 class GroupMember:
-    """What a journal belongs to: the id and the name of a whole (None and empty: its change stands alone).
+    """The change group of a journal: id and name of the group (None and empty: a change by itself).
 
-    *entries* are the ids under which `undo` remembers the changes; *final* is the line of the script that was begun
-    and that no undo reverts. *asked* are the PDOs that `learn` asks, none where it is a change: the others of its plan
-    are only compared. *stores* end a whole whose nodes were all verified; *tests* are what a proof of one changed for a
-    moment: they are put back before anything else is stored. *equal* are the nodes that were as wanted already, and
-    neither are changed nor store: each with what it is to hold.
+    *entries* are the ids for `undo`; *final* is the script line begun last, which no undo reverts. *asked* are the PDOs
+    probed by `learn`, empty for a change; the plan's other PDOs are only compared. *stores* end a group after every
+    node is verified. *tests* are temporary changes of a proof, rolled back before any further store. *equal* are nodes
+    that matched already, with their expected values: neither changed nor stored.
     """
 
     whole: str | None = None
@@ -62,13 +58,13 @@ class GroupMember:
 
 @dataclass(slots=True)
 class ChangeGroup:
-    """What the changes that are made now belong to; shared by all nodes of a session. No id: each stands alone."""
+    """The current change group, shared by all nodes of a session; without an id each change is separate."""
 
     id: str | None = None
     name: str = ""
 
     def begin(self, name: str) -> None:
-        """From now on all changes, of whichever node, stand or fall together; *name* is what they are called."""
+        """Start a group called *name*: from now on the changes of all nodes succeed or fail together."""
         self.id, self.name = os.urandom(16).hex(), name
 
     def end(self) -> None:

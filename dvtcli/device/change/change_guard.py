@@ -1,7 +1,4 @@
-"""What stands around a change on a real bus: the lock, the backup, our own journal, and those that were left behind.
-
-Knows files in one state folder. Does not read or write devices itself; a node hands it what it needs.
-"""
+"""The protection of a change on a real bus: lock, backup, our journal, and journals of interrupted changes."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ from dvtcli.errors import InputFileError, SafetyRefusal
 
 @dataclass(slots=True)
 class BackingUp:
-    """The backups in *folder* of the node at *node_id* on *bus*; *past* are the changes that `undo` remembers of it."""
+    """The backups in *folder* of the node at *node_id* on *bus*; *past* is the change history of `undo`."""
 
     folder: Path
     bus: str
@@ -37,18 +34,18 @@ class BackingUp:
     past: ChangeHistory
 
     def needed(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> bool:
-        """Whether there is no backup of this very device, or one of the PDOs *held* is as nothing that is kept says.
+        """True if this device has no backup, or a PDO in *held* matches no backup and no remembered change.
 
-        SafetyRefusal where somebody else can write there.
+        Raises SafetyRefusal if other users can write to the folder.
         """
         made = self._made(identity)
         unlike = [(pdo, config) for pdo, config in held.items() if not _is_in(made, pdo, config)]
         return not made or (bool(unlike) and not self._remembered(identity) >= set(unlike))
 
     def unlike_kept(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
-        """The PDOs *held* that are as no backup of this very device and no remembered change says.
+        """The PDOs in *held* that match neither a backup of this device nor a remembered change.
 
-        SafetyRefusal if somebody else can write where the backups are.
+        Raises SafetyRefusal if other users can write to the folder.
         """
         made, remembered = self._made(identity), self._remembered(identity)
         return [
@@ -56,13 +53,13 @@ class BackingUp:
         ]
 
     def _made(self, identity: Identity) -> list[set[str]]:
-        """The backups of this very device, by their lines."""
+        """The backups of this device, each as a set of lines."""
         check_folder(self.folder)
         made = [set(backup.lines()) for backup in backups(self.folder, self.bus, self.node_id, identity)]
         return [lines for lines in made if serial_line(identity) in lines]
 
     def _remembered(self, identity: Identity) -> set[tuple[Pdo, PdoConfig]]:
-        """What PDOs held before and after the changes that `undo` remembers; nothing where their file is damaged."""
+        """The PDO configurations before and after the changes in the history; empty if the file is damaged."""
         try:
             entries = self.past.entries(self.node_id, identity)
         except InputFileError:  # the next change sets it aside, and says so
@@ -71,7 +68,7 @@ class BackingUp:
         return {(change.pdo, config) for change in changes for config in (change.before, change.after)}
 
     def make(self, identity: Identity, pdos: Mapping[Pdo, PdoConfig], fixed: Collection[Pdo]) -> Path:
-        """Keep *pdos*, which are all that the device has, and say where; the COB-IDs of *fixed* cannot be written."""
+        """Write a backup of *pdos*, all PDOs of the device, and return the path; COB-IDs of *fixed* are read-only."""
         stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
         path = self.folder / f"{file_name(self.bus)}-{self.node_id}-{stamp}.dvt"
         write_private(path, "\n".join(backup_lines(identity, pdos, fixed)) + "\n")
@@ -79,7 +76,7 @@ class BackingUp:
 
 
 def _is_in(made: Collection[set[str]], pdo: Pdo, config: PdoConfig) -> bool:
-    """Whether one of the backups *made*, by their lines, would set *pdo* to *config*."""
+    """True if a backup in *made* (sets of lines) would set *pdo* to *config*."""
     return any(lines.issuperset(backup_of(pdo, config)) for lines in made)
 
 
@@ -87,7 +84,7 @@ def _is_in(made: Collection[set[str]], pdo: Pdo, config: PdoConfig) -> bool:
 class ChangeGuard:
     """The files of one node on the bus called *bus*: journals and backups below *folder*, locks in *locks*.
 
-    The locks' folder is the same for every dvtcli of a user, or they would not see each other. *say* shows a message.
+    All dvtcli processes of a user share the folder of the locks. *say* shows a message.
     """
 
     folder: Path
@@ -119,14 +116,14 @@ class ChangeGuard:
         self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.past)
 
     def _remove_unfinished(self) -> None:
-        """Remove what a killed process left half written of this node's files: who has the lock is the only writer."""
+        """Remove half-written files left by a killed process; requires the lock, whose holder is the only writer."""
         own = self.journals.path(self.node_id)
         remove_unfinished(own.parent, own.name)
         remove_unfinished(self.folder / "backups", f"{own.stem}-*.dvt")
         remove_unfinished(self.past.folder, f"{file_name(self.bus)}-*-node{self.node_id}.json")
 
     def open_journal(self) -> Path | None:
-        """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""
+        """Path of the journal of an unfinished change, in our folder or as noted by another dvtcli."""
         with self._files("read"):
             own, noted = self.journals.path(self.node_id), self.lock.noted()
             if noted is not None and not self.journals.is_named(noted, self.node_id):
@@ -134,7 +131,7 @@ class ChangeGuard:
             return next((path for path in (own, noted) if path is not None and self.journals.counts(path)), None)
 
     def interrupted(self) -> Journal | None:
-        """The journal of a change that nobody is working on any more, or None; InputFileError where it is damaged."""
+        """The journal of a change without a running process, or None. Raises InputFileError if damaged."""
         with self._files("read"):
             path = self.open_journal()
             if path is None or not self.lock.is_free():
@@ -147,9 +144,9 @@ class ChangeGuard:
                 return None  # who was at work a moment ago has ended its change
 
     def held_journal(self) -> Path | None:
-        """As `open_journal`, with the lock taken first: a change that is under way is not an interrupted one.
+        """As `open_journal`, but under the lock: a change in progress is not an interrupted change.
 
-        SafetyRefusal where another dvtcli is at work. The lock is kept only where there is a journal.
+        Raises SafetyRefusal if another dvtcli is working on the node. Keeps the lock only if there is a journal.
         """
         taken = not self.lock.held
         self.hold()
@@ -160,14 +157,14 @@ class ChangeGuard:
         return path
 
     def hold(self) -> None:
-        """Take the lock, whatever waits to be finished; SafetyRefusal where another dvtcli has it."""
+        """Take the lock, even with an unfinished change. Raises SafetyRefusal if another dvtcli holds the lock."""
         with self._files("read"):
             self.lock.take()
 
     def refuse_while_open(self) -> bool:
-        """Take the lock, and say whether that was needed: nothing that was read before is certain then.
+        """Take the lock; true if this process did not hold the lock before, which makes earlier reads uncertain.
 
-        SafetyRefusal where another dvtcli has it, or an interrupted change waits to be finished.
+        Raises SafetyRefusal if another dvtcli holds the lock, or an interrupted change is unfinished.
         """
         with self._files("kept"):
             taken = not self.lock.held
@@ -194,12 +191,11 @@ class ChangeGuard:
         is_test: bool = False,
         is_kept: bool = True,
     ) -> None:
-        """Before the first write of *plan*: take the lock, back the PDOs up where needed, put the journal on disk.
+        """Prepare the first write of *plan*: take the lock, back up the PDOs if needed, put the journal on disk.
 
-        *held* are PDOs as they were just read, by which it is seen whether a backup is needed; *pdos* reads all of
-        them, for a backup only. Where *plan* goes on with a whole, or takes it back, what that changed counts as it was
-        before. *asked* are the PDOs that `learn` asks, where it does; *is_test* says that *plan* only tests a store,
-        *is_kept* that `undo` is to remember it.
+        *held* are freshly read PDOs to decide whether a backup is needed; *pdos* reads all PDOs, for a backup only. If
+        *plan* continues or rolls back a group, the values from before the group count. *asked* are the PDOs probed by
+        `learn`; *is_test*: *plan* only tests a store; *is_kept*: `undo` remembers the plan.
         """
         if is_kept or not self.own_journal.is_begun:  # a part of what was begun, or its way back: that is backed up
             self._back_up(identity, pdos, held or {})
@@ -217,9 +213,9 @@ class ChangeGuard:
         *,
         proves: bool = False,
     ) -> None:
-        """Before the first write to any node of a whole: what `begin` does, for all of *plan* and what follows it.
+        """Do the work of `begin` for a whole group, before the first write to any node.
 
-        *ends* has the stores that end the whole; with *proves* they are tested.
+        *ends* has the stores at the end of the group; *proves* adds their tests.
         """
         self._back_up(identity, pdos, held)
         room = room_beside(held) + (ROOM_OF_TEST if proves else 0)
@@ -240,18 +236,18 @@ class ChangeGuard:
                 self.say(f"backup of node {self.node_id}: {path}")
 
     def unlike_kept(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
-        """The PDOs *held* that are as no backup of the device and no remembered change says."""
+        """The PDOs in *held* that match neither a backup of the device nor a remembered change."""
         with self._files("read"):
             return self._backing_up.unlike_kept(identity, held)
 
     def remember(self, plan: Plan) -> None:
-        """After *plan*, which `begin` was told of, was carried out and verified: a later `undo` can put it back."""
+        """Let a later `undo` revert *plan*, registered by `begin` and now verified."""
         self.past.add(plan, self.own_journal.identity, self.own_journal.entry)
 
     def forget(self, journal: Journal, back: Plan | None = None) -> None:
-        """After *journal* was recovered, wherever it was kept; that of another change of the node stays.
+        """Remove the recovered *journal*, wherever stored; the journal of another change of the node stays.
 
-        *back* is what was put back, where what it replaced is stored, or may be: the next store is to know of it.
+        *back* are the restored values if the replaced values are stored, or may be: the next store must include them.
         """
         with self._files("removed"):
             remove(journal.path)
@@ -265,7 +261,7 @@ class ChangeGuard:
             Journals(journal.path.parent, journal.bus).tidy(journal.part.whole)
 
     def _is_gone_or(self, journal: Journal, path: Path) -> bool:
-        """Whether the file at *path* is no other journal than *journal*, of which it may be a copy."""
+        """True if the file at *path* is missing, or is *journal* or a copy."""
         if not path.exists():
             return True
         try:
@@ -274,7 +270,7 @@ class ChangeGuard:
             return False
 
     def set_aside(self, path: Path, word: str) -> Path:
-        """Close the journal at *path*: it blocks nothing any more, and is kept under the name that is returned."""
+        """Close the journal at *path* under a new name, which is returned; a closed journal blocks no change."""
         with self._files("set aside"):
             self.lock.take()
             closed = None
@@ -292,7 +288,7 @@ class ChangeGuard:
 
 
 def who_else(keeper: ChangeGuard | None) -> str:
-    """Who may have changed what this process left, for people."""
+    """Who may have changed the node since this process did, for display."""
     other = None if keeper is None else keeper.lock.meanwhile
     if other is None:
         return "it restarted, or somebody else wrote to it"
@@ -300,7 +296,7 @@ def who_else(keeper: ChangeGuard | None) -> str:
 
 
 def _way_out(path: Path) -> Hint:
-    """How the change whose journal is at *path* is finished."""
+    """How to finish the interrupted change with the journal at *path*."""
     try:
         read_journal(path)
     except InputFileError:

@@ -1,7 +1,4 @@
-"""A node that may be changed: what keeps a change safe, what is in RAM only, and what it must hold to be stored.
-
-Does not know what is changed, nor what can be undone.
-"""
+"""A changeable node: its safety checks, unstored changes, and the values expected at a store."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Changeable(KnownPdos):
-    """A node whose PDOs are known, with what a change of it needs."""
+    """A node with known PDOs and the tools to change them safely."""
 
     #: what is in RAM only, and why it must not be stored now
     pending: Pending = field(default_factory=Pending)
@@ -54,7 +51,7 @@ class Changeable(KnownPdos):
 
     @property
     def habits(self) -> Habits:
-        """What devices like this one were found to want: on a real bus by earlier processes, too."""
+        """Learned write requirements of this device type, on a real bus also from earlier processes."""
         if self._habits is None:
             from dvtcli.device.habits import Habits
 
@@ -64,7 +61,7 @@ class Changeable(KnownPdos):
 
     @property
     def is_pre_operational_wanted(self) -> bool:
-        """Whether PDO writes need PRE-OPERATIONAL: by the profile, or as was found out of devices like this one."""
+        """True if PDO writes need PRE-OPERATIONAL, by the profile or as learned from this device type."""
         required = self.profile.pre_operational_gate is PreOperational.REQUIRED
         return required or self.is_found_to_want_pre_operational
 
@@ -74,7 +71,7 @@ class Changeable(KnownPdos):
         return self.habits.are_there and self.habits.is_pre_operational_wanted(self.identity())
 
     def open_gate(self) -> None:
-        """Make PDO writes possible, also on a device of a kind that was found to take them only in PRE-OPERATIONAL."""
+        """Make PDO writes possible, also on a device type learned to accept them only in PRE-OPERATIONAL."""
         if self.is_found_to_want_pre_operational and present_state(self.access) is NmtState.OPERATIONAL:
             self.gate.wanted = self.gate.consent
         try:
@@ -83,10 +80,10 @@ class Changeable(KnownPdos):
             self.gate.wanted = None
 
     def begin_change(self, *, whatever_happened: bool = False) -> InitialState:
-        """Take the lock of the node until the line ends, drop what was read of it, and return how it is found.
+        """Lock the node until the line ends, invalidate the read cache, and return the initial state.
 
-        SafetyRefusal if another dvtcli holds the node or was interrupted, or if the node restarted since it was read;
-        a way back begins *whatever_happened* to the node.
+        Raises SafetyRefusal if another dvtcli holds the node or was interrupted, or if the node restarted since the
+        last read. With *whatever_happened* (a roll-back) a restart does not matter.
         """
         if self.keeper is not None:
             self.keeper.refuse_while_open()
@@ -98,9 +95,9 @@ class Changeable(KnownPdos):
         return InitialState(self.access.state(), boot_ups, upsets, whatever_happened)
 
     def require_not_restarted(self, found: InitialState | None = None) -> None:
-        """SafetyRefusal if the node restarted since this process read it, or was *found*, and nobody here ordered that.
+        """Raise SafetyRefusal if the node restarted unexpectedly since it was read, or since *found*.
 
-        Before the first write of a line: what it is made from, or the lines before it, are of an earlier life.
+        Called before the first write of a line: earlier reads and lines belong to the time before the restart.
         """
         if found is not None and found.whatever_happened:
             return
@@ -112,20 +109,20 @@ class Changeable(KnownPdos):
             raise restarted_since_read(self.node_id, self.pending.unstored)
 
     def await_restart(self) -> None:
-        """Its user was told to restart it, whenever that may be: no line is refused for that restart."""
+        """Expect a restart by the user at any time: no line is refused for that restart."""
         self.awaits_restart = True
         self.bus.order_restart(self.node_id, math.inf)
 
     def await_no_restart(self) -> None:
-        """It was changed since its user was told to restart it: a restart takes that, and is told as any other."""
+        """Report the next restart again: the node was changed since the user was told to restart."""
         if self.awaits_restart:
             self.awaits_restart = False
             self.bus.order_restart(self.node_id, -math.inf)
 
     def end_of_line(self, *, failed: bool = False) -> bool:
-        """End a line that read the node, or *failed*: the next line may write to it also if it restarted by now.
+        """End a line that read the node, or *failed*: the next line may write even after a restart.
 
-        Whether that is yet to be told: not if the line was refused for it, or failed by it.
+        True if the restart is still to be reported: not if the line was refused for, or failed by, that restart.
         """
         told, self.told_restart = self.told_restart, False
         if self.restarts_at_read is None:
@@ -140,6 +137,6 @@ class Changeable(KnownPdos):
         return not told
 
     def let_go(self) -> None:
-        """After a change and all that belongs to it: let others write; what they did is read before the next one."""
+        """Release the lock after a change; changes by others are read before the next change."""
         if self.keeper is not None:
             self.keeper.lock.release()

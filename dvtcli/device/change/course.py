@@ -1,7 +1,4 @@
-"""What one node's journal has to put back: the changes of a whole so far, as one plan.
-
-Knows plans. Does not know scripts, and neither writes files nor devices.
-"""
+"""The changes of one node that its journal can roll back, combined into one plan."""
 
 from __future__ import annotations
 
@@ -16,9 +13,9 @@ from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 
 @dataclass(slots=True)
 class JournalContents:
-    """What one node's journal has to put back: the changes of a whole that were made, and the one *in_hand*.
+    """The changes of one node that its journal can roll back: verified plans of a group and the plan *in_hand*.
 
-    *nmt_state* is what the first one found.
+    *nmt_state* is the NMT state before the first plan.
     """
 
     nmt_state: int | None = None
@@ -37,9 +34,9 @@ class JournalContents:
         *,
         is_test: bool = False,
     ) -> str:
-        """*plan* is about to be carried out, or to be held while `learn` asks; the id under which it is remembered.
+        """Add *plan*, about to be applied or probed by `learn`, and return its id for `undo`.
 
-        One that *is_test* is to go again (`end_test`).
+        With *is_test* the plan is temporary, until `end_test`.
         """
         if self.part.whole != whole.id or not self.is_begun:
             self.made, self.nmt_state, self.part = [], nmt_state, GroupMember(whole.id, whole.name)
@@ -54,32 +51,32 @@ class JournalContents:
         return bool(self.made) or self.prepared is not None
 
     def prepare(self, whole: ChangeGroup, plan: Plan, nmt_state: int | None) -> str:
-        """All of *plan* is to be carried out, part by part; the id under which it is remembered."""
+        """Add the whole *plan* of a group, applied in parts, and return its id for `undo`."""
         entry = self.begin(whole, plan, nmt_state)
         self.in_hand, self.prepared = None, combine_plans(plan.node_id, [*self.made, plan])
         return entry
 
     def carried_out(self) -> None:
-        """The plan in hand was verified: it has to be put back with what comes after it, where that is a whole."""
+        """Mark the plan in progress as verified; in a group it stays for a roll-back with later changes."""
         if self.part.whole is not None and self.in_hand is not None:
             self.made.append(self.in_hand)
             self.in_hand = None
 
     def end_test(self) -> None:
-        """What was changed for a proof is gone again."""
+        """Drop the temporary change of a proof after its roll-back."""
         if self.part.tests:
             self.made = [plan for plan in self.made if plan.changes != self.part.tests]
             self.part = replace(self.part, tests=())
 
     @property
     def plan(self) -> Plan:
-        """Everything that has to be put back, as one plan."""
+        """Everything to roll back, as one plan."""
         plans = [plan for plan in (self.prepared, *self.made, self.in_hand) if plan is not None]
         return plans[0] if len(plans) == 1 else combine_plans(plans[0].node_id, plans)
 
 
 def covers(kept: Plan, plan: Plan) -> bool:
-    """Whether who puts *kept* back puts all of *plan* back: it has the same objects, as they were before."""
+    """True if rolling back *kept* rolls back all of *plan*: the same objects with the same former values."""
     held = {_key(change): _before(change) for change in kept.changes}
     return all(held.get(_key(change)) == _before(change) for change in plan.changes)
 
@@ -93,10 +90,10 @@ def _key(change: Change) -> object:
 
 
 def combine_plans(node_id: int, plans: Iterable[Plan]) -> Plan:
-    """One plan from before the first of *plans* to after the last one, to be put back from its end to its beginning.
+    """One plan from before the first of *plans* to after the last, rolled back in reverse order.
 
-    What was written to an object of a PDO that is put back whole counts no longer, but for an entry behind the count
-    of a mapping that was empty: that is put back after the PDO, which makes room for it.
+    Rolling back a whole PDO replaces earlier writes to its objects, except a mapping entry behind the count of an empty
+    mapping: the entry is rolled back after the PDO, which makes room.
     """
     first: dict[object, Change] = {}
     last: dict[object, Change] = {}

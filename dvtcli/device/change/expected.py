@@ -1,7 +1,6 @@
-"""What a node must hold when it is stored: what this session changed, and the PDOs that it saw beside that.
+"""The values expected at a store: this session's changes and the PDOs read beside them.
 
-Success was observed after each change; a reset, another writer or the device itself may have undone it since. Does not
-write, and does not know why something is not as expected.
+Each change was verified, but a reset, another writer or the device may have undone it since. Writes nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class Expected:
     is_whole: bool = False
 
     def seen(self, others: Mapping[Pdo, PdoConfig], *, whole: bool = False) -> None:
-        """*others* were read beside a change, with *whole* all of them; what was known of them first is what counts."""
+        """Record *others*, read beside a change (with *whole* all PDOs); the first known value of a PDO counts."""
         for pdo, config in others.items():
             self.pdos.setdefault(pdo, config)
         self.is_whole = self.is_whole or (whole and bool(others))
@@ -50,18 +49,18 @@ class Expected:
             self.values[change.step.index, change.step.sub_index] = change.step.after
 
     def _drop_values(self, pdo: Pdo) -> None:
-        """*pdo* was read back whole: what was written to its objects one by one counts no longer."""
+        """Drop single values of *pdo*, read back as a whole."""
         for place in [place for place in self.values if Pdo.at(place[0]) == pdo]:
             del self.values[place]
 
     def clear(self) -> None:
-        """The node was reset on purpose: what is not stored is lost, and that was said."""
+        """Expect nothing after a requested reset, whose losses were reported."""
         self.pdos.clear()
         self.values.clear()
         self.is_whole = False
 
     def require(self, node: KnownPdos, who_else: str) -> None:
-        """Read everything again; SafetyRefusal where something is not as expected, which *who_else* may have done."""
+        """Read everything again; raise SafetyRefusal, naming *who_else* as a possible cause, on a difference."""
         if not self.pdos and not self.values:
             return
         found = node.observed(lambda: list(self._differences(node)))
@@ -80,7 +79,7 @@ class Expected:
             )
 
     def lost(self, node: KnownPdos, labels: Collection[str]) -> list[str]:
-        """How *node* differs, read again now, from what is expected of the changes called *labels*."""
+        """The differences between *node*, read again now, and the changes called *labels*."""
         from dvtcli.device.wish import Wish, unlike
 
         pdos = {pdo: wanted for pdo, wanted in self.pdos.items() if pdo.label in labels}
@@ -90,7 +89,7 @@ class Expected:
         return [f"{label} {text}" for label, text in unlike(node, still_there(node, Wish(pdos, values)))]
 
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:
-        """What differs: its label, its object, and how it differs."""
+        """Each difference as label, object and description."""
         from dvtcli.device.compare import differences
 
         held = node.pdos() if self.pdos else {}
@@ -108,7 +107,7 @@ class Expected:
 
 
 def no_longer_held(node: KnownPdos, changes: Iterable[Change]) -> tuple[Difference, ...]:
-    """What *node* does not hold any more of what *changes* left, read once more."""
+    """The results of *changes* lost by *node*, read again."""
     from dvtcli.device.wish import Wish, unlike
 
     expected = Expected()
@@ -118,7 +117,7 @@ def no_longer_held(node: KnownPdos, changes: Iterable[Change]) -> tuple[Differen
 
 
 def still_there(node: KnownPdos, wish: Wish) -> Wish:
-    """*wish* without the commands and targets of the machine, which it changes all the time."""
+    """*wish* without commands and target values of the machine, which change all the time."""
     from dvtcli.device.wish import Wish
 
     return Wish(wish.pdos, {place: value for place, value in wish.values.items() if not moves(node, *place)})

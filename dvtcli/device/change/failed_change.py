@@ -1,7 +1,4 @@
-"""What is said of a change that failed: the step, the device's refusal, and what the device is left with.
-
-Knows plans and errors. Neither reads nor writes devices, and does not know what happened: it is told.
-"""
+"""Error texts for a failed change: the step, the device's refusal, and the remaining state of the device."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ BUS_BACK = Hint(Action.CHECK_SETUP, why="bring the bus back first ({} looks at i
 
 
 def brought_back_first(hint: Hint | str | None) -> Hint | None:
-    """What *hint* says to bring back before all else, the node or the bus; None where it says neither."""
+    """The part of *hint* about bringing the node or the bus back, to be done first; None without such a part."""
     known = (BRING_BACK, BUS_BACK)
     return next((first for first in known if isinstance(hint, Hint) and hint.begins_with(first)), None)
 
@@ -41,7 +38,7 @@ def step_text(step: Step) -> str:
 
 
 def refused(aborted: SdoAborted, step: Step, node_id: int, what: str) -> DeviceRefused:
-    """The device's refusal of one *step*, with everything the abort said."""
+    """The error for a refused *step*, with all details of the abort."""
     error = DeviceRefused(
         f"node {node_id} refused {what}",
         node=node_id,
@@ -59,7 +56,7 @@ def _reason(error: BaseException) -> str:
 
 
 def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
-    """The worst case: say what failed twice and what the device may be left with."""
+    """The error for a failed change with a failed roll-back: both causes and the values possibly left in the device."""
     labels = join_some(change.label for change in plan.changes)
     look = Hint(Action.SHOW_PDOS, {"all": True}, "look at it with {}; a power cycle brings the stored settings back")
     if isinstance(second, NoAnswer | BusUnavailable):
@@ -74,9 +71,9 @@ def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> Lef
 
 
 def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_known: bool) -> str:
-    """The state after a refusal of *blind*, which cannot be read back, once the rest of *begun* was put back.
+    """The state after a refusal of unreadable objects *blind*, with the rest of *begun* rolled back.
 
-    *is_known* says whether the device is known to have taken nothing of it.
+    *is_known*: the device is known to have taken nothing of *blind*.
     """
     read = [change.label for change in begun if change not in blind]
     names = join_some(change.label for change in blind)
@@ -87,7 +84,7 @@ def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_k
 
 
 def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -> LeftChanged:
-    """After *fault* all of *plan* is put back but *taken*: these were acknowledged, and nobody knows what they held."""
+    """The error for acknowledged changes *taken* with an unknown old value, after *fault*; the rest is rolled back."""
     names = join_some(change.label for change in taken)
     left = LeftChanged(
         f"{names} of node {plan.node_id} could not be put back",
@@ -102,7 +99,7 @@ def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -
 
 
 def not_taken_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -> LeftChanged:
-    """What *plans* changed on *node_id* stays, since after *fault* it could not be taken back, and *why*."""
+    """The error for *plans* still in effect on *node_id*: the roll-back after *fault* was impossible because of *why*."""
     labels = join_some(dict.fromkeys(change.label for plan in plans for change in plan.changes))
     return LeftChanged(
         f"{labels or 'what this line changed'} of node {node_id} could not be taken back",
@@ -115,9 +112,9 @@ def not_taken_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) ->
 
 
 def beside(told: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str, str]]:
-    """The labelled lines for *others* beside the one that is *told*: each text once, and none that it says itself.
+    """Labelled lines for *others* beside the reported error *told*, each text once.
 
-    A bus that is gone is so for every node that was asked side by side.
+    Several nodes asked in parallel report the same lost bus.
     """
     said = f"{told}; {told.why}"
     return [("also", text) for text in dict.fromkeys(map(str, others)) if text not in said]

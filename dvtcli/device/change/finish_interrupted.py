@@ -1,7 +1,6 @@
-"""Finishing an interrupted change: back to what its journal says was held before.
+"""Recover from an interrupted change: restore the former values from its journal.
 
-Changes of several nodes go back together, in phases (`recover_together`). Does not find journals, and does not know who
-else may have written to the device meanwhile.
+`recover_together` recovers several nodes in phases. Other writers may have changed the device meanwhile.
 """
 
 from __future__ import annotations
@@ -52,9 +51,9 @@ _SILENT = (NoAnswer, SdoProtocolError, BusUnavailable, KeyboardInterrupt)
 
 @dataclass(slots=True)
 class Recovery:
-    """An interrupted change of *node* on its way back to what *journal* says was held before.
+    """The recovery of *node* from an interrupted change, to the former values in *journal*.
 
-    *plan* is what was to be written as the node was found, *as_taken* that with what it takes instead.
+    *plan* is the intended roll-back from the initial state, *as_taken* the roll-back with values accepted instead.
     """
 
     node: Changeable
@@ -74,7 +73,7 @@ class Recovery:
 
     @classmethod
     def begin(cls, node: Changeable, journal: Journal) -> Recovery:
-        """Take the node's lock and read it; SafetyRefusal where *journal* was made on another device."""
+        """Lock and read the node. Raises SafetyRefusal if *journal* was made on another device."""
         refuse_other_device(node, journal)
         if node.keeper is not None:
             node.keeper.lock.take()
@@ -87,9 +86,9 @@ class Recovery:
         return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan), others, boot_ups)
 
     def ahead(self) -> Iterator[Plan]:
-        """What goes ahead of `put_back` where other nodes are put back, too: one part for each phase but the last.
+        """The parts to write before `put_back` if several nodes recover together, a part per phase except the last.
 
-        Of a device of which a refusal is foreseen PDOs go off only: `put_back` knows what that takes instead.
+        If a refusal is expected, only PDOs are disabled: `put_back` finds an accepted value.
         """
         changes = self.journal.plan.changes
         foreseen = any(isinstance(change, PdoChange) and change.back is not None for change in changes)
@@ -98,9 +97,9 @@ class Recovery:
             yield next((part for part in phase if not left_out), Plan(self.node.node_id, ()))
 
     def go_ahead(self, part: Plan) -> None:
-        """Bring the node to the end of *part*; what it refuses is left to `put_back`.
+        """Bring the node to the end of *part*, leaving refused steps to `put_back`.
 
-        LeftChanged where it is silent.
+        Raises LeftChanged if the node does not answer.
         """
         if not part.changes:
             return
@@ -108,10 +107,10 @@ class Recovery:
             self._restore(tuple(change.reversed() for change in part.changes), given_up=_SILENT)
 
     def put_back(self) -> None:
-        """Put everything back and verify that, whatever the node holds; LeftChanged leaves the journal.
+        """Roll back and verify everything. Raises LeftChanged, which keeps the journal.
 
-        Other PDOs that the device alters with that are put back, too, unless it restarted since they were read. Single
-        objects that can be read no more keep no journal: *unknown* has them then.
+        Other PDOs altered by the device as a side effect are rolled back as well, unless the node restarted since the
+        read. Objects no longer readable keep no journal: *unknown* lists them.
         """
         node = self.node
         self._boot_ups, self.unknown = node.bus.boot_ups(node.node_id), {}
@@ -122,7 +121,7 @@ class Recovery:
                 raise others_left(self.plan, still)
 
     def _restore_readable(self, changes: Sequence[Change]) -> tuple[PdoChange, ...]:
-        """As `_restore`, of all that can be read; what can be read no more is written unseen, if it can be."""
+        """As `_restore` for all readable objects; the others are written blind, if writable."""
         given_up = (DvtcliError, KeyboardInterrupt)
         try:
             return self._restore([change for change in changes if change not in self.unknown], given_up=given_up)
@@ -137,7 +136,7 @@ class Recovery:
             return self._restore(readable, given_up=given_up) if readable else ()
 
     def _altered(self) -> dict[PdoChange, str]:
-        """The other PDOs that are not as they were, each with what differs; none if the node restarted since then."""
+        """Other PDOs that differ from before, each with the difference; empty if the node restarted since."""
         node = self.node
         try:
             altered = node.observed(lambda: altered_of(node.sdo, self.others))
@@ -146,14 +145,14 @@ class Recovery:
         return altered if node.bus.boot_ups(node.node_id) == self.boot_ups_read else {}
 
     def restart_findings(self) -> tuple[Finding, ...]:
-        """A warning if the node restarted since it was read: what this did not put back is lost with that."""
+        """A warning if the node restarted since the read: values not restored here are lost."""
         node_id = self.node.node_id
         if self.node.bus.boot_ups(node_id) == self.boot_ups_read:
             return ()
         return (restarted_finding(node_id),)
 
     def left_unknown(self) -> LeftChanged | None:
-        """What is told, once it has ended, of objects that can be read no more; None if there are none."""
+        """The error for objects no longer readable after the recovery, or None."""
         if not self.unknown:
             return None
         node_id, labels = self.node.node_id, join_some(change.label for change in self.unknown)
@@ -173,9 +172,9 @@ class Recovery:
         return left
 
     def start(self) -> None:
-        """Start the node where it was found OPERATIONAL; put back anew where it restarted since it was verified.
+        """Start a node found OPERATIONAL; roll back again if the node restarted since verification.
 
-        What it held in RAM only is lost with a restart, also with one that the start brings about.
+        A restart, even one caused by the start command, clears values held in RAM only.
         """
         node = self.node
         for look in range(MOST_LOOKS):
@@ -198,9 +197,9 @@ class Recovery:
         )
 
     def end(self, *, stored: bool = False) -> tuple[Plan, tuple[Finding, ...]]:
-        """Forget the journal; what was to be written, and warnings of what the device did not take back.
+        """Remove the journal; return the intended changes and warnings about values the device did not take back.
 
-        *stored* says whether a store took what is put back, or may have: what is held now is not stored then.
+        *stored*: a store has saved the replaced values, or may have; the present values are not stored then.
         """
         if self.node.keeper is not None:
             self.node.keeper.forget(self.journal, self._held_now() if stored else None)
@@ -208,7 +207,7 @@ class Recovery:
         return self.as_taken if self._otherwise else self.plan, put_back_findings(self._otherwise)
 
     def _held_now(self) -> Plan:
-        """From what the interrupted change wanted to what was put back instead."""
+        """The plan from the values of the interrupted change to the accepted roll-back."""
         taken = {change.pdo: change.back for change in self._otherwise}
         changes: list[Change] = []
         for change in self.changes:
@@ -221,7 +220,7 @@ class Recovery:
     def _restore(
         self, changes: Sequence[Change], *, given_up: tuple[type[BaseException], ...]
     ) -> tuple[PdoChange, ...]:
-        """Bring the node to what *changes* replaced; LeftChanged where it is *given_up* for what goes wrong."""
+        """Restore the former values of *changes*. Raises LeftChanged on an error listed in *given_up*."""
         node = self.node
         node.open_gate()
         try:
@@ -251,7 +250,7 @@ class Recovery:
 
 
 def _readable(node: KnownPdos, pdos: Iterable[Pdo]) -> dict[Pdo, PdoConfig]:
-    """What *node* holds of *pdos*, but of those that it does not let be read now: these keep nothing else waiting."""
+    """The readable configurations among *pdos* of *node*; unreadable PDOs delay nothing else."""
     found: dict[Pdo, PdoConfig] = {}
     for pdo in pdos:
         with suppress(SdoAborted):
@@ -260,9 +259,9 @@ def _readable(node: KnownPdos, pdos: Iterable[Pdo]) -> dict[Pdo, PdoConfig]:
 
 
 def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Change, ...]:
-    """The changes of *interrupted* where *back* puts them back; instead of a stamp of ours its end, which goes first.
+    """The changes of *interrupted* covered by *back*, preceded by the removal of our stamp instead of the stamp.
 
-    Also where none is held: a restart may bring one back that stands for what was stored.
+    The removal is needed even without a stamp: a restart may bring back a stamp for stored values.
     """
     stamps = {step.sub_index: step for step in (change.step for change in filter(is_stamp, interrupted.changes))}
     before = {sub_index: step.before for sub_index, step in stamps.items() if step.before is not None}
@@ -279,11 +278,11 @@ def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Chan
 
 
 def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:
-    """Put back what interrupted changes replaced, phase by phase over all nodes; what failed, by node-ID.
+    """Recover several nodes from interrupted changes, phase by phase; failures by node-ID.
 
-    Producers go off, then consumers, then everything is written; consumers go on, and at last producers: no RPDO hears
-    frames of a layout that it is not mapped for. A node that fails is left alone, the others go on. They are started
-    once all were verified.
+    Producers are disabled first, consumers second; everything is written; consumers are enabled, producers last. So no
+    RPDO receives frames with a wrong layout. A failed node is left alone, the others continue. Nodes are started after
+    all are verified.
     """
     failed: dict[int, DvtcliError] = {}
     if len(recoveries) > 1:
@@ -296,7 +295,7 @@ def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:
 
 
 def _each(recoveries: Iterable[Recovery], failed: dict[int, DvtcliError], work: Callable[[Recovery], None]) -> None:
-    """Do *work* for each but those that have *failed*; who fails now is one of them."""
+    """Do *work* for each recovery not in *failed*; new failures are added."""
     for recovery in recoveries:
         if recovery.node.node_id not in failed:
             try:
@@ -306,7 +305,7 @@ def _each(recoveries: Iterable[Recovery], failed: dict[int, DvtcliError], work: 
 
 
 def _reason(fault: BaseException) -> str:
-    """What went wrong, with the device's own reason where it is known."""
+    """The cause, with the device's reason if known."""
     why = fault.why if isinstance(fault, DvtcliError) else None
     return ": ".join(text for text in (str(fault), why) if text) or "interrupted"
 

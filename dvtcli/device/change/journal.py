@@ -1,8 +1,7 @@
-"""What is on disk while a device is being changed, so that a killed change can be finished.
+"""The journal on disk during a change, to finish a killed change later.
 
-A journal is written whole and synced before the first write, with the room that its later forms need, and removed once
-the change is verified or undone.
-Knows folders and files of its own. Does not write to devices and does not decide when to recover.
+A journal is written and synced before the first write, with space for its later versions, and removed after the change
+is verified or rolled back.
 """
 
 from __future__ import annotations
@@ -42,19 +41,19 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def create(path: Path, content: str, size: int) -> None:
-    """Write a new file of *content*, in ASCII, with room for *size* bytes, on the disk when this returns.
+    """Write a new file of *content* (ASCII) with space for *size* bytes, synced to disk on return.
 
-    OSError and SafetyRefusal as `write_private`: a file of that name is as it was then.
+    Raises OSError and SafetyRefusal like `write_private`; an existing file of the same name stays unchanged then.
     """
     size = max(size, len(content))
     write_private(path, _line(content, 1, size) + " " * (size + HEAD_BYTES) + "\n", newline="\n")
 
 
 def replace_content(path: Path, content: str, room: int = 0) -> bool:
-    """Make *content*, in ASCII, that of the file at *path*, which takes no more space; False if it has no room for it.
+    """Replace the content (ASCII) of the file at *path* without using more space; false if too little is reserved.
 
-    *room* is how many bytes more it is to have room for. OSError if the disk does not take it all the same, as on a
-    file system that copies on write: the content is as it was then.
+    *room* is how many further bytes to reserve. Raises OSError if the disk refuses all the same, as a copy-on-write
+    file system may; the content stays unchanged then.
     """
     try:
         descriptor = open_private(path, os.O_RDWR)
@@ -82,7 +81,10 @@ def replace_content(path: Path, content: str, room: int = 0) -> bool:
 
 
 def content_of(data: bytes) -> bytes:
-    """The content of a file that holds *data*; *data* itself if it has no such lines. ValueError if none is valid."""
+    """The content of a file with the bytes *data*; *data* unchanged if not in this format.
+
+    Raises ValueError if no line is valid.
+    """
     if not _HEAD.match(data):
         return data
     newest = max(data.split(b"\n")[:2], key=_number)
@@ -113,10 +115,7 @@ ACCEPTED, DISCARDED = "accepted", "discarded"
 
 @dataclass(frozen=True, slots=True)
 class Journal:
-    """An interrupted change: the node it was made on, its plan, and the NMT state that was found (None: unknown).
-
-    *part* says what it belongs to.
-    """
+    """An interrupted change: its node, plan, initial NMT state (None: unknown), and change group *part*."""
 
     path: Path
     bus: str
@@ -127,7 +126,7 @@ class Journal:
 
     @property
     def labels(self) -> list[str]:
-        """What may have been written, as it is printed."""
+        """The changes possibly written, for display."""
         return list(self.part.asked) or [change.label for change in self.plan.changes]
 
 
@@ -139,11 +138,11 @@ class Journals:
     bus: str
 
     def path(self, node_id: int) -> Path:
-        """Where the journal of *node_id* is, whether there is one or not."""
+        """The path for the journal of *node_id*, existing or not."""
         return self.folder / f"{file_name(self.bus)}-{node_id}.json"
 
     def find(self, node_id: int) -> Journal | None:
-        """The journal of *node_id*, or None; InputFileError where it is damaged."""
+        """The journal of *node_id*, or None. Raises InputFileError if damaged."""
         path = self.path(node_id)
         return read_journal(path) if path.exists() else None
 
@@ -151,26 +150,26 @@ class Journals:
         return self.folder / f"{whole}.whole"
 
     def open_whole(self, whole: str) -> None:
-        """Before the first journal of the *whole* of this id: they count for as long as this lasts."""
+        """Mark the group with id *whole* as open, before its first journal: its journals count until `close_whole`."""
         if not self._marker(whole).exists():
             write_private(self._marker(whole), "")
 
     def close_whole(self, whole: str) -> None:
-        """The *whole* is complete, or put back: what is left of its journals counts no longer, at one stroke."""
+        """Invalidate all remaining journals of the complete or rolled-back group at once."""
         if self._marker(whole).exists():
             remove(self._marker(whole))
             sync_folder(self.folder)
 
     def tidy(self, whole: str | None) -> None:
-        """After a journal of the *whole* of this id is gone: so is what the last one needed.
+        """Remove the group's marker after its last journal is gone.
 
-        A journal that cannot be used now may be one of them, and counts.
+        An unusable journal may belong to the group and counts.
         """
         if whole is not None and self._marker(whole).exists() and not self._may_have(whole):
             self.close_whole(whole)
 
     def _may_have(self, whole: str) -> bool:
-        """Whether there is a journal of the *whole* of this id, or one of which nobody can tell."""
+        """True if the group with id *whole* has a journal, or an unusable journal may belong to the group."""
         for path in self._paths():
             try:
                 found = read_journal(path)
@@ -184,11 +183,11 @@ class Journals:
         return self.folder.glob(f"{file_name(self.bus)}-*.json")
 
     def is_named(self, path: Path, node_id: int) -> bool:
-        """Whether a file at *path* has the name of a journal of *node_id*; what has another one is left alone."""
+        """True if *path* has the file name of a journal of *node_id*; other files are left alone."""
         return path.name == self.path(node_id).name
 
     def counts(self, path: Path) -> bool:
-        """Whether there is a journal at *path* (a damaged one is one, too), and it is of no whole that is complete."""
+        """True for a journal at *path*, damaged or not, unless its group is complete."""
         if not path.exists():
             return False
         try:
@@ -198,7 +197,7 @@ class Journals:
         return whole is None or Journals(path.parent, self.bus)._marker(whole).exists()  # noqa: SLF001 - one of ours
 
     def all_of(self, whole: str) -> list[Journal]:
-        """The journals that belong to the *whole* of this id, by node-ID; those that cannot be used are passed over."""
+        """The usable journals of the group with id *whole*, by node-ID."""
         return sorted(self._of(whole), key=lambda journal: journal.plan.node_id)
 
     def _of(self, whole: str) -> Iterator[Journal]:
@@ -211,10 +210,10 @@ class Journals:
     def write(
         self, plan: Plan, identity: Identity, nmt_state: int | None, part: GroupMember | None = None, *, room: int = 0
     ) -> Path:
-        """Put *plan*, which belongs to *part*, on disk, whole and synced, before its first write; for its owner only.
+        """Write and sync the journal of *plan*, a member of *part*, before its first write; readable by its owner only.
 
-        *room* is how many bytes its later forms may need beyond this one: these take no more space. OSError where it
-        cannot be kept, or is too large to be read again: a journal of that name is as it was then.
+        *room* is how many bytes to reserve for later versions. Raises OSError if the journal cannot be kept, or is too
+        large to read again; an existing journal of the same name stays unchanged then.
         """
         path = self.path(plan.node_id)
         text = self._text(plan, identity, nmt_state, part or GroupMember())
@@ -249,16 +248,16 @@ class Journals:
         return json.dumps(document)  # on one line: with indentation it takes ten times as long
 
     def remove(self, node_id: int) -> None:
-        """Forget the journal of *node_id*: its change is verified, or undone and verified."""
+        """Remove the journal of *node_id* after its change is verified, or rolled back and verified."""
         path = self.path(node_id)
         remove(path)
         sync_folder(path.parent)
 
 
 def read_journal(path: Path) -> Journal:
-    """Read a journal; InputFileError, naming the file and what is wrong, where it is damaged or no journal.
+    """Read a journal. Raises InputFileError with file and cause if damaged or not a journal.
 
-    SafetyRefusal where somebody else could have written it.
+    Raises SafetyRefusal if another user could have written the file.
     """
     try:
         with path.open("rb") as file:
@@ -278,9 +277,9 @@ def read_journal(path: Path) -> Journal:
 
 
 def unneeded_markers(folder: Path) -> list[Path]:
-    """What says in *folder* that journals count of which there are none: a process was killed before the first one.
+    """Markers of open groups without a journal in *folder*, left if a process was killed before the first journal.
 
-    If a journal cannot be used now, nobody can tell which of them it needs: none is told.
+    Empty if a journal is unusable: its marker may be needed.
     """
     try:
         needed = {read_journal(path).part.whole for path in folder.glob("*.json")}
@@ -290,14 +289,14 @@ def unneeded_markers(folder: Path) -> list[Path]:
 
 
 def _refuse_strangers(path: Path, status: os.stat_result) -> None:
-    """A journal says what is written to a device: SafetyRefusal where that may be somebody else's word."""
+    """Raise SafetyRefusal if another user may have written the journal, which is written to a device."""
     found = stranger(str(path), status)
     if found is not None:
         raise SafetyRefusal(f"{path} is not used: {found[0]}", place=str(path), hint=found[1])
 
 
 def _journal(path: Path, document: Any) -> Journal:
-    """The journal that a JSON document tells; ValueError says which part is wrong."""
+    """The journal in a JSON document. Raises ValueError naming the wrong part."""
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise ValueError(f"it does not say {SCHEMA}")
     identity, plan = read_plan(document)
@@ -313,7 +312,7 @@ def _journal(path: Path, document: Any) -> Journal:
 
 
 def _part(document: dict[str, Any]) -> GroupMember:
-    """What the journal belongs to; those of earlier versions do not say, and stand alone."""
+    """The change group of the journal; none in journals of earlier versions."""
     whole, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
     entries, asked = document.get("entries", []), document.get("asked", [])
     if isinstance(whole, str) and not re.fullmatch("[0-9a-f]{1,64}", whole):  # it is part of a file's name

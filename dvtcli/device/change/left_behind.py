@@ -1,6 +1,6 @@
-"""What a device holds that is not as it was before a change, read once its roll-back has failed.
+"""The values in a device that differ from before a change after its roll-back failed.
 
-Reads only; an answer that does not come is told as what is not known.
+Reads only; a missing answer is reported as unknown.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _RESTARTS = f"the node restarted, or lost an answer, each of {MOST_LOOKS} times 
 
 @dataclass(frozen=True, slots=True)
 class Guarded:
-    """What a change of *node_id* was to leave as before: the *before* of *changes*, read through *sdo*.
+    """The values of *node_id* that must be as before *changes*, read through *sdo*.
 
-    Of *beside*, of which only a part may be known, nothing is told but what differs.
+    *beside*, possibly incomplete, is reported only if different.
     """
 
     node_id: int
@@ -38,14 +38,14 @@ class Guarded:
 
     @property
     def all(self) -> tuple[Change, ...]:
-        """All that is read."""
+        """All changes to compare."""
         return (*self.changes, *self.beside)
 
 
 def name_left(left: LeftChanged, guarded: Iterable[Guarded], *, stopped: bool = False) -> None:
-    """Let *left* name the objects that are not as before, and the PDOs and objects that are, as read now.
+    """Add to *left* the changed objects, and the PDOs and objects as before, as read now.
 
-    With *stopped* nobody waits for an answer: nothing is read, and all is told as not known.
+    With *stopped* (nobody waits) nothing is read, and everything is reported as unknown.
     """
     objects: list[LeftObject] = []
     as_before: dict[int, list[str]] = {}
@@ -61,7 +61,7 @@ def name_left(left: LeftChanged, guarded: Iterable[Guarded], *, stopped: bool = 
 
 
 def merge_left(left: LeftChanged, others: Iterable[LeftChanged]) -> None:
-    """Let *left* also name what *others* name, which are of other nodes."""
+    """Add the entries of *others*, about other nodes, to *left*."""
     for other in others:
         left.left += other.left
         left.as_before |= other.as_before
@@ -70,7 +70,7 @@ def merge_left(left: LeftChanged, others: Iterable[LeftChanged]) -> None:
 
 
 def could_not(left: LeftChanged, node_id: int, done: str) -> str | None:
-    """That what *left* names of a node could not be *done* ("put back"); None if nothing of it is left."""
+    """The sentence that the entries of *left* for a node could not be *done* ("put back"); None without entries."""
     labels = _labels(left, node_id)
     return f"{labels} of node {node_id} could not be {done}" if labels else None
 
@@ -98,7 +98,7 @@ def _state_text(left: LeftChanged) -> str | None:
 
 
 def _look(guarded: Guarded) -> list[LeftObject]:
-    """The rows of a node, all of them read in one life of it."""
+    """The rows of a node, all read without a restart between."""
     for _ in range(MOST_LOOKS):
         try:
             upsets = guarded.witness.upsets()
@@ -129,7 +129,7 @@ def _rows(guarded: Guarded) -> Iterator[LeftObject]:
 
 
 def _differing(sdo: SdoReader, change: Change) -> Iterator[tuple[str, bytes | None, bytes | None, str]]:
-    """Each object of *change* that is not as before, with what it holds and held, also in words."""
+    """Each changed object of *change* with present and former value, and the difference in words."""
     if isinstance(change, ValueChange):
         step = change.step
         if step.before is None:
@@ -160,7 +160,7 @@ def _unread(guarded: Guarded, changes: Iterable[Change], why: str) -> Iterator[L
 
 
 def _label(change: Change) -> str:
-    """The PDO that *change* is of, also where it is of a single object of it."""
+    """The PDO of *change*, even for a single object of the PDO."""
     if isinstance(change, PdoChange):
         return change.label
     pdo = Pdo.at(change.step.index)

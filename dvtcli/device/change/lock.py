@@ -1,6 +1,6 @@
-"""One writer a node: a lock between dvtcli processes, released by the system when its holder ends, however it ends.
+"""One writer per node: a lock between dvtcli processes, released by the operating system when its holder ends.
 
-Its file and folder are the user's alone: what others could write, or lead elsewhere by a link, is refused (`trust`).
+File and folder must be writable by the user only; a file others could write or replace by a link is refused (`trust`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _RETRY_S = 0.01
 
 @dataclass(frozen=True, slots=True)
 class LockHolder:
-    """A dvtcli that has, or had, the right to write: its *process*, *since* when (ISO 8601, UTC), the *command*."""
+    """The present or last holder of the lock: *process*, *since* (ISO 8601, UTC) and *command*."""
 
     process: str
     since: str = ""
@@ -42,7 +42,7 @@ class LockHolder:
 
 @dataclass(frozen=True, slots=True)
 class _LockNote:
-    """What the lock's file says: who holds it or held it last, the journal in hand, and who began to write last."""
+    """The content of the lock file: present or last holder, journal in progress, and last writer."""
 
     holder: LockHolder
     journal: str = ""
@@ -56,7 +56,7 @@ class _LockNote:
 
     @classmethod
     def parse(cls, text: str) -> _LockNote:
-        """What the file's *text* says; nothing where it is empty."""
+        """Parse the lock file's *text*; an empty file gives an empty note."""
         process, journal, since, command, *writer = ([row.strip() for row in text.split("\n")] + [""] * 7)[:7]
         return cls(_holder(process, since, command), journal, _holder(*writer) if writer[0] else None)
 
@@ -89,18 +89,18 @@ class NodeLock:
 
     @property
     def path(self) -> Path:
-        """The lock's file; it stays, the lock on it does not."""
+        """The lock file; the file stays after the lock is released."""
         return self.folder / f"{file_name(self.bus)}-{self.node_id}.lock"
 
     @property
     def held(self) -> bool:
-        """Whether it is ours."""
+        """True if this process holds the lock."""
         return self._file is not None
 
     def take(self, wait_s: float = WAIT_S) -> None:
-        """Take the lock; SafetyRefusal where another dvtcli holds it, or others can write where it is kept.
+        """Take the lock, waiting up to *wait_s* seconds for another holder.
 
-        *wait_s* is how long another one is waited for (s).
+        Raises SafetyRefusal if another dvtcli holds the lock, or other users can write to the folder.
         """
         if self._file is not None:
             return
@@ -148,7 +148,7 @@ class NodeLock:
         self._was_held, self._last_writer = True, writer
 
     def note(self, journal: Path | None) -> None:
-        """Write down, beside the holder, where the journal of the change in hand is; it outlives a killed holder."""
+        """Note the path of the journal in progress in the lock file, for other processes if this one is killed."""
         assert self._file is not None  # noqa: S101 - only the holder writes
         if journal != self.noted():  # a change begins, or one is put back
             self._last_writer = self._own
@@ -163,16 +163,16 @@ class NodeLock:
             self._on_disk = text
 
     def _named(self, failed: OSError) -> OSError:
-        """*failed* with the lock's own file, which is not where the journals are."""
+        """*failed* with the path of the lock file, whose folder is not the journals' folder."""
         return OSError(failed.errno, failed.strerror or str(failed), str(self.path))
 
     def noted(self) -> Path | None:
-        """The journal that the last holder noted, or None."""
+        """The journal noted by the last holder, or None."""
         line = self._read().journal
         return Path(line) if line else None
 
     def _read(self) -> _LockNote:
-        """What the file says; nothing where there is none."""
+        """The content of the lock file; empty without a file."""
         check_folder(self.folder.parent, is_shared=True)
         check_folder(self.folder, is_shared=True)
         try:
@@ -210,7 +210,7 @@ class NodeLock:
 
 
 def _write_over(file: IO[bytes], text: bytes) -> None:
-    """Make *text* what *file* holds; OSError where the disk does not take all of it, and then it holds what it held."""
+    """Replace the content of *file* by *text*. Raises OSError, with the old content kept, if the disk is full."""
     file.seek(0)
     old = file.read()
     try:
@@ -229,7 +229,7 @@ def _write_all(file: IO[bytes], text: bytes) -> None:
 
 
 def lock_within(file: IO[bytes], wait_s: float) -> None:
-    """Lock the file; OSError where somebody else still has it after *wait_s* seconds."""
+    """Lock the file. Raises OSError if another process still holds the lock after *wait_s* seconds."""
     deadline_s = time.monotonic() + wait_s
     while time.monotonic() < deadline_s:
         try:
@@ -242,7 +242,7 @@ def lock_within(file: IO[bytes], wait_s: float) -> None:
 
 
 def _lock(file: IO[bytes]) -> None:
-    """Lock the whole file without waiting; OSError where somebody else has it."""
+    """Lock the whole file without waiting. Raises OSError if another process holds the lock."""
     if sys.platform == "win32":
         import msvcrt
 

@@ -1,7 +1,7 @@
-"""The journal of what this process changes on one node: there before the first write, until nothing is to be put back.
+"""The journal of this process for one node, from before the first write until nothing must be rolled back.
 
-That of a whole grows with each of its changes, or has all of them from the start (`prepare`): what follows then takes
-no more space. Does not know journals that others left, backups, or devices.
+The journal of a group grows with each change, or contains all changes from the start (`prepare`) and needs no more
+space.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ ROOM_OF_TEST = 5000
 
 @dataclass(slots=True)
 class OwnJournal:
-    """Our journal of the node whose *lock* is ours to take, among *journals*; *whole* is what our changes belong to.
+    """The journal of this process for the node of *lock*, among *journals*; *whole* is the current change group.
 
-    *warn* shows what nobody may miss.
+    *warn* shows an important message.
     """
 
     journals: Journals
@@ -54,27 +54,27 @@ class OwnJournal:
 
     @property
     def path(self) -> Path:
-        """Where it is, whether there is one or not."""
+        """The path of the journal, existing or not."""
         return self.journals.path(self.lock.node_id)
 
     def is_open(self, path: Path) -> bool:
-        """Whether the journal at *path* is that of a whole of ours which is not complete yet."""
+        """True if *path* is the journal of our own incomplete group."""
         course = self._course
         ours = course.is_begun and course.in_hand is None and course.part.whole == self.whole.id
         return ours and path == self.path
 
     @property
     def is_begun(self) -> bool:
-        """Whether it tells of a change that was carried out, or is to be, with others."""
+        """True if the journal contains a change of a group, applied or still planned."""
         return self._course.is_begun
 
     @property
     def says_stores(self) -> bool:
-        """Whether it tells of stores that end the whole."""
+        """True if the journal lists stores at the end of the group."""
         return bool(self._course.part.stores)
 
     def before(self) -> dict[Pdo, PdoConfig]:
-        """What the PDOs of the journal of a whole that is not complete yet held before any of its changes."""
+        """The PDO configurations from before an incomplete group."""
         course = self._course
         if not course.is_begun or course.part.whole != self.whole.id:
             return {}
@@ -83,14 +83,14 @@ class OwnJournal:
         return {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
 
     def guard(self, plan: Plan | None) -> None:
-        """From now on the journal also has *plan*: what the node holds that the changes may alter."""
+        """Add *plan* to the journal: present values that the changes may alter as a side effect."""
         self._beside = plan
 
     def prepare(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, ends: GroupMember) -> None:
-        """Before the first write to any node of a whole: put the journal of all of *plan* on disk.
+        """Put the journal of the whole *plan* on disk, before the first write to any node of a group.
 
-        What is written to it until the whole is over needs no more space: *room* is how many bytes its later forms may
-        need, beside those that say how far the stores of *ends* are. SafetyRefusal if it cannot be kept.
+        Later versions need no more space: *room* is how many bytes to reserve, beside those for the progress of the
+        stores in *ends*. Raises SafetyRefusal if the journal cannot be kept.
         """
         before, self.identity = self._copy(), identity
         with self._files("kept"):
@@ -108,11 +108,11 @@ class OwnJournal:
         is_kept: bool = True,
         room: int = 0,
     ) -> None:
-        """Before the first write of *plan*, of the device of this *identity*: put the journal on disk.
+        """Put the journal on disk before the first write of *plan* to the device with this *identity*.
 
-        *asked* are the PDOs that `learn` asks, where it does; *is_test* says that it only tests a store, *is_kept* that
-        `undo` is to remember it. What is not, and is put back by what is on disk already, needs no space. *room* is how
-        many bytes its later forms may need.
+        *asked* are the PDOs probed by `learn`; *is_test*: the plan only tests a store; *is_kept*: `undo` remembers the
+        plan. A plan not kept and already covered by the journal needs no space. *room* is how many bytes to reserve for
+        later versions.
         """
         before, self.identity = self._copy(), identity
         covered = not (is_kept or is_test or asked) and self._course.is_begun and self._puts_back(plan)
@@ -132,7 +132,7 @@ class OwnJournal:
         return replace(self._course, made=[*self._course.made])
 
     def _keep_or(self, before: JournalContents, room: int) -> None:
-        """Put the journal on disk and note it; if that fails nothing of it is written to the device: as *before*."""
+        """Write and note the journal; on failure return to *before*, since no device was written."""
         try:
             if self.whole.id is not None:
                 self.journals.open_whole(self.whole.id)
@@ -148,13 +148,13 @@ class OwnJournal:
             raise
 
     def _puts_back(self, plan: Plan) -> bool:
-        """Whether the journal, as it is on disk, has all that *plan* writes as it was before the whole."""
+        """True if the journal on disk covers all objects of *plan* with the values from before the group."""
         if self._on_disk is None or self._course.part.whole != self.whole.id:
             return False
         return covers(self._on_disk[0], combine_plans(plan.node_id, [self._course.plan, plan]))
 
     def _guarded(self) -> Plan:
-        """All that has to be put back, and what the node holds that the changes may alter."""
+        """Everything to roll back, with the values possibly altered as a side effect."""
         plan = self._course.plan
         return plan if self._beside is None else combine_plans(plan.node_id, [self._beside, plan])
 
@@ -164,7 +164,7 @@ class OwnJournal:
         self._on_disk = (plan, self._course.part)
 
     def note(self, plan: Plan) -> None:
-        """Put *plan* on disk in place of the one in hand: more than that has to be put back."""
+        """Replace the plan in progress on disk by *plan*: more must be rolled back."""
         with self._files("kept"):
             self._course.in_hand = plan
             self._write()
@@ -174,7 +174,7 @@ class OwnJournal:
         self._course.carried_out()
 
     def end(self) -> None:
-        """After the change was verified, or undone and verified: forget the journal, unless it is that of a whole."""
+        """Remove the journal after the change was verified or rolled back, unless a group is open."""
         self._course.in_hand = None
         self._course.end_test()
         if self._course.is_begun:  # what it says of the change in hand is so, also where that was undone
@@ -182,15 +182,15 @@ class OwnJournal:
         self.forget()
 
     def adopt(self, journal: Journal) -> None:
-        """*journal*, of a whole that another process left verified on every node, is ours to complete now."""
+        """Take over *journal* of a group that another process left verified on every node, to complete the group."""
         self.identity = journal.identity
         self._course = JournalContents(journal.nmt_state, journal.part, [journal.plan])
         self._on_disk = (journal.plan, journal.part)
 
     def final(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
-        """Before *line* of the whole, which no undo reverts, and *stores* those of it; empty: not done after all.
+        """Record the final *line* of the group, which no undo reverts, and its *stores*; empty to cancel.
 
-        *equal* are the nodes that were as wanted already, and neither are changed nor store.
+        *equal* are the nodes that matched already: neither changed nor stored.
         """
         if self._course.is_begun:
             self._course.part = replace(self._course.part, final=line, stores=stores, equal=equal)
@@ -199,7 +199,7 @@ class OwnJournal:
                     self._write()
 
     def complete_whole(self) -> None:
-        """The whole is complete, on every node from now on: forget the journal. JournalKept where that fails."""
+        """Complete the group on every node and remove the journal. Raises JournalKept if removal fails."""
         if self.whole.id is not None:
             try:
                 self.journals.close_whole(self.whole.id)
@@ -208,7 +208,7 @@ class OwnJournal:
         self.end_whole()
 
     def abandon_whole(self) -> None:
-        """The whole is not complete; what of it could not be put back waits for `recover`."""
+        """Leave the group incomplete; changes not rolled back wait for `recover`."""
         self._tidy(self.whole.id)
 
     def _tidy(self, whole: str | None) -> None:
@@ -223,14 +223,14 @@ class OwnJournal:
             self._tidy(whole)
 
     def detach(self) -> None:
-        """Nothing of what this process changed has to be put back any more; whatever is on disk stays there."""
+        """Forget the changes of this process, but leave the files on disk."""
         self._course, self._on_disk, self._beside = JournalContents(), None, None
 
     def forget(self) -> None:
-        """Remove the journal: nothing has to be put back any more.
+        """Remove the journal: nothing must be rolled back any more.
 
-        JournalKept where it is still there. That it is gone for good (it might come back after a power failure), or
-        that the lock still names it, is a message only: `recover` asks before it does anything.
+        Raises JournalKept if the file remains. A removal that may not survive a power failure, or a note left in the
+        lock, only gives a message: `recover` asks before acting.
         """
         self.detach()
         path = self.path
@@ -262,9 +262,9 @@ class OwnJournal:
 
 
 def complete_wholes(journals: Iterable[OwnJournal]) -> JournalKept | None:
-    """Everything stays: `complete_whole` of all *journals*; the first that cannot be removed, with the others beside.
+    """Call `complete_whole` on all *journals*; return the first failure with the others beside.
 
-    Those of the other nodes are removed all the same.
+    The journals of the other nodes are removed all the same.
     """
     kept: list[JournalKept] = []
     for journal in journals:
@@ -285,7 +285,7 @@ def room_beside(held: Mapping[Pdo, PdoConfig]) -> int:
 
 @contextmanager
 def journal_files(journals: Journals, node_id: int, what: str) -> Iterator[None]:
-    """A disk that is full or a folder that may not be written is the user's to mend, not a bug of ours."""
+    """Report a full disk or a read-only folder as an error for the user to fix, not as a bug."""
     try:
         yield
     except OSError as failed:

@@ -1,4 +1,4 @@
-"""What a node holds in RAM only, and why it must not be stored now. Knows labels and reasons; reads no device."""
+"""The changes a node holds in RAM only, and the reasons not to store now."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CHANGE, VERIFY, REBOOT = "change", "verify", "reboot"
 
 @dataclass(slots=True)
 class Pending:
-    """*unstored* has the label of each unstored change with its object's index; *suspicions* a reason by cause."""
+    """*unstored* maps the label of each unstored change to its index; *suspicions* maps causes to reasons."""
 
     unstored: dict[str, int] = field(default_factory=dict)
     suspicions: dict[str, str] = field(default_factory=dict)
@@ -42,19 +42,19 @@ class Pending:
         self.unstored[label] = index
 
     def covered(self, group: int) -> tuple[str, ...]:
-        """Labels of the unstored changes that *group* (a sub-index of 0x1010) covers; none of a maker's own group."""
+        """Labels of the unstored changes covered by *group* (a sub-index of 0x1010); empty for a manufacturer group."""
         low, high = GROUPS.get(group, (1, 0))
         return tuple(label for label, index in self.unstored.items() if low <= index <= high)
 
     def forget(self, group: int) -> tuple[str, ...]:
-        """What *group* covers is stored, or lost: it is no longer pending. Returns its labels."""
+        """Drop the changes covered by *group*, stored or lost, and return their labels."""
         labels = self.covered(group)
         for label in labels:
             del self.unstored[label]
         return labels
 
     def was_stored(self, group: int, changes: int) -> tuple[str, ...]:
-        """*group* was stored after *changes* of this session. Returns the labels of what was pending of it."""
+        """Record a store of *group* after *changes* of this session and return the labels of changes now stored."""
         self.stores += 1
         labels = self.forget(group)
         if not self.unstored:
@@ -64,18 +64,18 @@ class Pending:
         return labels
 
     def was_not_kept(self, stored_at: int) -> None:
-        """The last store kept nothing of what it took: what is stored is what was after *stored_at* changes."""
+        """Record that the last store saved nothing: the stored state is from after *stored_at* changes."""
         self.stored_at = stored_at
 
     def was_restored(self, changes: int) -> None:
-        """Its defaults were restored, or not, and it was reset, after *changes* of this session: none of them counts.
+        """Record a restore of defaults (even a failed one) and a reset after *changes* of this session.
 
-        What it holds then is what was read, and no number of changes stands for that.
+        These changes no longer count, and only a read tells the node's values.
         """
         self.stored_at, self.lost_until, self.partly_stored = 0, changes, True
 
     def is_as_stored(self, changes: int) -> bool:
-        """Whether a node on which *changes* of this session are left holds what is stored, or what was found."""
+        """True if a node with *changes* of this session equals the stored, or the initial, values."""
         return changes == self.stored_at and not self.partly_stored
 
     def was_reset(self, group: int, boot_ups: int) -> tuple[str, ...]:
@@ -86,12 +86,12 @@ class Pending:
         return self.forget(group)
 
     def lost(self, labels: tuple[str, ...]) -> None:
-        """The node does not hold *labels* any more, which were not stored: nothing may be stored by itself then."""
+        """Record *labels* as lost before they were stored: no automatic store from now on."""
         self.unstored = {label: index for label, index in self.unstored.items() if label not in labels}
         self.suspicions[REBOOT] = f"it does not hold any more what was not stored ({join_some(labels)})"
 
     def rebooted(self, boot_ups: int) -> tuple[str, ...]:
-        """Whether the node restarted by itself: returns what is lost, and remembers why nothing may be stored then."""
+        """Return the labels lost by an unexpected restart, and record why nothing may be stored."""
         known, self.boot_ups = self.boot_ups, boot_ups
         if known is None or known == boot_ups:
             return ()

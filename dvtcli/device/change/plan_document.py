@@ -1,6 +1,6 @@
-"""Plans as JSON, and back: what a journal, and what `undo` remembers, say of a change.
+"""Plans as JSON, for the journal and the history of `undo`.
 
-Reads what somebody may have damaged: every part is checked. Does not know files.
+Reading checks every part, as the file may be damaged.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Identity = dict[str, int | None]
 
 
 def change_document(change: Change) -> dict[str, Any]:
-    """A change as JSON, from which `read_plan` makes it again."""
+    """A change as JSON, for `read_change`."""
     if isinstance(change, ValueChange):
         step = change.step
         held = None if step.before is None else step.before.hex()
@@ -52,7 +52,7 @@ def _config_document(config: PdoConfig) -> dict[str, Any]:
 
 
 def read_plan(document: Any) -> tuple[Identity, Plan]:
-    """The identity and the plan that a JSON document tells; ValueError says which part is wrong."""
+    """The identity and the plan in a JSON document. Raises ValueError naming the wrong part."""
     changes = document.get("changes") if isinstance(document, dict) else None
     if not isinstance(changes, list) or not changes or len(changes) > MOST_CHANGES:
         raise ValueError("it names no changes")
@@ -61,7 +61,7 @@ def read_plan(document: Any) -> tuple[Identity, Plan]:
 
 
 def read_identity(document: dict[str, Any]) -> Identity:
-    """Whose plan it is; ValueError where that is malformed."""
+    """The identity of the plan's device. Raises ValueError if malformed."""
     identity = document.get("identity")
     if not isinstance(identity, dict) or not all(
         isinstance(key, str) and (value is None or type(value) is int) for key, value in identity.items()
@@ -71,7 +71,7 @@ def read_identity(document: dict[str, Any]) -> Identity:
 
 
 def read_change(document: Any) -> Change:
-    """The change that `change_document` told; ValueError says what is wrong."""
+    """The change in a document of `change_document`. Raises ValueError naming the wrong part."""
     if not isinstance(document, dict):
         raise ValueError("a change is malformed")
     if "pdo" in document:
@@ -117,14 +117,14 @@ def _entries(words: Any) -> tuple[PdoMappingEntry, ...]:
 
 
 def _unread(places: Any) -> tuple[tuple[int, int], ...]:
-    """What of the PDO could not be read; journals of earlier versions do not say."""
+    """The unreadable objects of the PDO; empty in journals of earlier versions."""
     if not isinstance(places, list) or not all(isinstance(place, list) and len(place) == 2 for place in places):
         raise ValueError("what could not be read is malformed")
     return tuple((read_number({"": index}, "", 0xFFFF), read_number({"": sub}, "", 0xFF)) for index, sub in places)
 
 
 def read_number(document: dict[str, Any], key: str, most: int, least: int = 0) -> int:
-    """A whole number of *document* within *least*..*most*; ValueError where *key* holds something else."""
+    """The whole number at *key* of *document*. Raises ValueError unless within *least*..*most*."""
     value = document.get(key)
     if type(value) is not int or not least <= value <= most:
         raise ValueError(f"{key or 'a number'} is {value!r}, expected {least}..{most}")

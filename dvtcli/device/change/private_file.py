@@ -1,4 +1,4 @@
-"""Files that only their owner reads, whole or not there, and on the disk once they are written. Knows no content."""
+"""Files readable by their owner only, written atomically and synced to disk."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _UNFINISHED = ".tmp"
 
 
 def file_name(text: str) -> str:
-    """*text* with everything that a file name should not have as `_`."""
+    """*text* with characters unsuitable for a file name replaced by `_`."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "bus"
 
 
 def write_private(path: Path, text: str, *, newline: str | None = None) -> None:
-    """Write a file whole or not at all, readable by its owner only, and on the disk when this returns.
+    """Write a file atomically, readable by its owner only and synced to disk on return.
 
-    A link of that name is replaced, never followed. *newline* is as `open` takes it. SafetyRefusal where others can
-    write its folder or the one above, which is the state folder.
+    A symbolic link at *path* is replaced, never followed. *newline* is as for `open`. Raises SafetyRefusal if other
+    users can write to the folder or its parent, the state folder.
     """
     import tempfile  # brings archives and random numbers, which a command that only looks does not need
 
@@ -49,9 +49,9 @@ def write_private(path: Path, text: str, *, newline: str | None = None) -> None:
 
 
 def remove_unfinished(folder: Path, pattern: str) -> None:
-    """Remove what processes that have ended left of the files of *folder* named like *pattern*: nobody writes them now.
+    """Remove half-written files matching *pattern* in *folder*, left by processes that have ended.
 
-    What cannot be removed stays, and harms nobody: no name of it is looked for.
+    A file that cannot be removed stays and is harmless: nobody reads its name.
     """
     for path in folder.glob(f"{pattern}.*{_UNFINISHED}"):
         with suppress(OSError):
@@ -59,12 +59,12 @@ def remove_unfinished(folder: Path, pattern: str) -> None:
 
 
 def unfinished(folder: Path) -> list[Path]:
-    """The files of *folder* that are being written now, or were when their process ended; also of earlier versions."""
+    """The files of *folder* in the course of being written, or left half-written; also of earlier versions."""
     return sorted([*folder.glob(f"*{_UNFINISHED}"), *folder.glob("tmp????????")])
 
 
 def set_aside(path: Path, word: str) -> Path:
-    """Give *path* a name that nobody looks for, with *word* and the time in it; returns that name."""
+    """Rename *path* with *word* and the time, so that nobody finds it, and return the new path."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
     aside = path.with_name(f"{path.name}.{word}-{stamp}")
     put_in_place(path, aside)
@@ -73,17 +73,17 @@ def set_aside(path: Path, word: str) -> Path:
 
 
 def put_in_place(source: str | Path, target: Path) -> None:
-    """Give *source* the name *target*, at one stroke on every platform; OSError where that cannot be."""
+    """Rename *source* to *target* atomically on every platform. Raises OSError on failure."""
     _when_free(lambda: os.replace(source, target))  # noqa: PTH105 - as it is documented: atomic
 
 
 def remove(path: Path) -> None:
-    """Take *path* away where it is there; OSError where that cannot be."""
+    """Remove *path* if present. Raises OSError on failure."""
     _when_free(lambda: path.unlink(missing_ok=True))
 
 
 def _when_free(act: Callable[[], object]) -> None:
-    """Do *act*. On Windows nothing that is open can be moved or removed, and scanners open what was just written."""
+    """Do *act*, with retries on Windows: an open file cannot be moved, and virus scanners open new files."""
     deadline_s = time.monotonic() + BUSY_S
     while True:
         try:
@@ -97,7 +97,7 @@ def _when_free(act: Callable[[], object]) -> None:
 
 
 def to_disk(descriptor: int) -> None:
-    """Wait until what was written to *descriptor* is on the disk; on macOS fsync leaves it in the drive's memory."""
+    """Sync *descriptor* to disk; on macOS fsync alone leaves data in the drive's cache."""
     if sys.platform == "darwin":
         import fcntl
 
@@ -108,7 +108,7 @@ def to_disk(descriptor: int) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make a new or removed name durable; folders cannot be opened for that on Windows, and there may be none."""
+    """Make a new or removed file name durable; no effect on Windows or without the folder."""
     if os.name == "nt" or not folder.is_dir():
         return
     descriptor = os.open(folder, os.O_RDONLY)

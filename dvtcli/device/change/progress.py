@@ -9,7 +9,7 @@ from dvtcli.domain.plan import Step
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """*node* took *step*, the *done*-th of *total*; until the last one was read back, all may yet be put back."""
+    """*node* took *step*, number *done* of *total*; until the last is read back, all may be rolled back."""
 
     node: int
     done: int

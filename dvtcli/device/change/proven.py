@@ -1,7 +1,6 @@
-"""Proving a store: what a node holds after it was reset, and whether that shows anything.
+"""Prove a store: compare the values after a reset, and tell whether the comparison proves anything.
 
-Nothing is proven by a value that could be there anyway: a reset must be seen to take what was in RAM only. Does not
-know screens, and asks nobody.
+Equal values prove nothing unless the reset demonstrably cleared RAM.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ AGAIN = as_hint("once more: what refuses to be read for a moment is read then")
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """A way to make a node forget its RAM, *by* one of `domain.proof`: *run* returns once its boot-up was heard."""
+    """A way to clear the RAM of a node, *by* a method of `domain.proof`; *run* returns after the boot-up message."""
 
     by: str
     run: Callable[[], None]
@@ -44,13 +43,13 @@ class Restart:
 
     @property
     def certain(self) -> bool:
-        """Whether RAM had no power, so that nothing can be in it that was not stored."""
+        """True if RAM was without power: afterwards it holds stored values only."""
         return self.by == POWER
 
 
 @contextmanager
 def acknowledged(node: Node, signed: Signed) -> Iterator[None]:
-    """A block that proves what *signed*; a failure in it must not read as if nothing had been written."""
+    """A block that proves the acknowledged *signed*; errors in the block say that the write happened."""
     try:
         yield
     except DvtcliError as failed:
@@ -74,16 +73,16 @@ def _say_acknowledged(node: Node, signed: Signed, failed: DvtcliError) -> None:
 
 
 def uncovered_group(sub_index: int) -> str:
-    """Why a proof shows nothing of the group *sub_index* of 0x1010 or 0x1011; empty where it covers PDOs."""
+    """Why a proof says nothing about the group *sub_index* of 0x1010 or 0x1011; empty if the group covers PDOs."""
     if sub_index in (EVERYTHING, COMMUNICATION):
         return ""
     return f"PDOs are what is compared, and nobody says that group {sub_index} has them"
 
 
 def unread_of(held: Snapshot, signed: Signed, after: Mapping[Pdo, PdoConfig] | None = None) -> str:
-    """What of *held* could not be compared, since it could not be read at that moment; empty where all could.
+    """The values of *held* left out of the comparison because unreadable; empty if all were read.
 
-    Of the PDOs *after* a restart that is what they told neither before it.
+    For the PDOs *after* a restart: the values unreadable both before and after.
     """
     objects = held.unread_of_group(signed.sub_index)
     untold = [
@@ -108,11 +107,11 @@ _OFF_FOR_LONGER = Hint(Action.PROVE_POWER, why="switch it off until nothing of i
 
 
 def prepare_proof(node: Node, before: Snapshot, sub_index: int | None, restart: Restart) -> AnyPlace | None:
-    """Find out before the store what the proof would find out too late: what it compares, and what it changes to test.
+    """Check before the store that a proof will be possible: values to compare, and a value to change as a test.
 
-    *sub_index* is that of `sign`. Tries the change and puts it back; None where a power cycle needs none. DeviceRefused
-    where the store could not be proved, or the node altered something else with that change, which is put back;
-    LeftChanged where it could not be: nothing is stored.
+    *sub_index* is that of `sign`. Tries the change and rolls back; None if a power cycle needs no test. Raises
+    DeviceRefused if the proof would be impossible or the node altered other values with the test (rolled back),
+    LeftChanged if the roll-back failed. Nothing is stored in either case.
     """
     signed = refuse_unprovable(node, sub_index, certain=restart.certain)
     if unread := unread_of(before, signed, before.pdos):
@@ -162,15 +161,15 @@ def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
 
 
 def _unlike(node: Node, before: Snapshot, pdos: Pdos) -> list[str]:
-    """What *node*, whose *pdos* were read just now, holds otherwise than *before*, in words."""
+    """The differences between *node*, whose *pdos* were just read, and *before*, in words."""
     values = (f"{place}: {text}" for place, text in unlike_values(node, before.values))
     return [*_differences(before.pdos, pdos), *values]
 
 
 def refuse_unprovable(node: Node, sub_index: int | None, *, certain: bool) -> Signed:
-    """What would be signed for a store; DeviceRefused where no restart, *certain* for a power cycle, could prove it.
+    """The signature to write for a store. Raises DeviceRefused if no restart could prove the store.
 
-    Tells what is known without a look at what the node holds; writes nothing.
+    *certain* stands for a power cycle. Uses known facts only; writes nothing and reads no configuration.
     """
     where, capability = chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
     signed = Signed(STORE, where, 0.0, capability)
@@ -184,7 +183,7 @@ def refuse_unprovable(node: Node, sub_index: int | None, *, certain: bool) -> Si
 
 
 def refuse_deaf_to_reset(node: Node, hint: Hint | str) -> None:
-    """DeviceRefused, with *hint*, where *node* says that it is an NMT master: it obeys no NMT reset."""
+    """Raise DeviceRefused, with *hint*, if *node* is an NMT master, which obeys no NMT reset."""
     if node.access.is_master():
         place = node.profile.master_object
         at = "" if place is None else f"{place[0]:04X}:{place[1]:02X}"
@@ -195,7 +194,7 @@ def refuse_deaf_to_reset(node: Node, hint: Hint | str) -> None:
 
 
 def _unprovable(node: Node, why: str, hint: Hint) -> DeviceRefused:
-    """That nothing was stored, since a restart could not show that *node* keeps it."""
+    """The error: nothing was stored, as a restart could not prove that *node* keeps the values."""
     text = f"node {node.node_id} is not stored: that it keeps it could not be proved"
     return DeviceRefused(
         text, node=node.node_id, why=why, hint=hint + Hint(Action.STORE, why="alone stores without a proof")
@@ -203,7 +202,7 @@ def _unprovable(node: Node, why: str, hint: Hint) -> DeviceRefused:
 
 
 def _saves_itself(signed: Signed) -> str:
-    """That a device saves without being told, so that nothing is in RAM only; empty where it does not say so."""
+    """The reason that nothing is in RAM only, for a device that saves autonomously; else empty."""
     if signed.capability is None or not signed.capability & _BY_ITSELF:
         return ""
     return f"0x{signed.place} is {signed.capability}: the device saves by itself, too"
@@ -212,11 +211,10 @@ def _saves_itself(signed: Signed) -> str:
 def prove_store(
     node: Node, before: Snapshot, signed: Signed, restart: Restart, place: AnyPlace | None, says: Says = value_in_hex
 ) -> Proof:
-    """Restart *node* and compare it with *before*, read ahead of the store that the device acknowledged.
+    """Restart *node* and compare it with *before*, read ahead of the acknowledged store.
 
-    Values are said as *says* does. The canary at *place*, changed after the store, shows whether the restart took what
-    was in RAM.
-    Errors say that the store was acknowledged; LeftChanged where the canary could not be put back.
+    *says* formats values. The canary at *place*, changed after the store, shows whether the restart cleared RAM. Errors
+    mention the acknowledged store; LeftChanged if the canary could not be rolled back.
     """
     covered, policy = before.of_group(signed.sub_index), node.profile.store
     values = {place: value for place, value in covered.items() if policy.needed_for(place[0])}
@@ -251,7 +249,7 @@ def prove_store(
 
 
 def _canary(node: Node, place: AnyPlace | None, signed: Signed) -> tuple[Canary | None, str]:
-    """The canary, or why there is none."""
+    """The canary, or the reason for its absence."""
     if place is None:
         return None, _saves_itself(signed) or _NO_PLACE
     canary = Canary(node, place)
@@ -261,7 +259,7 @@ def _canary(node: Node, place: AnyPlace | None, signed: Signed) -> tuple[Canary 
 def _restarted(
     node: Node, restart: Restart, canary: Canary | None
 ) -> tuple[dict[Pdo, PdoConfig], tuple[str, ...], AnyPlace | None]:
-    """The PDOs after the restart, the changes that it took, and the canary's place where the canary survived."""
+    """The PDOs after the restart, the lost changes, and the canary's place if the canary survived."""
     try:
         restart.run()
         lost = node.was_reset(communication=restart.communication)
@@ -282,7 +280,7 @@ def _restarted(
 
 
 def _differences(before: Pdos, after: Pdos) -> list[str]:
-    """Every parameter of a PDO that is not what it was, in words."""
+    """Every changed parameter of a PDO, in words."""
     differences = []
     for pdo, config in before.items():
         if pdo not in after:
@@ -294,7 +292,7 @@ def _differences(before: Pdos, after: Pdos) -> list[str]:
 
 
 def _unread_before(before: PdoConfig, after: PdoConfig) -> Iterator[str]:
-    """What the device tells now and did not tell *before*: nobody can say that it is the same."""
+    """The parameters readable now but unreadable *before*, hence not comparable."""
     for index, sub_index in before.lacking:
         if (index, sub_index) not in after.lacking:
             yield f"0x{index:04X}:{sub_index:02X} could not be read before"

@@ -1,7 +1,4 @@
-"""Proving a restore: what a node holds after it was reset, against the defaults of its EDS, or what it held before.
-
-Does not know screens, and asks nobody.
-"""
+"""Prove a restore of defaults: compare the values after a reset with the EDS defaults, or with the former values."""
 
 from __future__ import annotations
 
@@ -31,10 +28,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AgainstDefaults:
-    """How many PDOs or objects have a default in the file, every value that is not its default, in words, and *untold*.
+    """The number of PDOs or objects with a default in the file, the differing values in words, and *untold*.
 
-    That are whole PDOs and single objects that were not compared, since the file tells no default of them, or the node
-    no value of what has one.
+    *untold* are PDOs and objects not compared, since the file has no default or the node returned no value.
     """
 
     compared: int
@@ -45,7 +41,7 @@ class AgainstDefaults:
 def differing_from_defaults(
     dictionary: ObjectDictionary, profile: DeviceProfile, node_id: int, held: Mapping[Pdo, PdoConfig]
 ) -> AgainstDefaults:
-    """The *held* PDOs beside the defaults that the file tells of them."""
+    """Compare the *held* PDOs with their defaults in the EDS."""
     channel = in_standard_order(Defaults(dictionary, node_id), profile)
     compared = 0
     differences: list[str] = []
@@ -63,7 +59,7 @@ def differing_from_defaults(
 
 
 def _rows(channel: SdoTransport, pdo: Pdo, config: PdoConfig) -> Iterator[tuple[str, int | None, bytes | None]]:
-    """Every parameter of a PDO: its object, what the node holds, and its default; None where that is not told."""
+    """Each parameter of a PDO with object, present value and default; None if unknown."""
     for index, sub_index, value in _values(pdo, config):
         yield f"0x{index:04X}:{sub_index:02X}", value, _default(channel, index, sub_index)
 
@@ -76,7 +72,7 @@ def _default(channel: SdoTransport, index: int, sub_index: int) -> bytes | None:
 
 
 def _lacking(channel: SdoTransport, pdo: Pdo, config: PdoConfig) -> Iterator[str]:
-    """What makes it no whole PDO: its COB-ID or its mapping's count cannot be read, and has a default."""
+    """Unreadable parameters with a default (COB-ID or mapping count) that make the PDO incomplete."""
     for index, sub_index in config.lacking:
         default = _default(channel, index, sub_index)
         if default is not None:
@@ -85,7 +81,7 @@ def _lacking(channel: SdoTransport, pdo: Pdo, config: PdoConfig) -> Iterator[str
 
 
 def _unlike(place: str, value: int, default: bytes) -> str:
-    """How a parameter differs from its default, empty where it does not."""
+    """The difference between a parameter and its default, empty if equal."""
     if int.from_bytes(default, "little") == value:
         return ""
     return f"{place} is 0x{value:0{2 * len(default)}X}, its default is 0x{default[::-1].hex().upper()}"
@@ -94,7 +90,7 @@ def _unlike(place: str, value: int, default: bytes) -> str:
 def values_unlike_defaults(
     dictionary: ObjectDictionary, node_id: int, held: Mapping[tuple[int, int], bytes], says: Says = value_in_hex
 ) -> AgainstDefaults:
-    """The single objects in *held* beside the defaults that the file tells of them, with values as *says* says them."""
+    """Compare the single objects in *held* with their defaults in the EDS, formatting values with *says*."""
     channel = Defaults(dictionary, node_id)
     compared = 0
     differences: list[str] = []
@@ -113,7 +109,7 @@ def values_unlike_defaults(
 
 
 def _values(pdo: Pdo, config: PdoConfig) -> Iterator[tuple[int, int, int | None]]:
-    """Index, sub-index and value of every parameter of a PDO; None where the node tells none."""
+    """Index, sub-index and value of every parameter of a PDO; None if unreadable."""
     held = config.communication
     rows = (
         (1, held.cob_id.raw if config.has_cob_id else None),
@@ -133,12 +129,12 @@ _MANUAL = Hint(Action.SHOW_PDOS, why="shows what it holds; its manual may tell t
 
 
 def _is_otherwise(before: PdoConfig, after: PdoConfig | None) -> bool:
-    """Whether a PDO of which as much is told as *before* holds something else."""
+    """True if a PDO, read as completely as *before*, has another value."""
     return after is not None and after.lacking == before.lacking and after != before
 
 
 def restart_and_read(node: Node, restart: Restart) -> tuple[Snapshot, tuple[str, ...]]:
-    """Restart *node*; what it holds then, and the labels of the changes that this took."""
+    """Restart *node* and return its snapshot and the labels of lost changes."""
     restart.run()
     lost = node.was_reset(communication=restart.communication)
     node.gate.renew()
@@ -149,11 +145,11 @@ def prove_restore(
     node: Node, signed: Signed, restart: Restart, before: Snapshot | None,
     lost_before: tuple[str, ...] = (), says: Says = value_in_hex,
 ) -> Proof:  # fmt: skip
-    """Restart *node*, whose restore was acknowledged, and compare what it holds with the defaults of the EDS.
+    """Restart *node* after an acknowledged restore and compare its values with the defaults of the EDS.
 
-    That are its PDOs, and the single objects that dvtcli wrote. *before* is what it held ahead of the restore.
-    Without an EDS, or with that of another device, a PDO must differ from *before*, read after a restart that took
-    *lost_before*. Values are said as *says* does.
+    Compares PDOs and the single objects written by dvtcli. *before* is the snapshot ahead of the restore. Without an
+    EDS, or with the EDS of another device, a PDO must differ from *before* after a restart that lost *lost_before*.
+    *says* formats values.
     """
     with acknowledged(node, signed):
         after, lost = restart_and_read(node, restart)

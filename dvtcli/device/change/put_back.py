@@ -1,6 +1,6 @@
-"""Putting a device back to what it held, and finding what is not as it should be.
+"""Roll a device back to its former values, and find differences.
 
-Reads the device anew before each write, and again after the last one. Does not know what had gone wrong.
+Reads the device again before each write and after the last.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
 
 
 class Clock(Protocol):
-    """The bus's time, so that waiting reads the bus and simulated time can pass at its own pace."""
+    """The bus's time: waiting reads the bus, and simulated time can pass at its own pace."""
 
     def now_s(self) -> float:
-        """Seconds on a clock that only goes forward."""
+        """Seconds on a monotonic clock."""
 
     def sleep(self, duration_s: float) -> None:
         """Let *duration_s* pass."""
@@ -44,13 +44,12 @@ def roll_back_patiently(
     before_retry: Callable[[], None],
     witness: RebootMonitor | None = None,
 ) -> tuple[PdoChange, ...]:
-    """Put every change's *before* back; a node that is silent or refuses may be rebooting, so it is asked again.
+    """Restore *before* of every change, with retries: a silent or refusing node may be rebooting.
 
-    Also what was not begun: a reboot takes that, too, back to what is stored. Each try reads the device anew, so
-    nothing is taken for granted of what an earlier one wrote; what was put back stays put back. A try during which
-    the *witness* saw the node restart, or an upload repeated, proves nothing: it is followed by another. *before_retry*
-    makes the device writable again. After `PATIENCE_S` follows a last try, whose error is raised. Returns the changes
-    of which the device refused *before* and took *back*; a refusal that may pass counts in the last try only.
+    Includes changes not begun, since a reboot returns them to the stored values. Each try reads the device again and
+    writes differences only. A try proves nothing and is repeated if the *witness* saw a restart or an upload was
+    repeated meanwhile. *before_retry* makes the device writable again. After `PATIENCE_S` a last try raises its error.
+    Returns the changes with *before* refused and *back* accepted; a temporary refusal counts in the last try only.
     """
     witness = witness or Undisturbed()
     deadline = clock.now_s() + PATIENCE_S
@@ -72,11 +71,11 @@ def roll_back_patiently(
 
 
 def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: bool) -> tuple[PdoChange, ...]:
-    """Put every change's *before* back, last change first, then verify all; the first failure is raised at the end.
+    """Restore *before* of every change, last change first, and verify; the first failure is raised at the end.
 
-    The device is read anew first: after a time-out nobody knows whether the last write arrived. Verified is after the
-    last write only, since putting one PDO back may alter another. Returns what was put back to its *back* instead;
-    *settles* says whether that may follow a refusal that may pass.
+    Reads the device first, since after a time-out the last write may have arrived or not. Verifies after the last write
+    only, since restoring one PDO may alter another. Returns the changes restored to *back* instead; *settles* allows
+    *back* after a temporary refusal.
     """
     failures: list[Exception] = []
     fillers = _fillers(changes)
@@ -111,7 +110,7 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
 def _put_one_back(
     sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]], *, settles: bool
 ) -> None:
-    """Put back what *change* replaced; where the device refuses that, and that was foreseen, what it takes."""
+    """Restore *before* of *change*; after an expected refusal, the value accepted instead."""
     try:
         for step in _steps_back(sdo, change, fillers):
             _bring(sdo, step)
@@ -121,7 +120,7 @@ def _put_one_back(
 
 
 def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
-    """Put back what *changes* of values that depend on each other replaced; the first refusal is raised at the end."""
+    """Restore *before* of dependent values; the first refusal is raised at the end."""
     from dvtcli.domain.value_order import altering, in_order
 
     known = ((change.step, change.step.before) for change in changes if change.step.before is not None)
@@ -144,9 +143,9 @@ def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> No
 
 
 def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, settles: bool) -> bool:
-    """Put back with the PDO off, where a parameter was refused while it was on, else to what the device takes.
+    """Restore with the PDO disabled if a parameter was refused while enabled, else restore *back*; false if neither.
 
-    Whether there was another way. Less than it was is none as long as the refusal may pass and nothing *settles* it.
+    As long as the refusal may be temporary, *back* is not used unless *settles*.
     """
     held = read_pdo(sdo, change.pdo)
     parameter = refused.index == change.pdo.communication_index and refused.sub_index != 1
@@ -162,7 +161,7 @@ def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborte
 
 
 def _bring(sdo: SdoTransport, step: Step) -> None:
-    """Write *step*; refusing what is held already is no refusal: a count may be writable, and its entries not."""
+    """Write *step*; a refused write of the present value is no error: a count may be writable, but not its entries."""
     try:
         sdo.download(step.index, step.sub_index, step.after)
     except SdoAborted:
@@ -178,7 +177,7 @@ def _holds(sdo: SdoTransport, step: Step) -> bool:
 
 
 def _fillers(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:
-    """The entries behind the count of PDOs that are put back, too, by PDO."""
+    """The changes to entries behind the count of the restored PDOs, by PDO."""
     pdos = {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
     found: dict[Pdo, list[ValueChange]] = {}
     for change in changes:
@@ -204,9 +203,9 @@ def _steps_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequenc
 
 
 def unreadable_now(sdo: SdoTransport, changes: Iterable[Change]) -> dict[ValueChange, SdoAborted]:
-    """Those of *changes* whose object the device let be read before, and does not now, with its refusal.
+    """The changes to objects readable before and unreadable now, each with the refusal.
 
-    Whether they can be put back or not: what they hold is not known.
+    Their present value is unknown, whether they can be restored or not.
     """
     found: dict[ValueChange, SdoAborted] = {}
     for change in changes:
@@ -219,7 +218,7 @@ def unreadable_now(sdo: SdoTransport, changes: Iterable[Change]) -> dict[ValueCh
 
 
 def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[ValueChange]) -> Sequence[Step]:
-    """The PDO's own steps; where an entry behind its count differs, that is written while the mapping is open."""
+    """The steps to restore the PDO; a differing entry behind its count is written while the mapping is open."""
     now = read_pdo(sdo, change.pdo)
     held = {filler: sdo.upload(filler.step.index, filler.step.sub_index) for filler in fillers}
     differing = [filler for filler, data in held.items() if data != filler.step.before]
@@ -235,7 +234,7 @@ def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[Valu
 
 
 def first_difference(sdo: SdoReader, change: Change, *, wanted_before: bool = False) -> str | None:
-    """Read *change* back and name the first difference to what it wanted (or had *before*), or None."""
+    """Read *change* back and describe the first difference from its result (or from *before*), or None."""
     if isinstance(change, ValueChange):
         otherwise = held_otherwise(sdo, change, wanted_before=wanted_before)
         return None if otherwise is None else bytes_differ(change, *otherwise)
@@ -250,7 +249,7 @@ def first_difference(sdo: SdoReader, change: Change, *, wanted_before: bool = Fa
 
 
 def held_otherwise(sdo: SdoReader, change: ValueChange, *, wanted_before: bool = False) -> tuple[bytes, bytes] | None:
-    """What the object of *change* holds, and what it should; None where these are equal, or it cannot be read."""
+    """The present and the expected value of the object of *change*; None if equal or unreadable."""
     before = change.step.before
     if before is None:
         return None  # write-only: nothing can be read back
@@ -260,12 +259,12 @@ def held_otherwise(sdo: SdoReader, change: ValueChange, *, wanted_before: bool =
 
 
 def bytes_differ(change: ValueChange, held: bytes, wanted: bytes) -> str:
-    """That the object of *change* holds another value than it should."""
+    """The sentence that the object of *change* has an unexpected value."""
     return f"0x{change.step.object} is {value_text(held)}, expected {value_text(wanted)}"
 
 
 def cob_id_difference(sdo: SdoReader, change: PdoChange) -> str | None:
-    """How the COB-ID differs from what *change* wanted, None where it does not; nothing else is read."""
+    """The difference of the COB-ID from *change*, or None; reads nothing else."""
     held, wanted = read_cob_id(sdo, change.pdo), change.after.communication.cob_id
     if held == wanted:
         return None
@@ -273,7 +272,7 @@ def cob_id_difference(sdo: SdoReader, change: PdoChange) -> str | None:
 
 
 def altered_cob_ids(sdo: SdoTransport, others: Mapping[Pdo, CobId]) -> dict[Pdo, CobId]:
-    """Those of *others* whose COB-ID (sub-index 1) is not what it was, each with what it is now."""
+    """The PDOs of *others* with a changed COB-ID (sub-index 1), each with the present COB-ID."""
     held = {pdo: read_cob_id(sdo, pdo) for pdo in others}
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id != others[pdo]}
 

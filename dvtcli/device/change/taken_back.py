@@ -1,7 +1,4 @@
-"""What a device will take back of the PDOs that a plan changes, kept in the plan itself before anything is written.
-
-Judges by the rules, without a read. Does not write.
-"""
+"""Predict by the rules, without reading, which roll-back a device will accept, and add it to the plan."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def with_way_back(node: KnownPdos, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
-    """*plan* with what is put back of each PDO where *node* refuses what it holds now, and what to say of each."""
+    """*plan* with an accepted substitute for each PDO value that *node* would refuse in a roll-back, and findings."""
     found = [_foreseen(node, change) for change in plan.changes]
     findings = tuple(finding for _, finding in found if finding is not None)
     return replace(plan, changes=tuple(change for change, _ in found)), findings
@@ -35,7 +32,7 @@ def _foreseen(node: KnownPdos, change: Change) -> tuple[Change, Finding | None]:
 
 
 def put_back_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:
-    """A warning for each of *changes*, all of which were put back as what the device takes."""
+    """A warning for each of *changes* restored to a substitute value."""
     return tuple(
         put_back_finding(change.pdo, change.before, change.back)
         for change in changes
@@ -44,7 +41,7 @@ def put_back_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:
 
 
 def foreseen(plans: Iterable[Plan]) -> list[PdoChange]:
-    """The first change of each PDO of *plans* (oldest first) of which it was foreseen that it is not taken back."""
+    """The first change of each PDO in *plans* (oldest first) with an expected refusal of the roll-back."""
     first: dict[Pdo, PdoChange] = {}
     for change in (change for plan in plans for change in plan.changes):
         if isinstance(change, PdoChange):

@@ -1,7 +1,4 @@
-"""Running a plan so that the device ends as planned, or as it was.
-
-The only place that writes a plan to a device. Does not decide what is legal and asks nobody anything.
-"""
+"""Run a plan to its end, or roll the device back. No other module writes a plan to a device."""
 
 from __future__ import annotations
 
@@ -54,15 +51,14 @@ _AT_ONCE = 4
 
 @dataclass(slots=True)
 class Transaction:
-    """One plan on its way to a device.
+    """One run of a plan on a device.
 
-    *cancellation* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
-    *on_step* is told of every step that the device took; *before_retry* makes the device writable again when a
-    roll-back has to be tried anew, since the fault may have been a reboot; *clock* is the bus's. *witness* tells of
-    restarts: what was read in two lives of the device proves nothing. *control_words* may read back something else than
-    was written or was there before: the device took the command. *others* are the PDOs that the plan leaves
-    alone: a device that alters the COB-ID of one did not do what was planned; *on_altered* is told what has to be put
-    back besides the plan, before that is done.
+    *cancellation* is checked between two SDO downloads; *explain* may add the device's reason to an abort; *on_step* is
+    called after every acknowledged step; *before_retry* makes the device writable again for another roll-back, since
+    the fault may have been a reboot; *clock* is the bus's. *witness* counts restarts: values read before and after a
+    restart prove nothing. *control_words* may read back differently from the written and the former value: the device
+    took the command. *others* are the untouched PDOs: altering the COB-ID of one is a failure; *on_altered* is called
+    with the further changes to roll back, before they are rolled back.
     """
 
     sdo: SdoTransport
@@ -94,10 +90,10 @@ class Transaction:
     _boot_ups_back: int | None = None
 
     def run(self) -> None:
-        """Write every step, read everything back; on any fault put the old configuration back and say so.
+        """Write every step and read everything back; on any fault roll back and report.
 
-        Raises DeviceRefused, NoAnswer and their kin with state `rolled_back`; LeftChanged where the roll-back
-        failed too; Interrupted after *cancellation*.
+        Raises DeviceRefused, NoAnswer and similar errors with state `rolled_back`; LeftChanged if the roll-back failed
+        too; Interrupted after *cancellation*.
         """
         with self.cancellation.guard():
             self._boot_ups = self.witness.boot_ups()
@@ -128,7 +124,7 @@ class Transaction:
         return torn
 
     def _stop_if_restarted(self) -> None:
-        """Between two downloads: what follows was planned from what the device held before it restarted."""
+        """Stop between two downloads if the device restarted: the rest was planned from earlier values."""
         if self.boot_ups_read in (None, self.witness.boot_ups()):
             return
         node_id = self.plan.node_id
@@ -159,14 +155,14 @@ class Transaction:
         self.on_step(step)
 
     def _stoppable(self, step: Step) -> AbstractContextManager[None]:
-        """In a download that takes seconds there are safe points: what it has not sent whole the device does not take.
+        """Allow a stop inside a long download; a device ignores an incomplete transfer.
 
-        What it held before is put back all the same, where it differs.
+        If it did not, the roll-back restores the old value.
         """
         return self.cancellation.released() if len(step.after) >= _LONG_BYTES else nullcontext()
 
     def _verify(self) -> None:
-        """Read back what the plan set; what differs is a refusal that came without an abort."""
+        """Read back the plan's values; a difference is a refusal without an abort."""
         self.boot_ups_verified = self.witness.boot_ups()
         self.answered_otherwise.clear()
         for change in self.plan.changes:
@@ -186,7 +182,7 @@ class Transaction:
             raise altered_too(self.plan, altered)
 
     def _difference(self, change: PdoChange) -> str | None:
-        """What *change* has not come to; only the COB-ID is read where nothing else was written and more follows."""
+        """The difference from *change*; reads only the COB-ID if nothing else was written and more steps follow."""
         if change.pdo in self.plan.looked_at and only_cob_id(change):
             return cob_id_difference(self.sdo, change)
         return first_difference(self.sdo, change)
@@ -195,7 +191,7 @@ class Transaction:
         return bool(self.others.cob_ids) and writes_cob_id(self.plan)
 
     def _unsure_of_others(self) -> DeviceRefused:
-        """Its own PDOs are as planned; nobody knows what the others held when their COB-IDs may have been altered."""
+        """The error: the plan's PDOs are as planned, but other COB-IDs may have been altered from unknown values."""
         own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
         why = "what it holds of the other PDOs since then cannot be told from what this change may have altered"
         return DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, why=why, hint=TRY_AGAIN)
@@ -214,11 +210,11 @@ class Transaction:
         return refused
 
     def _altered(self) -> dict[Pdo, str]:
-        """Other PDOs whose COB-ID the device changed along with ours, in words; none where it restarted meanwhile."""
+        """Untouched PDOs with an altered COB-ID, in words; empty after a restart meanwhile."""
         return {} if not self._others_matter() or self._restarted() else self.others.altered(self.sdo)
 
     def _altered_back(self) -> dict[Pdo, str]:
-        """Behind the way back: other PDOs that are not as they were, in words; none if it restarted meanwhile."""
+        """Untouched PDOs that differ after the roll-back, in words; empty after a restart meanwhile."""
         if self.witness.boot_ups() != self._boot_ups_back:
             return self._altered()
         return {**self.others.altered_whole(self.sdo), **self._altered()}
@@ -254,9 +250,9 @@ class Transaction:
                 )
 
     def _put_others_back(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
-        """After a roll-back that failed with *second*: put back all but an object that was refused and cannot be read.
+        """After a roll-back failed with *second*, restore all but an object that was refused and is unreadable.
 
-        As a domain of which a part was sent. LeftChanged if that is not why, or fails, too.
+        Example: a partly sent domain. Raises LeftChanged if the cause is another, or this fails as well.
         """
         refused = self._started[-1] if self._started else None
         place = second.place if isinstance(second, SdoAborted) else None
@@ -271,7 +267,7 @@ class Transaction:
             raise self._left_changed(fault, third) from fault
 
     def _left_changed(self, fault: BaseException, second: BaseException) -> LeftChanged:
-        """The error of a roll-back that failed with *second*: it names what is not as before, as read now."""
+        """The error of a roll-back that failed with *second*, with the objects that differ from before, as read now."""
         from dvtcli.device.change.left_behind import Guarded, could_not, name_left
 
         left = left_changed(self.plan, fault, second)
@@ -282,7 +278,9 @@ class Transaction:
         return left
 
     def _say_unreadable(self, fault: DvtcliError) -> None:
-        """All that can be read is as it was; LeftChanged where the device took what nobody can read or put back."""
+        """Report all readable objects as before. Raises LeftChanged if the device took an unreadable, unrestorable
+        object.
+        """
         unreadable = Plan(self.plan.node_id, tuple(self._started)).unreadable
         if taken := [change for change in unreadable if self._acknowledged.was_taken(change)]:
             from dvtcli.device.change.left_behind import Guarded, name_left
@@ -305,14 +303,14 @@ class Transaction:
             fault.state_text = refused_unreadable(self._started, unreadable, is_known=fault.state == "rolled_back")
 
     def _say_lost(self, fault: DvtcliError) -> None:
-        """What is as it was is the plan's alone: nobody put back what else a restart took."""
+        """Report only the plan's objects as before: other losses by a restart are not restored."""
         own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
         if fault.state == "rolled_back":
             text = fault.state_text or f"rolled back: {own} is as it was, read back equal"
             fault.state_text = f"{text}; node {node_id} restarted: what else it held in RAM only is lost"
 
     def _say_left(self, fault: DvtcliError) -> None:
-        """Nobody knows whether a restart that was not heard brought back what is stored, or the change altered it."""
+        """Report an unknown cause: an unnoticed restart loaded stored values, or the change altered them."""
         own, left = join_some(change.label for change in self.plan.changes), join_some(pdo.label for pdo in self._left)
         fault.state = "unknown"
         fault.state_text = (
@@ -322,9 +320,9 @@ class Transaction:
         fault.details.append(("left", join_some(self._left.values())))
 
     def _say_unread(self, fault: DvtcliError) -> None:
-        """Claim of the other PDOs only what was read before the plan, or is as a backup or a remembered change says.
+        """Report untouched PDOs as before only if read before the plan, or equal to a backup or a remembered change.
 
-        A write of the plan may have altered them before the way back read them first.
+        The plan may have altered the others before the roll-back read them first.
         """
         unread = self.others.unread()
         if not unread or fault.state != "rolled_back" or fault.state_text is not None:
@@ -362,11 +360,11 @@ class Transaction:
             )
 
     def _put_back(self) -> tuple[PdoChange, ...]:
-        """Put the plan's PDOs back, and after them those that the device altered along with them.
+        """Restore the plan's PDOs, and after them PDOs altered as a side effect.
 
-        Where the device does not hold what it had taken, it may have restarted without a boot-up message that was
-        heard: the COB-ID of before does not belong to what it has stored of another PDO. One that was not read whole
-        is left then. Returns those that were put back to what the device takes instead of what they were.
+        If the device has lost an acknowledged value, it may have restarted unnoticed, and the COB-ID from before does
+        not match its stored PDO. A PDO not read whole is left alone then. Returns the changes restored to a substitute
+        value.
         """
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
         with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
@@ -390,7 +388,7 @@ class Transaction:
         self.others.begin_way_back(self.sdo, restarted=self._restarted())
 
     def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
-        """Put *changes* back, again where the node restarts while the others are looked at; which of those differ."""
+        """Restore *changes*, again after a restart during the check of untouched PDOs; also the differing PDOs."""
         for _ in range(MOST_LOOKS):
             otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
             upsets = self.witness.upsets()

@@ -1,6 +1,6 @@
-"""The PDOs that a plan leaves alone: what is known of them before it, and which of them the device altered with it.
+"""The PDOs outside a plan: their values before the plan, and side effects of the plan on them.
 
-A device may alter the COB-ID of one PDO because another's was written. Reads; the transaction and the way back write.
+A device may alter the COB-ID of one PDO after a write to another. Reads only.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class UntouchedPdos:
-    """The PDOs beside a plan: the *cob_ids* as they were before it, and *wholes*, those that were read whole.
+    """The PDOs outside a plan: their *cob_ids* before the plan, and *wholes*, the PDOs read completely.
 
-    *present* names all of them, for a way back: it may read the node. *unlike_kept* judges what was not read before the
-    plan, by what is kept of the device.
+    *present* lists them all for a roll-back and may read the node. *unlike_kept* compares PDOs not read before the plan
+    with backup and history.
     """
 
     cob_ids: Mapping[Pdo, CobId] = field(default_factory=dict)
@@ -44,16 +44,16 @@ class UntouchedPdos:
     _in_part: list[Pdo] = field(default_factory=list)
 
     def altered(self, sdo: SdoTransport) -> dict[Pdo, str]:
-        """Those whose COB-ID is no longer what it was, each with what differs, in words."""
+        """The PDOs with a changed COB-ID, each with the difference in words."""
         return {
             pdo: f"0x{pdo.communication_index:04X}:01 was 0x{self.cob_ids[pdo].raw:08X}, is 0x{held.raw:08X}"
             for pdo, held in altered_cob_ids(sdo, self.cob_ids).items()
         }
 
     def begin_way_back(self, sdo: SdoReader, *, restarted: bool) -> None:
-        """Read the PDOs that a way back leaves alone, before its first write.
+        """Read the untouched PDOs before the first write of a roll-back.
 
-        What was read before the plan counts for more, unless the node *restarted* since then.
+        Values read before the plan take precedence, unless the node *restarted* since.
         """
         held = {}
         self._in_part.clear()
@@ -65,16 +65,16 @@ class UntouchedPdos:
             self._before = {pdo: self._as_before(pdo, config) for pdo, config in self._before.items()} | {**self.wholes}
 
     def unread(self) -> dict[Pdo, PdoConfig]:
-        """The PDOs that were read whole when the way back began and not before the plan, as they were then."""
+        """The PDOs read at the start of the roll-back but not before the plan, with these values."""
         return {pdo: config for pdo, config in self._before.items() if pdo not in self.wholes}
 
     def altered_whole(self, sdo: SdoReader) -> dict[Pdo, str]:
-        """The PDOs that are not as they were when the way back began, each with what differs, in words."""
+        """The PDOs changed since the start of the roll-back, each with the difference in words."""
         altered = altered_of(sdo, (PdoChange(pdo, before, before, ()) for pdo, before in self._before.items()))
         return {change.pdo: difference for change, difference in altered.items()}
 
     def unchanged(self) -> Iterator[Change]:
-        """Each of the PDOs, or its COB-ID where nothing else of it was read, as a change to what it was before."""
+        """Each PDO, or its COB-ID if nothing else was read, as a change to its former values."""
         yield from as_they_are(self.wholes)
         for pdo, cob_id in self.cob_ids.items():
             if pdo not in self.wholes:
@@ -82,15 +82,15 @@ class UntouchedPdos:
                 yield ValueChange(Step(pdo.communication_index, 1, raw, raw, "as before"))
 
     def changes(self, sdo: SdoTransport, pdos: Iterable[Pdo]) -> tuple[PdoChange, ...]:
-        """What puts *pdos* back to what they held before the plan.
+        """The changes that restore *pdos* to their values before the plan.
 
-        If a PDO was not read whole before it that is the COB-ID, and the rest as the way back found it.
+        For a PDO not read whole before the plan: the former COB-ID, and the rest as at the start of the roll-back.
         """
         before = {pdo: self._before.get(pdo) or self._as_before(pdo, read_pdo(sdo, pdo)) for pdo in pdos}
         return tuple(PdoChange(pdo, config, config, ()) for pdo, config in before.items())
 
     def _as_before(self, pdo: Pdo, held: PdoConfig) -> PdoConfig:
-        """What *pdo* held before the plan, of which *held* was read after it began."""
+        """The configuration of *pdo* before the plan, completed from *held*, read after its start."""
         if pdo in self.wholes:
             return self.wholes[pdo]
         cob_id = self.cob_ids.get(pdo, held.communication.cob_id)
@@ -110,7 +110,7 @@ class UntouchedPdos:
 
 
 def altered_too(plan: Plan, altered: Mapping[Pdo, str]) -> DeviceRefused:
-    """The device did what *plan* says, and more: it *altered* other PDOs, as the words say."""
+    """The error: the device carried out *plan* and *altered* other PDOs as well, as described."""
     own, first = join_some(change.label for change in plan.changes), next(iter(altered))
     return DeviceRefused(
         f"node {plan.node_id} took {own}, but altered {join_some(pdo.label for pdo in altered)} with it",
@@ -122,9 +122,9 @@ def altered_too(plan: Plan, altered: Mapping[Pdo, str]) -> DeviceRefused:
 
 
 def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
-    """The COB-IDs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID.
+    """The COB-IDs outside *plan*, to compare directly afterwards; empty if *plan* writes no COB-ID.
 
-    Not of PDOs that are looked at whole once the change that it is a part of is made.
+    Without PDOs that are compared whole after the complete change.
     """
     own = {*_own(plan), *plan.looked_at}
     if not writes_cob_id(plan) or own.issuperset(node.present()):
@@ -133,7 +133,7 @@ def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
 
 
 def wholes_beside(node: Changeable, plan: Plan, found: InitialState) -> dict[Pdo, PdoConfig]:
-    """The PDOs that *plan* leaves alone, to be compared before a store: those that were read whole since *found*."""
+    """The PDOs outside *plan* read whole since *found*, to compare before a store."""
     if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
     own = set(_own(plan))
@@ -149,25 +149,25 @@ def unlike_kept(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[Pdo
 
 
 def movable(pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
-    """The *pdos* of which enough was read that they can be put back."""
+    """The PDOs read completely enough to be restored."""
     return {pdo: config for pdo, config in pdos.items() if config.has_cob_id and not config.untold}
 
 
 def as_they_are(pdos: Mapping[Pdo, PdoConfig]) -> tuple[PdoChange, ...]:
-    """The *pdos* that were read whole, each as a change to what it is."""
+    """Each PDO read whole, as a change to its present values."""
     return tuple(
         PdoChange(pdo, config, config, ()) for pdo, config in pdos.items() if config.has_cob_id and not config.lacking
     )
 
 
 def altered_of(sdo: SdoReader, changes: Iterable[PdoChange]) -> dict[PdoChange, str]:
-    """Those of *changes* whose PDO does not hold what they end with, each with what differs, in words."""
+    """The changes whose PDO differs from their result, each with the difference in words."""
     found = {change: first_difference(sdo, change) for change in changes}
     return {change: difference for change, difference in found.items() if difference}
 
 
 def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliError | None = None) -> LeftChanged:
-    """The way back *plan* was carried out, and other PDOs that the device *altered* with it could not be put back."""
+    """The error: the roll-back *plan* succeeded, but its side effects on *altered* PDOs could not be rolled back."""
     own, labels = join_some(change.label for change in plan.changes), join_some(change.label for change in altered)
     left = LeftChanged(
         f"node {plan.node_id} altered {labels} when {own} was put back, and {labels} could not be put back",
@@ -184,16 +184,16 @@ def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliErro
 
 
 def present_beside(node: Changeable, plan: Plan) -> list[Pdo]:
-    """The PDOs of which *plan* writes nothing."""
+    """The PDOs not written by *plan*."""
     own = {*_own(plan), *(Pdo.at(change.step.index) for change in plan.changes if isinstance(change, ValueChange))}
     return [pdo for pdo in node.present() if pdo not in own]
 
 
 def is_of_pdo(plan: Plan) -> bool:
-    """Whether *plan* writes an object of a PDO."""
+    """True if *plan* writes an object of a PDO."""
     return any(Pdo.at(step.index) for step in plan.steps)
 
 
 def _own(plan: Plan) -> Iterator[Pdo]:
-    """The PDOs that *plan* is about."""
+    """The PDOs in *plan*."""
     return (change.pdo for change in plan.changes if isinstance(change, PdoChange))

@@ -1,4 +1,4 @@
-"""The way back: from what a device holds now to what it held before a plan. Used by `undo` and `recover`."""
+"""The plan from a device's present values to its values before a plan, for `undo` and `recover`."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 
 
 def refuse_gap(node: Changeable, plans: Sequence[Plan]) -> None:
-    """Raise SafetyRefusal where one of *plans* began at what none of those before it found or left."""
+    """Raise SafetyRefusal if another writer changed a value between two of *plans*."""
     found = _gap(plans)
     if found is not None:
         raise _refusal(node, *found)
 
 
 def unbroken(plans: Sequence[Plan]) -> Sequence[Plan]:
-    """The newest of *plans* (oldest first) without a gap: what was there before it is somebody else's to take back."""
+    """The newest of *plans* (oldest first) without a foreign change between them."""
     return next((plans[first:] for first in range(len(plans)) if _gap(plans[first:]) is None), ())
 
 
 def _gap(plans: Sequence[Plan]) -> tuple[str, str] | None:
-    """What somebody else changed between two of *plans*, and how."""
+    """A foreign change between two of *plans*: the object and the difference."""
     pdos: dict[Pdo, list[PdoConfig]] = {}
     values: dict[tuple[int, int], list[bytes]] = {}
     for change in (change for plan in plans for change in plan.changes):
@@ -69,10 +69,10 @@ def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:
 
 @dataclass(frozen=True, slots=True)
 class TakeBack:
-    """What is to be put back: what the newest of *plans* (oldest first) replaced, or *everything* of them.
+    """The changes to undo: the newest of *plans* (oldest first), or *everything*.
 
-    *own* says that they are of this session's history, *rolls_back* that nothing was stored since. With *force* it is
-    put back whatever the device holds by now. *is_part* says that others follow, whose end looks at the other PDOs.
+    *own*: the plans are of this session's history; *rolls_back*: nothing was stored since. With *force* present values
+    of the device do not matter. *is_part*: further parts follow, and the last compares the untouched PDOs.
     """
 
     plans: Sequence[Plan]
@@ -86,9 +86,9 @@ class TakeBack:
 
 @dataclass(frozen=True, slots=True)
 class WayBack:
-    """*plan* goes from what a node holds to what was before the plans *undone* (oldest first).
+    """The *plan* from a node's present values to the values before the plans *undone* (oldest first).
 
-    *unknown* warns of what stays, since nobody knows what it was.
+    *unknown* warns of objects that stay because their former value is unknown.
     """
 
     plan: Plan
@@ -97,15 +97,15 @@ class WayBack:
 
     @property
     def unrestored(self) -> tuple[str, ...]:
-        """The objects that *unknown* is about, as `2050:00`."""
+        """The objects in *unknown*, as `2050:00`."""
         return unrestored_objects(self.unknown)
 
 
 def way_back(node: Changeable, asked: TakeBack) -> WayBack:
-    """The way back on *node*, which is claimed; writes nothing.
+    """The way back on the claimed *node*; writes nothing.
 
-    It is that of several plans also where the device has lost the newest ones, as after a reset. SafetyRefusal where
-    the device holds something else by now, UsageError where nobody knows what it held before; with force neither.
+    Also works if the device has lost the newest plans, as after a reset. Raises SafetyRefusal if the device has other
+    values by now, UsageError if the former values are unknown; with force neither.
     """
     chain = asked.plans if asked.own else unbroken(asked.plans)
     count = len(chain) if asked.everything else 1
@@ -126,12 +126,12 @@ def way_back(node: Changeable, asked: TakeBack) -> WayBack:
 def plan_back(
     node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False, rolls_back: bool = False, patient: bool = False
 ) -> Plan:
-    """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
+    """The plan from present values of *node* to the values before the oldest of *plans* (oldest first).
 
-    Whoever asks has dropped what was read before the node was its own to change. A write-only object stays as it is
-    (`unknown_before`). With *as_taken* a PDO of which a refusal was foreseen becomes what a device takes instead. Only
-    what *rolls_back* a change, since which nothing was stored, brings a stamp of ours back (`stamp_back`). With
-    *patient* an object that the device does not let be read now is left out; else SdoAborted.
+    The caller has invalidated reads from before its lock. A write-only object stays unchanged (`unknown_before`). With
+    *as_taken* a PDO with an expected refusal gets a value accepted instead. Only with *rolls_back* (nothing stored
+    since) our stamp returns (`stamp_back`). With *patient* objects unreadable at present are left out; else raises
+    SdoAborted.
     """
     pdos: dict[Pdo, PdoConfig] = {}
     values: dict[tuple[int, int], Step] = {}
@@ -148,7 +148,7 @@ def plan_back(
 def _stamp_ended(
     node: KnownPdos, put_back: tuple[Change, ...], values: dict[tuple[int, int], Step]
 ) -> tuple[Change, ...]:
-    """*put_back*, behind the end of a stamp of ours and without its return; *values* are what was changed."""
+    """*put_back*, preceded by the removal of our stamp and without its return; *values* are the changed values."""
     others = tuple(change for change in put_back if not is_stamp(change))
     before = {at[1]: step.before for at, step in values.items() if at[0] == STAMP and step.before is not None}
     if not (others or before):
@@ -183,11 +183,11 @@ def _is_filler(config: PdoConfig) -> bool:
 
 
 def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> int:
-    """How many of the newest of *plans* (oldest first) are to be put back for *count* of them to be gone.
+    """How many of the newest of *plans* (oldest first) to roll back for *count* to be gone.
 
-    That is *count* where *node* holds exactly what they left. A node that holds what was before the newest ones, as
-    after a reset, has lost those: nothing is to be put back of them, and they are counted with the others.
-    SafetyRefusal, naming what differs, where it holds something else.
+    The result is *count* if *node* still has exactly their results. A node with values from before the newest plans, as
+    after a reset, has lost these: they count, but need no roll-back. Raises SafetyRefusal naming the difference if the
+    node has other values.
     """
     refuse_gap(node, plans[-count:])
     found = unlike(node, _ends(plans[-count:]))
@@ -208,20 +208,20 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
 
 
 def _ends(plans: Sequence[Plan]) -> Wish:
-    """What *plans* left last."""
+    """The final values of *plans*."""
     return _wish((change for plan in plans for change in plan.changes), before=False)
 
 
 def beginnings(plans: Sequence[Plan]) -> Wish:
-    """What was before the first of *plans*."""
+    """The values before the first of *plans*."""
     return _wish((change for plan in reversed(plans) for change in reversed(plan.changes)), before=True)
 
 
 def _wish(changes: Iterable[Change], *, before: bool) -> Wish:
-    """What the last of *changes* of each object left, or found where *before*.
+    """The last result per object in *changes*, or the first value if *before*.
 
-    Not what cannot be read, nor entries behind a mapping's count, which mean nothing, nor stamps of ours, which end by
-    themselves and do not come back.
+    Without unreadable objects, without entries behind a mapping's count (meaningless), and without our stamps, which
+    devices clear by themselves and which do not come back.
     """
     wish, own = Wish(), False
     for change in changes:
@@ -243,7 +243,7 @@ def _is_own_date(step: Step) -> bool:
 
 
 def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
-    """A warning for each write-only object of *plans*: what it held is not known, so it stays as it is."""
+    """A warning for each write-only object of *plans*: its former value is unknown and it stays unchanged."""
     steps = (change.step for plan in plans for change in plan.changes if isinstance(change, ValueChange))
     return tuple(
         warning(
@@ -257,5 +257,5 @@ def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
 
 
 def unrestored_objects(unknown: Iterable[Finding]) -> tuple[str, ...]:
-    """The objects, as `2050:00`, that *unknown* (of `unknown_before`) is about, each once."""
+    """The objects in *unknown* (from `unknown_before`) as `2050:00`, each once."""
     return tuple(dict.fromkeys(finding.place.removeprefix("0x") for finding in unknown))

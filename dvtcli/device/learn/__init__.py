@@ -1,1 +1,1 @@
-"""Asking a device what it takes, and putting it back."""
+"""Probe the write behaviour of a device, and roll back."""

@@ -1,4 +1,4 @@
-"""Which objects a device lacks though its file lists them. Reads; writes nothing."""
+"""Find objects listed in a device's file but missing in the device. Writes nothing."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def absences(
     node: Node, subjects: Sequence[ProbedPdo], on_look: Callable[[int, int], None] = lambda _done, _total: None
 ) -> tuple[Absence, ...]:
-    """What *node* lacks of what its file lists, as far as that is looked at; nothing where no file is known.
+    """The objects of its file that *node* lacks, among those examined; empty without a file.
 
-    *on_look* is told how many objects of how many were looked at.
+    *on_look* is called with the number of examined objects and the total.
     """
     if node.dictionary is None:
         return ()
@@ -33,7 +33,7 @@ def absences(
 
 
 def _of_object(node: Node, index: int, sub_indices: Sequence[int]) -> Iterator[Absence]:
-    """What is missing at *index*; sub-index 0 alone is never, since it stands for the whole object."""
+    """The missing entries at *index*; sub-index 0 alone never, since it stands for the whole object."""
     missing = []
     for sub_index in sub_indices:
         code = _missing(node, index, sub_index)
@@ -50,7 +50,7 @@ def _of_object(node: Node, index: int, sub_indices: Sequence[int]) -> Iterator[A
 
 
 def _missing(node: Node, index: int, sub_index: int) -> int | None:
-    """The abort code that says that there is no such object; None where it is there, or cannot be read."""
+    """The abort code for a missing object; None if present or unreadable."""
     try:
         node.memory.upload(index, sub_index)
     except SdoAborted as aborted:

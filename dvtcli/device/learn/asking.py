@@ -1,7 +1,6 @@
-"""Making probes on one PDO of a device: it is brought to where a probe starts, asked, and looked at again.
+"""Probe one PDO of a device: bring it to the initial state of a probe, write, and read it back.
 
-The only place that sends what no plan has: it writes to PDOs whose way back is in a journal by then. Does not know why
-something is asked, nor what an answer means.
+Writes outside a plan, only to PDOs whose roll-back is in the journal.
 """
 
 from __future__ import annotations
@@ -28,10 +27,10 @@ _PARAMETERS = (TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START)
 
 @dataclass(slots=True)
 class Asking:
-    """Asks *node* about *subject*; *limit* is how many downloads there may be at most, *on_write* is told of each.
+    """Probes *subject* of *node* with at most *limit* downloads; *on_write* is called for each.
 
-    *fit* is the entry that it maps when a probe needs a mapping, None as long as no entry is known to be accepted.
-    A probe that writes an object that was seen to refuse what it holds is not made: it could not be put back.
+    *fit* is the entry to map if a probe needs a mapping, None until an accepted entry is known. An object that refused
+    its present value is not probed: it could not be rolled back.
     """
 
     node: Node
@@ -55,7 +54,7 @@ class Asking:
         self._boot_ups = self.node.bus.boot_ups(self.node.node_id)
 
     def keep_to_what_goes_back(self) -> None:
-        """Limit the subject to what can be put back: a parameter or entry that refuses what it holds is left alone."""
+        """Restrict the subject to restorable parameters and entries: those that accept their present value."""
         self._stand(Stand.EMPTY)
         pdo, subject = self.subject.pdo, self.subject
         parameters = {
@@ -74,7 +73,7 @@ class Asking:
         )
 
     def _takes(self, index: int, sub_index: int, data: bytes) -> bool:
-        """Whether an object takes back what it holds."""
+        """True if an object accepts its present value."""
         write = ProbeWrite(index, sub_index, data)
         taken = self._write(write) == ACCEPTED or self._write(write) == ACCEPTED
         self._note_way_back(write, taken=taken)
@@ -87,7 +86,7 @@ class Asking:
             self._stuck.add(write.place)
 
     def ask(self, probe: Probe) -> ProbeAnswer:
-        """What the device answers to *probe*. A refusal counts if it is given twice."""
+        """The device's answer to *probe*. A refusal counts if given twice."""
         if why := self._no_way_back(probe):
             return ProbeAnswer(probe, None, why=why)
         answer = self._answer(probe)
@@ -107,7 +106,7 @@ class Asking:
         return ProbeAnswer(probe, None, why=f"it was refused with 0x{code:08X}, and then not, or with another code")
 
     def _no_way_back(self, probe: Probe) -> str:
-        """Why *probe* must not be made: it alters what does not take back what it holds; empty if it may be made."""
+        """Why *probe* is forbidden (it alters an object that refuses its present value); empty if allowed."""
         for write in probe.writes:
             held = self._found.get(write.place)
             if held != write.data and write.place in self._stuck:
@@ -126,11 +125,11 @@ class Asking:
         return code
 
     def _write_all(self, writes: Iterable[ProbeWrite]) -> str:
-        """Make *writes*, without which there is no probe; why that failed, empty where it did not."""
+        """Make the prerequisite *writes* of a probe; the reason for a failure, else empty."""
         return next((why for write in writes if (why := self._must(write))), "")
 
     def _stand(self, stand: Stand) -> str:
-        """Bring the PDO to *stand*; why that failed, empty where it did not."""
+        """Bring the PDO to *stand*; the reason for a failure, else empty."""
         if stand is Stand.FOUND:
             return ""
         if stand is not Stand.EMPTY and self.fit is None:
@@ -158,7 +157,7 @@ class Asking:
         return wanted
 
     def _open(self) -> str:
-        """Off, with the COB-ID that it had, and count 0; why not, empty where it is so."""
+        """Disable the PDO with its former COB-ID and set count 0; the reason for a failure, else empty."""
         pdo = self.subject.pdo
         wanted = {
             (pdo.communication_index, 1): self.subject.off.raw.to_bytes(4, "little"),
@@ -172,14 +171,14 @@ class Asking:
         return self._must(ProbeWrite(*place, wanted[place]))
 
     def _must(self, write: ProbeWrite) -> str:
-        """A write that is tried twice; why it failed, empty where it did not."""
+        """Write with a second try; the reason for a failure, else empty."""
         code = self._write(write)
         if code == ACCEPTED or self._write(write) == ACCEPTED:
             return ""
         return f"{write} before it was refused with 0x{code:08X}"
 
     def _write(self, write: ProbeWrite) -> int:
-        """The abort code that *write* is answered with, 0 for accepted; what the object holds then is read."""
+        """Send *write*, read the object back, and return the abort code, 0 if accepted."""
         if self.node.cancellation.requested:
             stopped = Interrupted(f"stopped after {self.writes} writes", node=self.node.node_id)
             stopped.exit_code = self.node.cancellation.exit_code

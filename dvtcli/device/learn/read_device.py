@@ -1,7 +1,4 @@
-"""Reading what no file tells of a device that was learnt: its standard objects, and the lengths of what it maps.
-
-Writes nothing; does not know what becomes of it.
-"""
+"""Read the facts about a learned device that no file gives: standard objects, and lengths of mapped objects."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]) -> ReadDevice:
-    """What *node* is, with *pdos* as they were found, and what was answered about it."""
+    """The description of *node* with its initial *pdos* and the answers of the probes."""
     values = {}
     for place in TO_READ:
         with suppress(SdoAborted):  # what it does not tell is left out

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What was agreed to: *limit* downloads for all that is asked; *isolated* asserts that nothing else is on the bus.
+    """The user's consent: at most *limit* downloads; *isolated* asserts that no other node is on the bus.
 
-    *saves* is what is asked of 0x1010 in the end, none where nothing may be saved.
+    *saves* are the probes of 0x1010 at the end, empty if saving is not allowed.
     """
 
     limit: int
@@ -44,7 +44,7 @@ class Terms:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The answers about each subject, how many downloads that took, and what came of saving."""
+    """The answers about each subject, the number of downloads, and the result of saving."""
 
     known: tuple[KnownAnswers, ...]
     writes: int
@@ -54,10 +54,10 @@ class Asked:
 def way_back(
     node_id: int, subjects: Sequence[ProbedPdo], pdos: Mapping[Pdo, PdoConfig], stamp: Stamp | None = None
 ) -> Plan:
-    """What the journal has: each subject as it is, the entries behind its count, too; and every other PDO of *pdos*.
+    """The plan for the journal: each subject with the entries behind its count, and every other PDO of *pdos*.
 
-    The others are not written, but a device may alter them beside what is. One that is not whole cannot be put back.
-    Last of all the *stamp* is put back, which a device clears with each change (CiA 301, 0x1020).
+    The others are not written, but a device may alter them as a side effect. An incomplete PDO cannot be restored. Last
+    the *stamp* is restored, which a device clears after each change (CiA 301, 0x1020).
     """
     own = {subject.pdo for subject in subjects}
     changes: list[Change] = list(_stamp_back(stamp))
@@ -75,7 +75,7 @@ def way_back(
 
 
 def _stamp_back(stamp: Stamp | None) -> Iterator[ValueChange]:
-    """Everything is as it was, so that what the stamp said is true again; 0 is none."""
+    """Restore the stamp, valid again after the complete roll-back; 0 means none."""
     if stamp is None or stamp == NO_STAMP:
         return
     for sub_index in (DATE, TIME):
@@ -91,12 +91,12 @@ def ask_safely(
     terms: Terms,
     on_write: Callable[[], None] = lambda: None,
 ) -> Asked:
-    """Ask *node* about one of *subjects* of each direction, put everything back, and see that all *pdos* are as before.
+    """Probe one of *subjects* per direction, roll everything back, and verify that all *pdos* are as before.
 
-    The first of a direction is asked whose mapping takes back what it holds; some devices refuse an entry of 0.
+    Takes the first subject of a direction whose mapping accepts its present values; some devices refuse an entry of 0.
 
-    *found* is how the node was claimed. Whatever fails, all of *pdos* are put back first: LeftChanged, with the
-    journal kept, where that fails too.
+    *found* is the initial state of the node. After any failure all *pdos* are rolled back first; raises LeftChanged and
+    keeps the journal if the roll-back fails.
     """
     plan = way_back(node.node_id, subjects, pdos, held_stamp(node))
     with node.cancellation.guard():
@@ -123,7 +123,7 @@ def ask_safely(
 
 
 def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
-    """Say in *fault* that everything is put back, and what is known of a save."""
+    """Add to *fault* that everything is rolled back, and the known result of a save."""
     fault.state = "rolled_back"
     if may_have_saved:
         fault.state = "unknown"
@@ -133,7 +133,7 @@ def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
 def _ask(
     node: Node, subjects: Sequence[ProbedPdo], found: InitialState, terms: Terms, on_write: Callable[[], None]
 ) -> Asked:
-    """Ask one subject of each direction, the first of *subjects* whose mapping takes back what it holds."""
+    """Probe one subject per direction: the first whose mapping accepts its present values."""
     askings = [Asking(node, subject, terms.limit, on_write) for subject in subjects]
     by_direction: dict[Direction, list[Asking]] = {}
     for asking in askings:
@@ -161,7 +161,7 @@ def _ask(
 
 
 def _that_goes_back(candidates: Sequence[Asking], keep_to: Callable[[Asking], None]) -> Asking:
-    """The first of *candidates* whose mapping can be asked, limited to what can be put back; the first if none can."""
+    """The first of *candidates* with a restorable mapping, restricted to restorable objects; else the first."""
     for asking in candidates:
         keep_to(asking)
         asking.keep_to_what_goes_back()
@@ -171,12 +171,12 @@ def _that_goes_back(candidates: Sequence[Asking], keep_to: Callable[[Asking], No
 
 
 def _keep_to(terms: Terms, askings: Sequence[Asking], asking: Asking) -> None:
-    """Let *asking* write as often as is left of what was agreed to."""
+    """Give *asking* the rest of the agreed number of writes."""
     asking.limit = terms.limit - sum(other.writes for other in askings if other is not asking)
 
 
 def _ask_one(asking: Asking, answers: dict[str, ProbeAnswer], terms: Terms) -> KnownAnswers:
-    """Everything that may be asked about one subject, and whatever its answers lead to."""
+    """All allowed probes of one subject, and the probes that follow from their answers."""
     known = KnownAnswers(asking.subject, answers)
     while probes := next_probes(known):
         for probe in probes:
@@ -190,7 +190,7 @@ def _ask_one(asking: Asking, answers: dict[str, ProbeAnswer], terms: Terms) -> K
 
 
 def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: BaseException | None) -> None:
-    """Put everything back, verify that all of *pdos* are as they were, and close the journal."""
+    """Roll everything back, verify all *pdos*, and close the journal."""
     own = _own(plan)
     try:
         altered = _restore(node, plan, pdos)
@@ -208,7 +208,7 @@ def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: Base
 
 
 def _restore(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
-    """Put everything back, and see that all of *pdos* are as they were: those that are not, and cannot be put back."""
+    """Roll everything back, verify all *pdos*, and return the PDOs still different."""
     roll_back_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
     own = _own(plan)
     return _altered(node, {pdo: before for pdo, before in pdos.items() if pdo not in own})
@@ -223,7 +223,7 @@ def _beside(altered: Sequence[Pdo]) -> DeviceRefused:
 
 
 def _altered(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
-    """Those of *pdos*, which the plan cannot put back, that are not as they were."""
+    """The PDOs outside the plan's reach that differ from before."""
     held = node.pdos() if pdos else {}
     return [pdo for pdo, before in pdos.items() if held.get(pdo) != before]
 

@@ -1,6 +1,6 @@
-"""Asking a device what it says about saving, and, where that was agreed to, to save: at most two writes to 0x1010.
+"""Probe how a device stores, and let it store if agreed: at most two writes to 0x1010.
 
-Does not know what its answers mean, and puts nothing back: it is asked while it holds what it was found with.
+Call only while the device holds its initial values: a store is not rolled back.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SUB_INDICES = (1, 2, 3, 4)
 
 @dataclass(frozen=True, slots=True)
 class SignatureAnswers:
-    """What the device *answers* to each signature, and how many *seconds* the right one took."""
+    """The device's *answers* to each signature, and the duration of the right signature in *seconds*."""
 
     answers: tuple[ProbeAnswer, ...] = ()
     seconds: float = 0.0
@@ -38,20 +38,20 @@ class SignatureAnswers:
 
     @property
     def sub_index(self) -> int | None:
-        """The sub-index of 0x1010 that took `save`; None where none did: a wrong signature may have saved nothing."""
+        """The sub-index of 0x1010 that took `save`, else None; an accepted wrong signature may have saved nothing."""
         took = (answer.probe for answer in self.answers if answer.probe.name == SAVE and answer.accepted)
         return next((probe.asked.sub_index for probe in took), None)
 
 
 def read_storage(node: Node) -> Storage:
-    """What 0x1010 and 0x1011 of *node* say; writes nothing."""
+    """The content of 0x1010 and 0x1011 of *node*; writes nothing."""
     save, unreadable = _capabilities(node, STORE)
     load, _ = _capabilities(node, RESTORE)
     return Storage(save, load, unreadable)
 
 
 def _capabilities(node: Node, index: int) -> tuple[dict[int, int], int]:
-    """What the sub-indices of *index* read, and the abort code of one that is there and cannot be read."""
+    """The values of the sub-indices of *index*, and the abort code of an existing, unreadable sub-index."""
     found, unreadable = {}, 0
     for sub_index in _SUB_INDICES:
         try:
@@ -64,10 +64,10 @@ def _capabilities(node: Node, index: int) -> tuple[dict[int, int], int]:
 
 
 def ask_to_save(node: Node, probes: Sequence[Probe]) -> SignatureAnswers:
-    """Send each of *probes*, what must be refused first, and nothing more once a signature was taken.
+    """Send *probes* in order, expected refusals first, until the device takes a signature.
 
-    DeviceRefused where the node restarts, Interrupted after a request to stop, NoAnswer where it falls silent; with the
-    state `unknown` where it may have saved.
+    Raises DeviceRefused if the node restarts, Interrupted after a request to stop, NoAnswer if the node falls silent;
+    with the state `unknown` if the node may have saved.
     """
     answers: list[ProbeAnswer] = []
     seconds = 0.0

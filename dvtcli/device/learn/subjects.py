@@ -1,4 +1,4 @@
-"""Which PDOs of a node may be asked, and with what. Reads; writes nothing."""
+"""Choose the PDOs of a node to probe, and the values to probe with. Writes nothing."""
 
 from __future__ import annotations
 
@@ -38,10 +38,9 @@ _STANDARD_UNMAPPABLE = {
 
 
 def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[ProbedPdo]:
-    """The PDO of each direction that is asked: one that is off where there is one, of those the last.
+    """The PDO to probe in each direction: the last disabled PDO, if there is any.
 
-    *pdos* are what the node holds, *heard* the CAN-IDs that passed. A direction without a PDO that could be put back
-    for certain has none.
+    *pdos* are the node's PDOs, *heard* the received CAN-IDs. A direction without a restorable PDO is left out.
     """
     spare = _spare(node, pdos, heard)
     found = (_subject(node, pdos, direction, spare) for direction in (Direction.TPDO, Direction.RPDO))
@@ -49,7 +48,7 @@ def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -
 
 
 def mapped_subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], first: Sequence[ProbedPdo]) -> list[ProbedPdo]:
-    """For each of *first* that maps nothing the PDO of its direction that is asked if entries of 0 do not go back."""
+    """A mapped substitute for each of *first* with an empty mapping, in case entries of 0 cannot be restored."""
     found: list[ProbedPdo] = []
     for subject in first:
         way = subject.pdo.direction
@@ -61,7 +60,7 @@ def mapped_subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], first: Sequence[P
 
 
 def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> tuple[int, ...]:
-    """Two CAN-IDs that no PDO of a known node has, no service uses, and nobody was heard on."""
+    """Two CAN-IDs not used by a PDO of a known node, a service, or a received frame."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}
     used |= {producer.cob_id.can_id for producer in producers(node.neighbours())}
     used |= {can_id for can_id, _ in service_ids(node.memory, node.node_id, node.dictionary)} | heard
@@ -81,7 +80,7 @@ def _subject(
 
 
 def _candidates(pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> list[tuple[Pdo, PdoConfig]]:
-    """Those that are off first, of these the empty ones; of equals the one with the highest number."""
+    """Disabled PDOs first, of these empty PDOs first; among equals the highest number."""
     own = [(pdo, config) for pdo, config in pdos.items() if pdo.direction is direction]
     return sorted(own, key=lambda candidate: (candidate[1].enabled, candidate[1].count > 0, -candidate[0].number))
 
@@ -123,7 +122,7 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
 
 
 def _other_way(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> PdoMappingEntry | None:
-    """The first object that PDOs of the other direction map, and none of this one."""
+    """The first object mapped only by PDOs of the other direction."""
     mapped = {
         way: [entry for pdo, config in pdos.items() if pdo.direction is way for entry in config.mapping]
         for way in Direction
@@ -137,7 +136,7 @@ def _other_way(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) 
 
 
 def _limits(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> dict[tuple[int, int], tuple[int, int]]:
-    """The limits that the file states for what *pdo* is configured with, where they leave a choice."""
+    """The file's limits for the parameters of *pdo*, if they leave a choice."""
     found = {}
     for index in {pdo.communication_index, pdo.mapping_index} & set(dictionary):
         for entry in dictionary[index].entries.values():
@@ -159,7 +158,7 @@ def _held(node: Node, index: int, sub_index: int) -> bytes | None:
 
 
 def _fits(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> Iterator[PdoMappingEntry]:
-    """Objects to map, the shortest first: those that are mapped in this direction, then those that its file names."""
+    """Objects to map, the shortest first: those mapped in this direction, followed by those in its file."""
     mapped = [
         entry
         for pdo, config in pdos.items()
@@ -183,7 +182,7 @@ def _varied(node: Node, entries: Sequence[PdoMappingEntry]) -> list[PdoMappingEn
 
 
 def _mappable(dictionary: ObjectDictionary, direction: Direction) -> Iterator[PdoMappingEntry]:
-    """What may be mapped by its file; objects for this direction alone before those for both."""
+    """The mappable objects in the file; those for this direction only before those for both."""
     wanted = FEEDS_TPDO if direction is Direction.TPDO else TAKES_RPDO
     entries = [entry for entry in _marked(dictionary) if entry.access in wanted]
     for entry in sorted(entries, key=lambda mappable: mappable.access in FEEDS_TPDO & TAKES_RPDO):
@@ -191,7 +190,7 @@ def _mappable(dictionary: ObjectDictionary, direction: Direction) -> Iterator[Pd
 
 
 def _marked(dictionary: ObjectDictionary) -> Iterator[OdEntry]:
-    """Objects of a known length that the file marks as mappable, none of them a parameter of communication."""
+    """Objects of known length marked as mappable in the file, without communication parameters."""
     for entry in dictionary.entries():
         if entry.pdo_mapping and entry.bits in _LENGTHS and entry.index >= 0x2000:
             yield entry
@@ -205,7 +204,7 @@ def _by_access(dictionary: ObjectDictionary) -> dict[str, tuple[PdoMappingEntry,
 
 
 def _one_of_each(entries: Iterable[OdEntry]) -> tuple[PdoMappingEntry, ...]:
-    """The first of *entries* of each length and kind, the first ones first."""
+    """The first of *entries* per length and kind, in order."""
     found: dict[tuple[int | None, Kind | None], PdoMappingEntry] = {}
     for entry in entries:
         mapping = PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0)
@@ -224,7 +223,7 @@ def _features(dictionary: ObjectDictionary, objects: Iterable[PdoMappingEntry]) 
 
 
 def _unmappable(dictionary: ObjectDictionary, pdo: Pdo) -> tuple[PdoMappingEntry, ...]:
-    """Objects that could go this way by their access, and are marked as not mappable; one of each length and kind."""
+    """Objects with the right access but marked as not mappable, one per length and kind."""
     wanted = FEEDS_TPDO if pdo.is_tpdo else TAKES_RPDO
     entries = (
         entry
@@ -235,7 +234,7 @@ def _unmappable(dictionary: ObjectDictionary, pdo: Pdo) -> tuple[PdoMappingEntry
 
 
 def _absent(node: Node) -> int:
-    """An index that the device does not have."""
+    """An index missing in the device."""
     for index in range(0x5FFE, 0x5F00, -1):
         if (node.dictionary is None or index not in node.dictionary) and _held(node, index, 0) is None:
             return index

@@ -1,1 +1,1 @@
-"""Devices that do it differently, each behaviour in one file; a profile names those that count."""
+"""Deviations of devices from the standard, one per file; a profile names its deviations."""

@@ -1,7 +1,6 @@
-"""An SDO channel to a device whose mappings have a count that cannot be written: unused entries hold a filler instead.
+"""An SDO channel to a device with read-only mapping counts: unused entries contain a filler instead.
 
-Everything above sees the count that CiA 301 has, and writes it; on the wire the entries behind it become fillers.
-Knows nothing of PDOs but where their mappings are.
+Callers read and write the count of CiA 301; on the wire the entries behind the count become fillers.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from dvtcli.domain.ports import SdoTransport
 
 @dataclass(slots=True)
 class FixedCount:
-    """*inner* with the count of every PDO mapping told by its entries; *filler* is what an unused one holds (u32)."""
+    """*inner* with the count of every PDO mapping derived from its entries; *filler* (u32) marks an unused entry."""
 
     inner: SdoTransport
     filler: int
@@ -23,7 +22,7 @@ class FixedCount:
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
-        """Read an object; the count of a mapping is that of the entries before the fillers at its end."""
+        """Read an object; the count of a mapping excludes the fillers at its end."""
         data = self.inner.upload(index, sub_index, timeout_s=timeout_s, retries=retries)
         if not _is_count(index, sub_index) or len(data) != 1 or is_mpdo(data[0]):
             return data
@@ -31,7 +30,7 @@ class FixedCount:
         return bytes([next(used, 0)])
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
-        """Write an object; for a count the entries behind it that hold anything else become fillers."""
+        """Write an object; a count turns all used entries behind it into fillers."""
         if not _is_count(index, sub_index):
             self.inner.download(index, sub_index, data, timeout_s=timeout_s)
             return

@@ -1,7 +1,7 @@
-"""An SDO channel to a device whose mapping entries have their fields the other way round.
+"""An SDO channel to a device with reversed fields in mapping entries.
 
-Everything above sees entries as CiA 301 has them (index, sub-index, length from the highest bits down); on the wire
-they are length, sub-index, index. Knows nothing of PDOs but where their mappings are.
+Callers see CiA 301 entries (index, sub-index, length from the highest bits down); on the wire the order is length, sub-
+index, index.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from dvtcli.domain.ports import SdoTransport
 
 @dataclass(slots=True)
 class ReversedEntries:
-    """*inner* with the entries of every PDO mapping turned round, both ways."""
+    """*inner* with the fields of every PDO mapping entry reversed in both directions."""
 
     inner: SdoTransport
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
-        """Read an object; a mapping entry as CiA 301 has it."""
+        """Read an object; a mapping entry in CiA 301 order."""
         data = self.inner.upload(index, sub_index, timeout_s=timeout_s, retries=retries)
         return as_standard(data) if _is_entry(index, sub_index, data) else data
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
-        """Write an object; a mapping entry as the device has it."""
+        """Write an object; a mapping entry in the device's order."""
         sent = as_device(data) if _is_entry(index, sub_index, data) else data
         self.inner.download(index, sub_index, sent, timeout_s=timeout_s)
 

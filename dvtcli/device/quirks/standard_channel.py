@@ -1,4 +1,4 @@
-"""The SDO channel of a device of a given family, with what is odd about it taken away. Knows behaviours, no family."""
+"""The SDO channel of a device family, with deviations from CiA 301 corrected."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dvtcli.domain.profile import DeviceProfile
 
 
 def in_standard_order(channel: SdoTransport, profile: DeviceProfile) -> SdoTransport:
-    """*channel* so that entries and counts mean what CiA 301 says, whatever a device of *profile* makes of them."""
+    """*channel* with entries and counts as in CiA 301, whatever the deviations in *profile*."""
     if profile.reversed_entries:
         from dvtcli.device.quirks.reversed_entries import ReversedEntries
 
