@@ -3,7 +3,7 @@
     with dvtcli.connect(interface="socketcan", channel="can0") as bus:
         bus.node(1, eds="drive.eds").map("tpdo1", "statusword", "606C", cob_id=0x201, sync=1)
 
-What stands in `__all__` is stable, every other name is ours to change. A name is imported when it is first used.
+The names in `__all__` are stable, all others may change. A name is imported on first use.
 """
 
 from __future__ import annotations

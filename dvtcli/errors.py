@@ -1,24 +1,24 @@
-"""Every expected failure, as one small tree; the shell renders them at one boundary.
+"""Every expected failure, as one small tree; the shell prints them at one boundary.
 
     DvtcliError                    1
     ├── UsageError                 2   unknown name, malformed argument
     ├── InputFileError             4   a file exists, its content is invalid
-    ├── RuleError                  1   our rules refused it before any write
+    ├── RuleError                  1   a rule refused a change before any write
     ├── SdoAborted                 1   the device refused one SDO
-    ├── DeviceRefused              1   a change was refused by the device, or read back differently; undone
-    ├── Restarted                  1   a node lost what was set, before it was stored
+    ├── DeviceRefused              1   the device refused a change, or reads back differently; rolled back
+    ├── Restarted                  1   a node lost a change before it was stored
     ├── JournalKept                1   all is as planned, but the journal cannot be removed
-    ├── TakenBack                  1   an atomic script found what it should not; undone
+    ├── TakenBack                  1   a line of an atomic script failed; rolled back
     ├── ResultsLost                1   all is done, but the results cannot be written
     ├── NoAnswer                   5   a node is silent
-    ├── SdoProtocolError           5   a node answers nonsense
+    ├── SdoProtocolError           5   a node sends an invalid answer
     ├── BusUnavailable             5   the bus cannot be opened, or died
     ├── SafetyRefusal              6   identity differs, stale plan, unanswered question
     ├── LeftChanged                7   roll-back failed too
     ├── Bug                       70   a fault in dvtcli itself
-    └── Interrupted              130   the user stopped a command; undone
+    └── Interrupted              130   the user stopped a command; rolled back
 
-The number is the exit code. Does not know how errors look on a screen.
+The number is the exit code.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ State = Literal["unchanged", "rolled_back", "left_changed", "unknown"]
 class DvtcliError(Exception):
     """A failure that the user can act on.
 
-    *text* says what and where; *why* gives the reason, *hint* the next step, *state* in which state the
-    device is; *node* is a node-ID, *place* an object (`1A00:03`) or a `FILE:LINE`, *abort* an SDO abort code.
-    *given* are the arguments that it is about, as a `Hint` has them, each with its value, or None for its name alone:
-    the command line and the API write them in front of the text, each in its way.
+    *text* says what happened and where; *why* gives the reason, *hint* the next step, *state* the state of the device;
+    *node* is a node-ID, *place* an object (`1A00:03`) or a `FILE:LINE`, *abort* an SDO abort code. *given* are the
+    arguments concerned, as in a `Hint`, each with its value, or None for its name alone: the command line and the API
+    write them in front of the text, each in its form.
     """
 
     exit_code = 1
@@ -90,7 +90,7 @@ class DvtcliError(Exception):
         self.details: list[tuple[str, str]] = []
 
     def __reduce__(self) -> tuple[object, ...]:
-        """As it is, with all of its fields: another process gets it, and whoever copies it."""
+        """Pickle and copy the error with all of its fields."""
         return _made_again, (type(self), *self.args), vars(self)
 
 
@@ -106,7 +106,7 @@ def ended_with(exit_code: int, text: str, *, hint: Hint | str | None = None, sta
 
 
 class UsageError(DvtcliError):
-    """What was typed is not understood."""
+    """An argument or command is not understood."""
 
     exit_code = 2
     slug = "usage"
@@ -115,7 +115,7 @@ class UsageError(DvtcliError):
 class InputFileError(DvtcliError):
     """A file's content is invalid; *place* is `FILE:LINE` or `FILE:LINE:COLUMN`.
 
-    *complaints* are all that is wrong in it, where more than the first was looked for; *outcome*: what was not done.
+    *complaints* are all errors in the file, if more than the first was searched; *outcome*: the action not done.
     """
 
     exit_code = 4
@@ -125,9 +125,9 @@ class InputFileError(DvtcliError):
 
 
 class RuleError(DvtcliError):
-    """Our rules refused a change before anything was written; *findings* say which, *can_force* whether force helps.
+    """A rule refused a change before anything was written; *findings* name the rules, *can_force* whether force helps.
 
-    *complaints* are the places of a file that ask for it, where they are known.
+    *complaints* are the requesting places in a file, if known.
     """
 
     slug = "rules"
@@ -159,9 +159,9 @@ class SdoAborted(DvtcliError):
 
 
 class DeviceRefused(DvtcliError):
-    """The device refused a step, or reads back differently from what was written.
+    """The device refused a step, or reads back differently from the written value.
 
-    *read_back* is what an object held then, and what it should: of one that was written alone.
+    *read_back* is the present and the expected value of an object written alone.
     """
 
     read_back: tuple[bytes, bytes] | None = None
@@ -170,7 +170,7 @@ class DeviceRefused(DvtcliError):
 
 
 class Restarted(DvtcliError):
-    """A node restarted of its own accord and lost what was set and not stored."""
+    """A node restarted unexpectedly and lost unstored changes."""
 
     slug = "restarted"
 
@@ -182,13 +182,13 @@ class JournalKept(DvtcliError):
 
 
 class TakenBack(DvtcliError):
-    """A line of an atomic script found what it should not; what the lines before it changed was put back."""
+    """A line of an atomic script failed by its exit code (`verify`); the script was rolled back."""
 
     slug = "taken_back"
 
 
 class ResultsLost(DvtcliError):
-    """What a command answered cannot be written where it should go; what it did before is done."""
+    """The results of a command cannot be written to their destination; the command's work is done."""
 
     slug = "results_lost"
 
@@ -226,7 +226,7 @@ class SafetyRefusal(DvtcliError):
 
 
 def stopped_node(node_id: int) -> SafetyRefusal:
-    """What refuses to go on with a node that is STOPPED."""
+    """The refusal to continue with a node that is STOPPED."""
     from dvtcli.domain.hint import Action, Hint
 
     return SafetyRefusal(
@@ -238,10 +238,10 @@ def stopped_node(node_id: int) -> SafetyRefusal:
 
 @dataclass(frozen=True, slots=True)
 class LeftObject:
-    """What node *node_id* holds otherwise than before: *label* is its PDO or object, *place* the object (`1800:05`).
+    """A difference of node *node_id* from before: *label* is its PDO or object, *place* the object (`1800:05`).
 
-    *place* is None if the PDO could not be read; *holds* and *before* are None if they are not known. *text* is all of
-    it in words.
+    *place* is None if the PDO could not be read; *holds* and *before* are None if unknown. *text* is the difference in
+    words.
     """
 
     node_id: int
@@ -257,9 +257,9 @@ class LeftObject:
 class LeftChanged(DvtcliError):
     """Roll-back failed too: the device is left changed.
 
-    *stores* says which nodes of a network have stored, where they did not all. *left* are the objects that are not as
-    before, *as_before* the PDOs and objects of each node that are, all read after the last write; *guarded* are the
-    changes that were to be rolled back, by node-ID.
+    *stores* names the nodes of a network that have stored, if not all did. *left* are the objects that differ from
+    before, *as_before* the PDOs and objects of each node as before, all read after the last write; *guarded* are the
+    changes to be rolled back, by node-ID.
     """
 
     exit_code = 7
@@ -281,7 +281,7 @@ class Bug(DvtcliError):
 
 
 class Interrupted(DvtcliError):
-    """The user stopped a command; what it had changed was put back.
+    """The user stopped a command; its changes were rolled back.
 
     The Python API raises KeyboardInterrupt in its place.
     """

@@ -1,4 +1,4 @@
-"""The words that start a process which runs Python code of ours. A low brick of the house: everybody may start one."""
+"""The command line to start a Python process with code of ours."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What the calls of the Python API answer, and what they tell: names for type hints and `isinstance`. Holds no code."""
+"""The result types of the Python API, for type hints and `isinstance`. Contains no code."""
 
 from dvtcli.device.change.progress import Progress
 from dvtcli.domain.cob_id import CobId

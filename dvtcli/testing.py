@@ -1,9 +1,9 @@
-"""pytest fixtures for whoever tests against a CANopen device: simulated nodes, alone or on a bus that programs join.
+"""pytest fixtures for tests against CANopen devices: simulated nodes, in the test or on a bus for other programs.
 
     pytest_plugins = ["dvtcli.testing"]         # in the outermost conftest.py
 
-Nothing is loaded without that line. Each test gets nodes of its own, and a state folder of its own: no journal, lock
-or backup of the user's is read or written. Does not know what is tested.
+Nothing is loaded without that line. Each test gets its own nodes and its own state folder: the user's journals, locks
+and backups are neither read nor written.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ __all__ = [
 
 
 class Simulate(Protocol):
-    """What the fixture `dvtcli_simulate` is, for type hints: a call of `dvtcli.simulate`."""
+    """The type of the fixture `dvtcli_simulate`: a call of `dvtcli.simulate`."""
 
     def __call__(
         self,
@@ -55,7 +55,7 @@ class Simulate(Protocol):
 
 
 class Serve(Protocol):
-    """What the fixture `dvtcli_serve` is, for type hints: a call of `serve`, whose bus stays until the test's end."""
+    """The type of the fixture `dvtcli_serve`: a call of `serve`, whose bus lasts until the test's end."""
 
     def __call__(
         self,
@@ -69,7 +69,7 @@ class Serve(Protocol):
 
 @pytest.fixture
 def dvtcli_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The test's own folder of journals, locks and backups, also for programs that the test starts."""
+    """The test's own folder of journals, locks and backups, also for programs started by the test."""
     folder = tmp_path_factory.mktemp("dvtcli-state")
     for name in ("XDG_STATE_HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, str(folder))
@@ -78,7 +78,7 @@ def dvtcli_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.M
 
 @pytest.fixture
 def dvtcli_nodes() -> tuple[str, ...]:
-    """Which nodes `dvtcli_bus` and `dvtcli_node` simulate; override it: `return ("my.eds@5",)`."""
+    """The nodes simulated by `dvtcli_bus` and `dvtcli_node`; override it: `return ("my.eds@5",)`."""
     return ("generic",)
 
 
@@ -96,13 +96,13 @@ def dvtcli_node(dvtcli_bus: Bus) -> Node:
 
 @pytest.fixture
 def dvtcli_simulate(dvtcli_state: Path) -> Iterator[Simulate]:  # noqa: ARG001 - it is the test's state folder
-    """Call it as `dvtcli.simulate`: a bus in this process, which is left at the test's end."""
+    """Call it as `dvtcli.simulate`: a bus in this process, closed at the test's end."""
     with ExitStack() as buses:
         yield lambda *nodes, **options: buses.enter_context(simulate(*nodes, **options))
 
 
 @pytest.fixture
 def dvtcli_serve(dvtcli_state: Path) -> Iterator[Serve]:  # noqa: ARG001 - as above
-    """Call it as `serve`: a bus on loopback that the firmware's own programs join, gone at the test's end."""
+    """Call it as `serve`: a bus on loopback for the firmware's own programs, closed at the test's end."""
     with ExitStack() as buses:
         yield lambda *nodes, **options: buses.enter_context(serve(*nodes, **options))

@@ -1,4 +1,4 @@
-"""Which dvtcli this is. The lowest brick of the house: everybody may say it."""
+"""The version of dvtcli."""
 
 __version__ = "0.1.0"
 #: What package indexes and pip call it; the import, the command and the folder are `dvtcli`.

@@ -1,7 +1,7 @@
-"""SDO block transfers, the server's end: sub-blocks, acknowledgements, retransmission and CRC (CiA 301, 7.2.4.3.9 ff.).
+"""SDO block transfer server: sub-blocks, acknowledgements, retransmission and CRC (CiA 301, 7.2.4.3.9 ff.).
 
-A transfer takes requests of eight bytes and gives the responses. Knows no clock: a client that goes away in the middle
-of a sub-block must abort before the server listens to anything else. Does not know what the objects mean.
+A transfer takes requests of eight bytes and returns responses, without a time-out: a client that stops inside a sub-
+block must abort before another request.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ class ServedBlockTransfer(Protocol):
     finished: bool
 
     def takes(self, request: bytes) -> bool:
-        """Whether *request* belongs to this transfer; otherwise it begins something else."""
+        """True if *request* belongs to this transfer."""
         ...
 
     def handle(self, request: bytes) -> list[bytes]:
-        """The responses to *request*; Refusal where the transfer is aborted."""
+        """The responses to *request*. Raises Refusal if the transfer is aborted."""
         ...
 
 
 class ServedBlockDownload:
-    """A block download to the object of *request*, which initiates it; Refusal where that is hopeless."""
+    """A block download initiated by *request*. Raises Refusal if the object can never be written."""
 
     def __init__(self, device: StrictDevice, request: bytes) -> None:
         if request[0] & 0x01:
@@ -60,11 +60,11 @@ class ServedBlockDownload:
         return int.from_bytes(self.multiplexer[:2], "little"), self.multiplexer[2]
 
     def first(self) -> bytes:
-        """The response to the request that initiates it: the segments of a sub-block, and whether CRC is known."""
+        """The initiate response: segments per sub-block, and CRC support."""
         return bytes([0xA0 | self._knows_crc]) + self.multiplexer + bytes([self._block_size, 0, 0, 0])
 
     def takes(self, request: bytes) -> bool:
-        """Every request until the last segment, then the one that ends it."""
+        """True for every request up to the last segment, and for the end request."""
         return not self._ending or request[0] & 0xE3 == 0xC1
 
     def handle(self, request: bytes) -> list[bytes]:
@@ -72,7 +72,7 @@ class ServedBlockDownload:
         return [self._end(request)] if self._ending else self._segment(request)
 
     def _segment(self, request: bytes) -> list[bytes]:
-        """A segment out of order was preceded by a lost one: it and what follows is to be sent again."""
+        """Take a segment; after a gap request retransmission from the lost segment on."""
         number, last = request[0] & 0x7F, bool(request[0] & _LAST)
         if number == self._acknowledged + 1:
             self._acknowledged = number
@@ -99,7 +99,7 @@ class ServedBlockDownload:
 
 
 class ServedBlockUpload:
-    """A block upload of *data*, as *request* initiates it; Refusal where its block size is not 1..127."""
+    """A block upload of *data* initiated by *request*. Raises Refusal unless its block size is 1..127."""
 
     def __init__(self, request: bytes, data: bytes, *, has_crc: bool = True) -> None:
         self.multiplexer = request[1:4]
@@ -113,7 +113,7 @@ class ServedBlockUpload:
         self._ending = False
 
     def first(self) -> bytes:
-        """The response to the request that initiates it, with the size in bytes."""
+        """The initiate response, with the size in bytes."""
         return bytes([0xC2 | (_CRC if self._has_crc else 0)]) + self.multiplexer + len(self._data).to_bytes(4, "little")
 
     def takes(self, request: bytes) -> bool:
@@ -148,7 +148,7 @@ class ServedBlockUpload:
         return [bytes([0xC1 | unused << 2]) + crc.to_bytes(2, "little") + bytes(5)]
 
     def _segments(self) -> list[bytes]:
-        """The sub-block that begins after what was acknowledged."""
+        """The sub-block after the acknowledged segments."""
         found = []
         for number in range(1, self._block_size + 1):
             start = self._acknowledged + (number - 1) * _SEGMENT_BYTES

@@ -1,6 +1,6 @@
-"""A boot loader: one program in flash memory, downloaded, cleared, started and stopped (CiA 302-3, 0x1F50 to 0x1F57).
+"""A boot loader: download, clear, start and stop one program in flash memory (CiA 302-3, 0x1F50 to 0x1F57).
 
-A program is there whole or not at all, with or without power. Does not know SDO, nor what a program does.
+A program is complete or absent, even after a power failure.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FACTORY_PROGRAM = b"the program that a simulated device comes with"
 
 
 class BootLoader:
-    """What is wrong with it: *fails*, no program can be written; *alters*, one byte of it is another one then."""
+    """The boot loader of one device, with faults: *fails*, writing a program fails; *alters*, one byte is corrupted."""
 
     def __init__(self) -> None:
         self.program: bytes | None = FACTORY_PROGRAM
@@ -30,11 +30,11 @@ class BootLoader:
         self._is_clear = False
 
     def handles(self, index: int, sub_index: int) -> bool:
-        """Whether the object is one of its own."""
+        """True if the object belongs to the boot loader."""
         return sub_index == 1 and index in (_DATA, _CONTROL, _IDENTIFICATION, _STATUS)
 
     def read(self, index: int) -> bytes:
-        """What the control, identification or status object holds."""
+        """The value of the control, identification or status object."""
         if index == _CONTROL:
             return bytes([self._control])
         if index == _IDENTIFICATION:
@@ -45,7 +45,7 @@ class BootLoader:
         return self._status.to_bytes(4, "little")
 
     def begin(self, index: int) -> None:
-        """A program's data is about to come: Refusal unless the flash memory is clear, which it is not from now on."""
+        """Begin a program download. Raises Refusal unless the flash memory is clear; afterwards it is not."""
         if index != _DATA:
             return
         if not self._is_clear:
@@ -54,7 +54,7 @@ class BootLoader:
         self._is_clear = False
 
     def take(self, index: int, data: bytes, state: NmtState) -> bool:
-        """Take a program, or a command; whether the device resets for it. Refusal where it is not the time for that."""
+        """Take a program or a command; true if the device resets. Raises Refusal in the wrong state."""
         if index == _DATA:
             self._write(data)
             return False
@@ -89,7 +89,7 @@ class BootLoader:
         self._status, self._control = 0, _STOPPED
 
     def restart(self) -> None:
-        """Run the program where there is one, after a reset or at power-on."""
+        """Run the program, if any, after a reset or at power-on."""
         self._busy, self._is_clear = 0, False
         self._control = _STOPPED if self.program is None else _STARTED
         self._status = _NO_PROGRAM if self.program is None else 0

@@ -1,7 +1,6 @@
 """Errors of a simulated device: EMCY frames, error register and history (CiA 301, 7.2.7, 7.5.2.2 and 7.5.2.4).
 
-Time is passed in. Does not know what makes an error, nor in which NMT state EMCY frames are allowed
-(`strict_device`).
+`strict_device` suppresses EMCY frames by NMT state.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ _WAITING_MOST = 32
 
 
 class Emergencies:
-    """The errors of one device. An error is raised by a *source* and stays until that source clears it.
+    """The errors of one device. A *source* raises an error, which stays until the same source clears it.
 
-    *own* is where the device lists them besides CiA 301. *due_s* is when a frame that the inhibit time (0x1015) held
-    back may go, infinite for none.
+    *own* is the device's error list beside CiA 301. *due_s* is the time of the next frame held back by the inhibit time
+    (0x1015), infinite for none.
     """
 
     def __init__(self, memory: Memory, own: ErrorList | None = None) -> None:
@@ -53,12 +52,12 @@ class Emergencies:
         self._own_bits = 0
 
     def check(self, index: int, _sub_index: int, data: bytes) -> None:
-        """Refuse a download to the history that is no 0: it is only emptied (CiA 301, 7.5.2.4)."""
+        """Refuse a download to the history other than 0, which clears the history (CiA 301, 7.5.2.4)."""
         if index == ERROR_HISTORY and any(data):
             raise Refusal(Abort.VALUE_RANGE)
 
     def set(self, source: Hashable, code: int) -> list[Frame]:
-        """Note error *code* (0x0001..0xFFFF) of *source*; the frames to send, none if it was known already."""
+        """Raise error *code* (0x0001..0xFFFF) of *source*; the frames to send, none for a known error."""
         if self._active.get(source) == code:
             return []
         self._active[source] = code
@@ -66,18 +65,18 @@ class Emergencies:
         return self._send(code)
 
     def clear(self, source: Hashable) -> list[Frame]:
-        """Note that *source* has no error any more; the error-reset frame where it had one."""
+        """Clear the error of *source*; the error-reset frame if there was an error."""
         if self._active.pop(source, None) is None:
             return []
         return self._send(NO_ERROR)
 
     def clear_all(self) -> list[Frame]:
-        """Note that every error is gone; the error-reset frame."""
+        """Clear every error; the error-reset frame."""
         self._active.clear()
         return self._send(NO_ERROR)
 
     def list_active(self) -> None:
-        """Bring the device's own list up to date, where it has one: the code at the position that is chosen."""
+        """Update the device's own error list, if any: the code at the selected position."""
         if self._own is None:
             return
         codes = sorted(self._active.values(), reverse=True)
@@ -90,13 +89,13 @@ class Emergencies:
             self._memory.write(*place, value.to_bytes(2, "little"))
 
     def forget_history(self) -> None:
-        """Empty 0x1003, as writing 0 to its sub-index 0 does."""
+        """Clear 0x1003, as writing 0 to its sub-index 0 does."""
         for sub_index in range(1, (self._memory.highest_sub_index(ERROR_HISTORY) or 0) + 1):
             if self._memory.exists(ERROR_HISTORY, sub_index):
                 self._memory.write(ERROR_HISTORY, sub_index, bytes(4))
 
     def poll(self, now_s: float) -> list[Frame]:
-        """The frame that the inhibit time lets go at *now_s* (s)."""
+        """The frame released by the inhibit time at *now_s* (s)."""
         if now_s < self.due_s:
             return []
         self._quiet_until_s = now_s + self._memory.number(EMCY_INHIBIT, 0) / 10_000
@@ -114,7 +113,7 @@ class Emergencies:
         return []
 
     def _frame(self, code: int, register: int) -> Frame | None:
-        """The EMCY frame, None where 0x1014 switches EMCY off."""
+        """The EMCY frame, None if 0x1014 disables EMCY."""
         raw = self._memory.number(EMCY_COB_ID, 0, missing=0x80 + self._memory.node_id)
         if raw & _INVALID:
             return None
@@ -134,7 +133,7 @@ class Emergencies:
         return register
 
     def _remember(self, code: int) -> None:
-        """Put *code* on top of the history, as far as the device has one."""
+        """Add *code* at the top of the history, if the device has a history."""
         last = self._memory.highest_sub_index(ERROR_HISTORY)
         if not last:
             return

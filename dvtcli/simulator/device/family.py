@@ -1,7 +1,6 @@
-"""Families of simulated devices, as data: what one allows, demands and does differently.
+"""Families of simulated devices as data: limits, requirements and deviations.
 
-Does not know where a family is written down (`network.family_file`), how a behaviour is carried out, what a profile
-says, and no maker.
+`network.family_file` reads them from files.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ _KEEP = MappingProxyType({Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPol
 
 @dataclass(frozen=True, slots=True)
 class PinCopy:
-    """One group of virtual PDOs: sub-index k of *selector* names the object that physical pin k is tied to.
+    """One group of virtual PDOs: sub-index k of *selector* names the object tied to physical pin k.
 
-    *pins* are the objects of the physical side, in order of the pins; with *bitwise* each holds eight pins, a bit
-    each. *to_pin* tells the direction: from the selected object to the pin, else from the pin to it.
+    *pins* are the objects of the physical side in pin order, each for eight pins if *bitwise*, a bit each. With
+    *to_pin* data flows from the selected object to the pin, else from the pin.
     """
 
     selector: int
@@ -50,8 +49,8 @@ class MotorCopy:
 class Login:
     """Access levels: sub 1 of *index* is the level, 2 takes a passcode, 3 a user ID.
 
-    *passcodes* maps a passcode (0..0xFFFF) to the level it gives; writes to the ranges in *writes* need *level*. The
-    device wakes at level *start*, None for what its dictionary says.
+    *passcodes* maps a passcode (0..0xFFFF) to its level; writes to the ranges in *writes* need *level*. *start* is the
+    level after boot-up, None for the dictionary's value.
     """
 
     index: int
@@ -63,7 +62,7 @@ class Login:
 
 @dataclass(frozen=True, slots=True)
 class ErrorList:
-    """Where a device lists its errors besides CiA 301: how many, the position that is chosen, the code there (u16)."""
+    """The error list of a device beside CiA 301: number of errors, selected position, and its code (u16)."""
 
     count: Object
     position: Object
@@ -72,56 +71,54 @@ class ErrorList:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """How a family of devices behaves; the defaults are a plain CiA 301 device.
+    """The behaviour of a device family; the defaults are a plain CiA 301 device.
 
-    - *absent*: objects that its EDS lists and the device lacks, sub-index 0 for a whole object, each with the abort
-      code that it answers.
-    - *granularity* (bits), *dummies*: None means as the EDS says; *max_entries* a PDO, *max_entry_bits* an entry.
-    - *rtr_bit*: what bit 30 of a COB-ID must be, by direction; *extended_ids*: whether bit 29 may be set.
+    - *absent*: objects of the EDS missing in the device, with the abort code; sub-index 0 for a whole object.
+    - *granularity* (bits), *dummies*: None means as in the EDS; *max_entries* a PDO, *max_entry_bits* an entry.
+    - *rtr_bit*: required bit 30 of a COB-ID, by direction; *extended_ids*: bit 29 may be set.
     - *transmission_types*: ranges of accepted values; *rpdo_counts_syncs*: an RPDO of type n acts at the n-th SYNC
-      instead of the next one; *reports_long_rpdos*: whether an RPDO longer than its mapping is worth an EMCY (0x8220).
-    - *answers_remote_frames*: whether a remote frame brings a TPDO whose bit 30 allows it.
-    - *tpdo_access*, *rpdo_access*: access types whose objects may be mapped in that direction.
-    - *pdo_rules_always*: whether the PDO rules hold in every NMT state, or in OPERATIONAL only.
-    - *mapping_in_use*: the abort code of a write to a mapping that is in use (valid, or an entry while the count is not
-      0); *same_mapping_accepted*: whether writing what the mapping holds already is no such write.
-    - *entry_length_checked*: whether an entry may not be longer than its object; *entry_access_codes*: whether the
-      wrong direction answers 06010001 or 06010002, else 06040041; *tpdo_dummies*: what a dummy in a TPDO answers, 0
-      for accepted.
-    - *count_within_entries*: whether a count may not exceed the entries there are; *empty_entries_counted*,
-      *zero_bits_counted*: whether a count may cover an entry of 0, or one of 0 bits.
-    - *empty_pdos_enabled*: whether a PDO without a mapping may be enabled; *restricted_ids_refused*: whether a PDO may
-      not have a CAN-ID that CiA 301 keeps for others.
-    - *answers*: by direction the abort code that a check of `pdo_checks` answers, 0 for accepted; it goes before what
-      the other keys say. *pdo_types*: by direction the abort code of each range of transmission types, 0 for
-      accepted, in place of *transmission_types*.
-    - *max_inhibit_time* (100 µs), *max_event_timer* (ms): the highest accepted.
-    - *filler*: what an entry may hold, besides 0, that is not used where the count of a mapping is read-only.
-    - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL; *wrong_state*: the
-      abort code, where no extended error object explains it.
-    - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
-      None means that everything must be stored. *save_command*: an object that stores everything when written.
-      *store_capability*: what 0x1010:s and 0x1011:s read; *restore_capability*: what 0x1011:s reads where it differs.
-      *wrong_signature*: what 0x1010:s answers to another value than "save", 0 for accepted, which saves nothing;
-      *save_answer*: what it answers to "save", 0 for accepted. *store_lasts*: whether a store outlasts a reset;
-      *communication_reset_reloads*: whether a reset of communication brings stored values back, or leaves all as it
-      is.
-    - *clears_stamp*: whether a write that changes its configuration makes both values of 0x1020 0 (7.5.2.22).
+      instead of the next; *reports_long_rpdos*: an RPDO longer than its mapping causes an EMCY (0x8220).
+    - *answers_remote_frames*: a remote frame requests a TPDO, if its bit 30 allows.
+    - *tpdo_access*, *rpdo_access*: access types of mappable objects, by direction.
+    - *pdo_rules_always*: the PDO rules hold in every NMT state, else in OPERATIONAL only.
+    - *mapping_in_use*: abort code of a write to a mapping in use (PDO valid, or an entry while the count is not 0);
+      *same_mapping_accepted*: writing the present mapping is accepted.
+    - *entry_length_checked*: an entry must not be longer than its object; *entry_access_codes*: the wrong direction
+      answers 06010001 or 06010002, else 06040041; *tpdo_dummies*: abort code for a dummy in a TPDO, 0 for accepted.
+    - *count_within_entries*: a count must not exceed the existing entries; *empty_entries_counted*,
+      *zero_bits_counted*: a count may cover an entry of 0, or of 0 bits.
+    - *empty_pdos_enabled*: a PDO without a mapping may be enabled; *restricted_ids_refused*: a PDO must not have a
+      CAN-ID restricted by CiA 301.
+    - *answers*: abort code of a check of `pdo_checks` by direction, 0 for accepted; overrides the other keys.
+      *pdo_types*: abort code of each range of transmission types by direction, 0 for accepted; replaces
+      *transmission_types*.
+    - *max_inhibit_time* (100 µs), *max_event_timer* (ms): the highest accepted value.
+    - *filler*: the value, besides 0, of an unused entry if the count of a mapping is read-only.
+    - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL; *wrong_state*: their
+      abort code, unless an extended error object explains the refusal.
+    - *needs_store*: range of indices lost at a reset unless stored, all others are stored at once; None: everything
+    must
+      be stored. *save_command*: an object that stores everything when written. *store_capability*: value of 0x1010:s
+      and 0x1011:s; *restore_capability*: value of 0x1011:s if different. *wrong_signature*: abort code of 0x1010:s
+      for a
+      value other than "save", 0 for accepted without storing; *save_answer*: abort code for "save", 0 for accepted.
+      *store_lasts*: stored values survive a reset; *communication_reset_reloads*: a communication reset reloads stored
+      values, else changes nothing.
+    - *clears_stamp*: a write to the configuration clears both values of 0x1020 (7.5.2.22).
     - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
-      *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
-    - *error_list* lists the errors that are active, the highest code first.
-    - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
-      *master_object* is 1; such a master ignores NMT commands. *stays_operational*: whether it goes on in OPERATIONAL
-      whatever it is asked, as a vehicle that is being driven does.
-    - *plant*: what moves in the simulation where the device has its objects: `cia402`, a motor; "" for nothing.
-    - *block_size*: how many segments of an SDO block transfer it takes at once, 0 for no block transfers;
-      *block_crc*: whether it knows their CRC.
-    - *boot_loader*: whether a program can be downloaded (CiA 302-3).
-    - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up; *boot_up_message*: whether it says so.
-    - *lss_echo*: whether it answers every question of a fast scan, and each selection, while it is being configured;
-      *lss_wakes*: whether it takes its first node-ID once it waits again, or with an NMT reset of communication only;
-      *lss_tells_pending*: whether it tells the node-ID that it was given before it has that.
-    - *learnt*: it was written by `learn`, along with a profile: it is no second opinion on that.
+      *reasons*: abort code → reason, for codes hidden behind 0x08000000.
+    - *error_list*: the list of active errors, the highest code first.
+    - *state_object*: reads the NMT state; *state_request*: forces the state (1 PRE-OPERATIONAL, 0 OPERATIONAL) if
+      *master_object* is 1; such a master ignores NMT commands. *stays_operational*: the device ignores a request to
+      leave OPERATIONAL, like a vehicle in motion.
+    - *plant*: the simulated machine, if the device has its objects: `cia402`, a motor; "" for none.
+    - *block_size*: segments of an SDO block, 0 for no block transfer; *block_crc*: CRC support.
+    - *boot_loader*: a program can be downloaded (CiA 302-3).
+    - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up; *boot_up_message*: the device sends one.
+    - *lss_echo*: answers every request of a fast scan, and each selection, in the configuration state; *lss_wakes*:
+      activates its first node-ID on return to waiting, else only at a communication reset; *lss_tells_pending*:
+      reports a new node-ID before its activation.
+    - *learnt*: written by `learn` with a profile, so no independent check of the profile.
     """
 
     name: str = "generic"
@@ -191,7 +188,7 @@ class Family:
 
     @property
     def capabilities(self) -> dict[int, int]:
-        """What the sub-indices of 0x1010 and of 0x1011 read (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+        """The values of the sub-indices of 0x1010 and 0x1011 (CiA 301, 7.5.2.13 and 7.5.2.14)."""
         restore = self.store_capability if self.restore_capability is None else self.restore_capability
         return {0x1010: self.store_capability, 0x1011: restore}
 
@@ -200,5 +197,5 @@ GENERIC = Family()
 
 
 def within(index: int, ranges: tuple[Range, ...]) -> bool:
-    """Whether *index* lies in one of *ranges*, ends included."""
+    """True if *index* lies in one of *ranges*, ends included."""
     return any(first <= index <= last for first, last in ranges)

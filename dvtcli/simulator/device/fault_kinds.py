@@ -1,7 +1,4 @@
-"""The kinds of faults that a simulated node can have: how each is written, what it does, which numbers it takes.
-
-Does not know faults themselves (`simulated_faults`), nor how one is acted (`faulty`).
-"""
+"""The kinds of faults of a simulated node: text form, effect, and number ranges."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ BOOT_S = 0.1
 
 
 class FaultKind(StrEnum):
-    """What goes wrong, by the word that `--fault` takes."""
+    """A kind of fault, by its name in `--fault`."""
 
     REFUSE = "refuse"
     REFUSE_READ = "refuse-read"
@@ -50,7 +47,7 @@ class FaultKind(StrEnum):
 
     @property
     def counted(self) -> bool:
-        """Whether it happens at one SDO download or upload, `@K`."""
+        """True if the fault happens at one SDO download or upload, `@K`."""
         return self not in _LASTING
 
     @property
@@ -60,12 +57,12 @@ class FaultKind(StrEnum):
 
     @property
     def of_flash(self) -> bool:
-        """Whether it is of the memory that a boot loader writes."""
+        """True if the fault concerns the flash memory of a boot loader."""
         return self in (FaultKind.FLASH_FAILS, FaultKind.FLASH_ALTERS)
 
     @property
     def of_bit_rate(self) -> bool:
-        """Whether it is about the node's bit rate."""
+        """True if the fault concerns the node's bit rate."""
         return self in (
             FaultKind.BIT_RATE,
             FaultKind.NO_BIT_TIMING,
@@ -106,7 +103,7 @@ ALTERING = (FaultKind.ALTERS, FaultKind.ENABLE_ALTERS)
 
 
 class Form(NamedTuple):
-    """How a kind is written, and what it does."""
+    """The text form and the effect of a kind."""
 
     text: str
     meaning: str
@@ -159,11 +156,11 @@ FORMS = {
 
 
 def known_kinds() -> str:
-    """Every kind as it is written, in one line."""
+    """The text forms of every kind, in one line."""
     return ", ".join(form.text for form in FORMS.values())
 
 
 def wrong_fault(kind: FaultKind, why: str) -> ValueError:
-    """What to raise at a fault of *kind* that is not written as it should be, and *why*."""
+    """The error for a malformed fault of *kind*, with the reason *why*."""
     form = FORMS[kind]
     return ValueError(f"it is written {form.text} ({form.meaning}); {why}")

@@ -1,7 +1,6 @@
-"""The faults of one simulated node that happen once, acted between its SDO server and the network.
+"""Inject one-time faults between the SDO server of a simulated node and the network.
 
-Time is passed in; waiting is the caller's. Does not know how a fault is written (`simulated_faults`), nor buses or
-threads.
+The caller waits and passes the time in.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 
 
 def break_device(device: StrictDevice, fault: Fault) -> None:
-    """Let *device* have *fault* from now on; ValueError where it lacks what would fail."""
+    """Give *device* the lasting *fault*. Raises ValueError if *device* lacks the part."""
     if fault.kind.of_bit_rate:
         _mistime(device, fault)
     elif fault.kind is FaultKind.IGNORES_NMT:
@@ -38,7 +37,7 @@ def break_device(device: StrictDevice, fault: Fault) -> None:
 
 
 def _mistime(device: StrictDevice, fault: Fault) -> None:
-    """What is wrong with the device's bit rate."""
+    """Apply a bit rate fault to the device."""
     lss = device.lss
     match fault.kind:
         case FaultKind.BIT_RATE:
@@ -80,17 +79,17 @@ _NEVER_TAKEN = (FaultKind.LOSE_REQUEST, FaultKind.RESET, FaultKind.SILENT, Fault
 
 @dataclass(frozen=True, slots=True)
 class FaultyReply:
-    """What the server sends on a request: *frames* in order, *delay_s* seconds after it."""
+    """The server's response to a request: *frames* in order, *delay_s* seconds later."""
 
     frames: tuple[bytes, ...] = ()
     delay_s: float = 0.0
 
 
 class FaultyServer:
-    """*server* with *faults*; ValueError where two of them happen at the same download.
+    """*server* with *faults*. Raises ValueError if two of them happen at the same download.
 
-    *dead* says that the node is off for good, *bus_failed* that the bus is. A node that resets is INITIALISING until
-    *boots_at_s*; who calls `handle` boots it then.
+    *dead*: the node is off for good; *bus_failed*: the bus is. A resetting node is INITIALISING until *boots_at_s*,
+    when the caller of `handle` boots the node.
     """
 
     def __init__(self, server: SdoServer, faults: Iterable[Fault]) -> None:
@@ -161,7 +160,7 @@ class FaultyServer:
         return min([*times, *([] if self.boots_at_s is None else [self.boots_at_s])], default=None)
 
     def poll(self, now_s: float) -> None:
-        """Boot a node whose reset is over at *now_s*, and let it put back what it corrects."""
+        """Boot a node after its reset at *now_s*, and apply its own corrections."""
         device = self._server.device
         if self.boots_at_s is not None and self.boots_at_s <= now_s:
             self.boots_at_s = None
@@ -174,12 +173,12 @@ class FaultyServer:
             device.set_value(index, sub_index, data)
 
     def _alter(self, fault: Fault) -> None:
-        """Let the device's own application change the object that *fault* names."""
+        """Change the object of *fault*, as the device's application would."""
         if fault.place is not None:
             self._server.device.set_value(*fault.place, altered(self._server.device, fault))
 
     def _taken(self, request: bytes, frames: tuple[bytes, ...]) -> None:
-        """What the node does by itself after it took a download."""
+        """Apply the node's own actions after an accepted download."""
         if self._enable_alters is not None and frames and frames[0][0] != 0x80 and _enables(request):
             self._alter(self._enable_alters)
 
@@ -211,7 +210,7 @@ class FaultyServer:
         return FaultyReply(frames)
 
     def _lose(self, fault: Fault, now_s: float) -> None:
-        """The request is not taken; most kinds break more than that."""
+        """Drop the request, with the further effects of most kinds."""
         self.dead = fault.kind is FaultKind.SILENT
         self.bus_failed = fault.kind is FaultKind.BUS_ERROR
         if fault.kind is FaultKind.RESET:
@@ -242,7 +241,7 @@ class FaultyServer:
         return FaultyReply((response, *self._server.take_more()))
 
     def _with_wrong_toggle(self, specifier: int | None, response: bytes) -> bytes:
-        """*response*, spoilt if it is a segment; an expedited read is turned into one of segments, as servers may."""
+        """*response* with a wrong toggle bit; an expedited upload becomes segmented first, as servers may do."""
         if specifier == INITIATE_UPLOAD and response[0] & _EXPEDITED:
             self._wrong_toggle = False
             self._segmented = response[4 : 8 - (response[0] >> 2 & 3)]
@@ -254,7 +253,7 @@ class FaultyServer:
 
 
 def altered(device: StrictDevice, fault: Fault) -> bytes:
-    """What the object that *fault* names then holds; ValueError where *device* lacks it, or it is too small."""
+    """The object's new value under *fault*. Raises ValueError if *device* lacks the object or it is too small."""
     index, sub_index = fault.place or (0, 0)
     try:
         device.value(index, sub_index)
@@ -285,5 +284,5 @@ def _enables(request: bytes) -> bool:
 
 
 def _for_another_object(request: bytes) -> bytes:
-    """The acknowledgement of a download beside the one that was asked for: what a lenient client takes for its own."""
+    """The acknowledgement of a download to a neighbouring object, accepted by a lenient client."""
     return b"\x60" + request[1:3] + bytes([request[3] ^ 0x40]) + bytes(4)

@@ -1,7 +1,6 @@
-"""What a device sends and hears besides SDO and NMT commands: PDOs, SYNC, EMCY, heartbeats and node guarding.
+"""The services of a device besides SDO and NMT commands: PDO, SYNC, EMCY, heartbeat and node guarding.
 
-Knows which of these services an NMT state allows (CiA 301, 7.3.2.2), and when the next frame is due. Does not judge
-downloads, and does not know what a reset brings back.
+Applies the NMT state's restrictions (CiA 301, 7.3.2.2) and tells when the next frame is due.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _INVALID, _TIME_USED, _FROZEN = 1 << 31, 3 << 30, 0x3FFF_FFFF
 
 
 class SyncProducer:
-    """The SYNC producer of one device; *due_s* is when its next SYNC is due, infinite for never."""
+    """The SYNC producer of one device; *due_s* is the time of the next SYNC, infinite for never."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -58,7 +57,7 @@ class SyncProducer:
             raise Refusal(Abort.VALUE_RANGE)
 
     def poll(self, now_s: float) -> Frame | None:
-        """The SYNC due at *now_s* (s); the first comes one period (0x1006, µs) after it was switched on."""
+        """The SYNC due at *now_s* (s); the first follows one period (0x1006, µs) after activation."""
         raw = self._memory.number(SYNC_COB_ID, 0, missing=_DEFAULT_CAN_ID)
         period_us = self._memory.number(SYNC_PERIOD, 0) if raw & _PRODUCES else 0
         if period_us != self._period_us:
@@ -72,7 +71,7 @@ class SyncProducer:
         return Frame(raw & 0x1FFF_FFFF, self._count(), extended=bool(raw & _EXTENDED))
 
     def _count(self) -> bytes:
-        """The counter byte, 1..0x1019; no byte where 0x1019 is 0 or absent."""
+        """The counter byte, 1..0x1019; empty if 0x1019 is 0 or absent."""
         overflow = self._memory.number(SYNC_OVERFLOW, 0)
         if not overflow:
             return b""
@@ -81,7 +80,7 @@ class SyncProducer:
 
 
 class ServiceCobIds:
-    """COB-IDs of TIME, EMCY and further SDO channels of one device, frozen while the service uses them.
+    """COB-IDs of TIME, EMCY and further SDO channels of one device, read-only while in use.
 
     Source: CiA 301, 7.5.2.15, 7.5.2.17, 7.5.2.33 and 7.5.2.34.
     """
@@ -90,7 +89,7 @@ class ServiceCobIds:
         self._memory = memory
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
-        """Refuse other bits 29 to 0 for a service that goes on using its COB-ID."""
+        """Refuse a change of bits 29 to 0 for a service in use."""
         if index not in (_TIME_COB_ID, _EMCY_COB_ID) and not (index in _SDO_CHANNELS and sub_index in (1, 2)):
             return
         held, wanted = self._memory.number(index, sub_index), int.from_bytes(data, "little")
@@ -167,7 +166,7 @@ _AFTER_AN_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
 
 
 class FrameServices:
-    """The services of one device, as far as its NMT *state* allows them; the state is INITIALISING at first."""
+    """The services of one device allowed by its NMT *state*, at first INITIALISING."""
 
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
@@ -192,7 +191,7 @@ class FrameServices:
 
     @property
     def state(self) -> NmtState:
-        """The NMT state; a change of it makes PDOs start over."""
+        """The NMT state; a change restarts the PDOs."""
         return self._state
 
     @state.setter
@@ -208,7 +207,7 @@ class FrameServices:
         self._heartbeat.reset()
 
     def reset(self) -> None:
-        """The device is INITIALISING again, and its memory holds what that brings back."""
+        """Restart in INITIALISING, after the memory was reset."""
         self._state = NmtState.INITIALISING
         self._exchange.forget()
         self._errors.reset()
@@ -218,7 +217,7 @@ class FrameServices:
         self._copy()
 
     def written(self, index: int) -> None:
-        """An object of *index* was written by an SDO download."""
+        """Apply an SDO download to an object at *index*."""
         self._sync_changes += index == SYNC_COB_ID
         if index == ERROR_HISTORY:
             self._errors.forget_history()
@@ -229,14 +228,14 @@ class FrameServices:
         self.changed(index)
 
     def changed(self, index: int) -> None:
-        """An object of *index* holds something else now, whoever changed it."""
+        """Apply any change of an object at *index*."""
         pdo = Pdo.at(index)
         if pdo is not None:
             self._exchange.forget(pdo)
         self._copy()
 
     def sync(self, counter: int | None = None) -> list[Frame]:
-        """Obey a SYNC, with its *counter* (1..240) where it carries one; returns the TPDO frames due."""
+        """Receive a SYNC with its *counter* (1..240), if any; returns the TPDO frames due."""
         if self._state is not NmtState.OPERATIONAL:
             return []
         frames = self._exchange.sync(counter)
@@ -268,7 +267,7 @@ class FrameServices:
 
     @property
     def hearing_changes(self) -> int:
-        """A number that grows whenever `hears` may answer differently from before."""
+        """A number that grows whenever the result of `hears` may change."""
         return self._exchange.forgotten + self._sync_changes + self._producers.changes
 
     def hears_sync(self, frame: Frame) -> bool:
@@ -312,36 +311,36 @@ class FrameServices:
         return due_s
 
     def _watch_producers(self, now_s: float) -> list[Frame]:
-        """The EMCYs of heartbeat producers that are lost, which also ends OPERATIONAL."""
+        """The EMCYs for lost heartbeat producers; a loss also ends OPERATIONAL."""
         frames = self._producers.poll(now_s)
         if frames is not None and self._state is NmtState.OPERATIONAL:
             self.state = _AFTER_AN_ERROR.get(self._memory.number(ERROR_BEHAVIOUR, 1), self._state)
         return [] if frames is None or self._state is NmtState.STOPPED else frames
 
     def _produce_sync(self, now_s: float) -> list[Frame]:
-        """The SYNC due, and the TPDOs that the node's own SYNC brings."""
+        """The SYNC due, and the TPDOs triggered by the node's own SYNC."""
         frame = self._sync_producer.poll(now_s)
         if frame is None:
             return []
         return [frame, *self.sync(frame.data[0] if frame.data else None)]
 
     def emergency(self, code: int) -> list[Frame]:
-        """Let the device's own application raise error *code* (0x0000..0xFFFF; 0: all errors are gone).
+        """Raise error *code* (0x0000..0xFFFF; 0: no error) as the device's application would.
 
-        Returns the EMCY frame; none for an error that is raised already, where 0x1014 switches EMCY off, where 0x1015
-        holds it back, and in NMT states without EMCY.
+        Returns the EMCY frame; empty for a known error, if 0x1014 disables EMCY or 0x1015 delays it, and in NMT states
+        without EMCY.
         """
         frames = self._errors.set(code, code) if code else self._errors.clear_all()
         return [] if self._state is NmtState.STOPPED else frames
 
     def _copy(self) -> None:
-        """Bring what virtual PDOs tie up to date."""
+        """Update the objects tied by virtual PDOs."""
         if self._vpdos is not None:
             self._vpdos.copy()
 
 
 def _virtual_pdos(memory: Memory, family: Family) -> VirtualPdos | None:
-    """The virtual PDOs of a family that has any, unless the node is a twin: the real one has copied already."""
+    """The virtual PDOs of a family, if any; none for a twin, whose real node has copied already."""
     if memory.backing is not None or not (family.pins or family.motors):
         return None
 

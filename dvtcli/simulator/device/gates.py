@@ -1,6 +1,6 @@
-"""What a family asks for before it takes a write: access level and NMT state, and how it explains a refusal.
+"""The conditions of a family for writes: access level and NMT state, and its explanation of a refusal.
 
-Knows login, state gates, the forced state and the extended error object. Does not know the PDO rules (`pdo_guard`).
+Covers login, state gates, the forced state and the extended error object; `pdo_guard` has the PDO rules.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Gates:
 
     @property
     def is_master(self) -> bool:
-        """Whether the node rules the network itself and so ignores NMT commands."""
+        """True if the node is the NMT master and ignores NMT commands."""
         master = self._family.master_object
         return master is not None and self._memory.number(*master) == 1
 
@@ -38,7 +38,7 @@ class Gates:
             raise self._wrong_state()
 
     def check_selection(self, index: int, sub_index: int, data: bytes) -> None:
-        """Raise Refusal where a virtual PDO would name an object that the node does not have."""
+        """Raise Refusal if a virtual PDO would name an object missing in the node."""
         if sub_index == 0 or index not in self._selectors:
             return
         selected = int.from_bytes(data, "little")
@@ -59,7 +59,7 @@ class Gates:
         return self._memory.number(login.index, LEVEL)
 
     def reset(self, *, communication_only: bool) -> None:
-        """Begin at the access level that the family wakes with; one of communication alone logs nobody out."""
+        """Set the family's initial access level; a communication reset keeps the login."""
         login = self._family.login
         if login is not None and login.start is not None and not communication_only:
             self._memory.write(login.index, LEVEL, bytes([login.start]))
@@ -69,9 +69,9 @@ class Gates:
         return self._family.login is not None and (index, sub_index) == (self._family.login.index, PASSCODE)
 
     def log_in(self, data: bytes) -> None:
-        """Set the access level that the passcode in *data* gives; Refusal(08000000) for an unknown passcode.
+        """Set the access level of the passcode in *data*. Raises Refusal (08000000) for an unknown passcode.
 
-        A device that stands for a real one (a backing is given) cannot know its passcodes and believes any.
+        A twin of a real device (with a backing) cannot know its passcodes and accepts any.
         """
         login = self._family.login
         if login is None:
@@ -93,12 +93,12 @@ class Gates:
         return NmtState.PRE_OPERATIONAL if forced else NmtState.OPERATIONAL
 
     def granted(self, wanted: NmtState | None, now: NmtState) -> NmtState:
-        """The state that the device takes when it is *now* in one and is asked for the *wanted* one, None for none."""
+        """The new state of a device in *now* after a request for *wanted*, None for none."""
         stays = self._family.stays_operational and now is NmtState.OPERATIONAL
         return now if stays or wanted is None else wanted
 
     def explained(self, refusal: Refusal) -> Refusal:
-        """The refusal as this family answers it, its reason left in the extended error object."""
+        """The refusal in this family's form, with its reason in the extended error object."""
         place = self._family.extended_error
         if place is None:
             return refusal

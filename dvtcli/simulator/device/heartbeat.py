@@ -1,7 +1,6 @@
 """Error control of a simulated node: heartbeats (0x1017, 0x1016; CiA 301, 7.2.8.3.2) and node guarding (0x100C).
 
-Time is passed in. Does not know what an NMT state means, nor what the loss of a producer does to it
-(`strict_device`).
+The caller passes the time in; `strict_device` acts on the loss of a producer.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ _NEVER = float("inf")
 
 
 class Heartbeat:
-    """The heartbeat producer of one device; *due_s* is when its next one is due, infinite for never."""
+    """The heartbeat producer of one device; *due_s* is the time of the next heartbeat, infinite for never."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -34,7 +33,7 @@ class Heartbeat:
         self.due_s = _NEVER
 
     def poll(self, now_s: float, state: NmtState) -> list[Frame]:
-        """The heartbeat due at *now_s* (s), which tells *state*."""
+        """The heartbeat due at *now_s* (s), with *state*."""
         period_ms = self._memory.number(HEARTBEAT_TIME, 0)
         if period_ms != self._period_ms:
             self._period_ms, self.due_s = period_ms, now_s if period_ms else _NEVER
@@ -47,9 +46,9 @@ class Heartbeat:
 
 
 class GuardingResponse:
-    """Node guarding's answer: what the state is, on a remote frame (CiA 301, 7.2.8.3.2.1).
+    """The node guarding response: the state, on a remote frame (CiA 301, 7.2.8.3.2.1).
 
-    Of a device that has a guard time (0x100C) and produces no heartbeats; its life is not guarded.
+    For a device with a guard time (0x100C) and without heartbeats; there is no life guarding.
     """
 
     def __init__(self, memory: Memory) -> None:
@@ -65,7 +64,7 @@ class GuardingResponse:
         return frame.remote and not frame.extended and frame.can_id == HEARTBEAT + self._memory.node_id
 
     def listens(self, frame: Frame) -> bool:
-        """Whether *frame* asks for the device's state, and it answers."""
+        """True if *frame* requests the device's state, and the device answers."""
         if not self.concerns(frame):
             return False
         return self._memory.exists(GUARD_TIME, 0) and not self._memory.number(HEARTBEAT_TIME, 0)
@@ -77,10 +76,10 @@ class GuardingResponse:
 
 
 class HeartbeatConsumer:
-    """The producers that one device waits for; each is watched from its first heartbeat on.
+    """The heartbeat consumer of one device; a producer is monitored from its first heartbeat on.
 
-    *due_s* is when the next one will be lost, infinite for never; *changes* grows whenever `listens` may answer
-    differently.
+    *due_s* is the time of the next loss, infinite for never; *changes* grows whenever the result of `listens` may
+    change.
     """
 
     def __init__(self, memory: Memory, errors: Emergencies) -> None:
@@ -110,18 +109,18 @@ class HeartbeatConsumer:
             raise Refusal(Abort.INCOMPATIBLE)
 
     def listens(self, frame: Frame) -> bool:
-        """Whether *frame* is a heartbeat that the device waits for."""
+        """True if *frame* is a heartbeat of a monitored producer."""
         return frame.can_id - HEARTBEAT in self._times_s and not frame.extended and not frame.remote
 
     def hear(self, frame: Frame) -> list[Frame]:
-        """Take a heartbeat; the EMCY frames that it brings: none, or the end of an error."""
+        """Receive a heartbeat; the EMCY frames: none, or the end of an error."""
         producer = frame.can_id - HEARTBEAT
         self._heard.add(producer)
         self._memory.touch()
         return self._errors.clear((CONSUMER_TIMES, producer))
 
     def poll(self, now_s: float) -> list[Frame] | None:
-        """The EMCY frames of the producers lost by *now_s* (s), None where none was lost."""
+        """The EMCY frames for producers lost by *now_s* (s), None without a loss."""
         for producer in self._heard:
             self._until_s[producer] = now_s + self._times_s[producer]
         self._heard.clear()

@@ -1,7 +1,6 @@
-"""LSS slave: how a node is told its node-ID over the bus (CiA 305, layer setting services).
+"""LSS slave: the state machine that receives a node-ID over the bus (CiA 305, layer setting services).
 
-A state machine from requests (8 bytes, CAN-ID 0x7E5) to answers (8 bytes, 0x7E4). Does not know CAN, clocks, nor what a
-node does with a new node-ID (`strict_device`).
+From requests (8 bytes, CAN-ID 0x7E5) to answers (8 bytes, 0x7E4), without clocks.
 """
 
 from __future__ import annotations
@@ -33,10 +32,10 @@ _IDENTIFY_PARTS = (0, 1, 2, 2, 3, 3)
 
 
 class LssSlave:
-    """The LSS slave of one node, whose own node-ID *memory* holds.
+    """The LSS slave of one node, with the present node-ID in *memory*.
 
-    *pending* is the node-ID that the next reset of communication makes the node's own, *stored* the one that power-on
-    brings back. *bit_rate* is what the node runs at (bit/s), None where frames take no time.
+    *pending* becomes the node-ID at the next communication reset, *stored* at power-on. *bit_rate* is the present bit
+    rate (bit/s), None if frames take no time.
     """
 
     def __init__(self, memory: Memory, store: ParameterAreas, node_id: int, family: Family = GENERIC) -> None:
@@ -61,15 +60,15 @@ class LssSlave:
     def run_at(self, bit_rate: int | None, known_rates: Collection[int] | None = ()) -> None:
         """Run at *bit_rate* (bit/s) from now on, and after power-on.
 
-        *known_rates* are those that it can be told; None: those of the standard's table.
+        *known_rates* are the bit rates accepted over LSS; None: those of the standard's table.
         """
         self.bit_rate = self.stored_rate = bit_rate
         self.known_rates = tuple(BIT_RATES.values()) if known_rates is None else known_rates
 
     def reset(self, *, communication_only: bool = True) -> None:
-        """Start over, as a reset does: the pending node-ID, after a reset of the node the stored one, is the node's.
+        """Activate the pending node-ID, or the stored node-ID after a node reset.
 
-        After that, and at power-on, it runs at the stored bit rate.
+        After a node reset, and at power-on, the stored bit rate applies.
         """
         if not communication_only:
             self.pending, self.bit_rate = self.stored, self.stored_rate
@@ -80,7 +79,7 @@ class LssSlave:
         self._matched = self._scanned = 0
 
     def handle(self, request: bytes) -> bytes | None:
-        """The answer to *request*; None where this node has nothing to say."""
+        """The answer to *request*; None for no answer."""
         if len(request) != 8:
             return None
         service, number = request[0], int.from_bytes(request[1:5], "little")
@@ -117,7 +116,7 @@ class LssSlave:
         self.woken = left and waits and self._family.lss_wakes
 
     def _select(self, part: int, number: int) -> bytes | None:
-        """One of the four frames of *switch state selective*: the node whose whole address they say takes part."""
+        """Take one of the four frames of *switch state selective*; a node with the whole address is selected."""
         fits = not self._configuring and part == (self._matched if part else 0) and number == self._part(part)
         self._matched = part + 1 if fits else 0
         if self._matched <= 3:
@@ -126,7 +125,7 @@ class LssSlave:
         return _frame(SELECTED)
 
     def _identify(self, step: int, number: int) -> bytes | None:
-        """One of the six frames of *identify remote slave*: who lies within their ranges answers the last."""
+        """Take one of the six frames of *identify remote slave*; a node within the ranges answers the last."""
         own = self._part(_IDENTIFY_PARTS[step])
         fits = (own == number, own == number, own >= number, own <= number, own >= number, own <= number)[step]
         self._matched = step + 1 if fits and step == (self._matched if step else 0) else 0
@@ -181,7 +180,7 @@ class LssSlave:
         return 0
 
     def _activate(self, quiet_ms: int) -> None:
-        """Switch within the first half of *quiet_ms*, and say nothing before its end."""
+        """Switch the bit rate within the first half of *quiet_ms*, and send nothing before its end."""
         self.quiet_ms = quiet_ms
         if self.loses_rate:
             self.bit_rate = LOST_RATE

@@ -1,7 +1,4 @@
-"""What a simulated device holds: values in RAM, stored values and defaults, and which objects exist.
-
-Knows types, access and the life of a value. Does not know what any object means.
-"""
+"""The objects of a simulated device: values in RAM, stored values, defaults, and existence."""
 
 from __future__ import annotations
 
@@ -26,9 +23,9 @@ _COMMUNICATION_TYPES = {0: U8, 1: U32, 2: U8, 3: U16, 5: U16, 6: U8}
 
 
 class Memory:
-    """The values of one node; *capabilities* are what 0x1010:s and 0x1011:s read; see `StrictDevice` for *backing*.
+    """The values of one node; *capabilities* are the values of 0x1010:s and 0x1011:s; *backing* as in `StrictDevice`.
 
-    *absent* has the abort codes of what *dictionary* does not list though the file did, sub-index 0 for whole objects.
+    *absent* has the abort codes of objects removed from *dictionary*, sub-index 0 for whole objects.
     """
 
     def __init__(
@@ -65,7 +62,7 @@ class Memory:
             self._initials.clear()
 
     def entry(self, index: int, sub_index: int) -> OdEntry | None:
-        """What the dictionary says about an object, None where it is silent."""
+        """The dictionary's entry for an object, None if missing."""
         return self.dictionary.entry(index, sub_index)
 
     def require(self, index: int, sub_index: int) -> None:
@@ -132,7 +129,7 @@ class Memory:
         return data if size is None else data[:size].ljust(size, b"\0")
 
     def number(self, index: int, sub_index: int, missing: int = 0) -> int:
-        """The object's value as an unsigned number, *missing* where the node has no such object."""
+        """The object's value as an unsigned number, *missing* if the node has no such object."""
         if not self.exists(index, sub_index):
             return missing
         return int.from_bytes(self.read(index, sub_index), "little")
@@ -143,7 +140,7 @@ class Memory:
         self.touch()
 
     def touch(self) -> None:
-        """Note that something changed, beside the objects for one."""
+        """Record a change, also of a state outside the objects."""
         self.changes += 1
         for callback in self.on_change:
             callback()
@@ -163,18 +160,18 @@ class Memory:
         return _COMMUNICATION_TYPES.get(sub_index)
 
     def size(self, index: int, sub_index: int) -> int | None:
-        """The object's length in bytes, None where it varies or is not known."""
+        """The object's length in bytes, None if variable or unknown."""
         data_type = self.data_type(index, sub_index)
         return None if data_type is None else data_type.size
 
     def highest_sub_index(self, index: int) -> int | None:
-        """The last sub-index that the dictionary lists, None where it is silent or a backing decides."""
+        """The last sub-index in the dictionary, None if missing or a backing decides."""
         if self.backing is not None or index not in self.dictionary:
             return None
         return max(self.dictionary[index].entries, default=0)
 
     def indices(self) -> set[int]:
-        """Every index known by the dictionary or written so far."""
+        """Every index in the dictionary or written so far."""
         return set(self.dictionary) | {index for index, _ in self._ram}
 
     def save(self, first: int, last: int) -> None:
@@ -186,16 +183,16 @@ class Memory:
                 self._stored[index, sub_index] = data
 
     def forget_stored(self, first: int, last: int) -> None:
-        """Drop the stored values of indices *first*..*last*: the defaults count again."""
+        """Drop the stored values of indices *first*..*last*: the defaults apply again."""
         self.stored_changes += 1
         self._stored = self.stored_outside(first, last)
 
     def stored_outside(self, first: int, last: int) -> dict[Key, bytes]:
-        """The stored values of all but indices *first*..*last*."""
+        """The stored values outside indices *first*..*last*."""
         return {key: data for key, data in self._stored.items() if not first <= key[0] <= last}
 
     def put_stored(self, values: Mapping[Key, bytes]) -> None:
-        """Take *values* as what was stored, those that still fit an object of the node."""
+        """Load *values* as stored values, if they still fit an object of the node."""
         fitting = (key for key, data in values.items() if self.exists(*key) and self.size(*key) in (None, len(data)))
         self._stored = {key: bytes(values[key]) for key in fitting}
 

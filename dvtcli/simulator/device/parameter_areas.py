@@ -1,7 +1,4 @@
-"""Store and restore: 0x1010 "save", 0x1011 "load" and what resets bring back (CiA 301, 7.5.2.13 and 7.5.2.14).
-
-Knows areas of the dictionary and signatures. Does not know in which state a family allows a store (`gates`).
-"""
+"""Store and restore: 0x1010 "save", 0x1011 "load" and the values after a reset (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ _AREAS = {1: ALL, 2: COMMUNICATION, 3: _APPLICATION}
 
 
 class ParameterAreas:
-    """The non-volatile side of one device.
+    """The non-volatile memory of one device.
 
-    What may be wrong with it: *fails*, a store answers 06060000; *stores_nothing* and *restores_nothing*, a signature
-    is acknowledged and no more; *saves_itself*, every write is stored at once; *keeps_ram*, only a power cycle
-    brings stored values back, no NMT reset.
+    Faults: *fails*, a store answers 06060000; *stores_nothing* and *restores_nothing*, a signature is acknowledged
+    without effect; *saves_itself*, every write is stored at once; *keeps_ram*, stored values return at a power cycle
+    only, not at an NMT reset.
     """
 
     def __init__(self, memory: Memory, family: Family) -> None:
@@ -58,13 +55,13 @@ class ParameterAreas:
         self._to_restore.discard(area)
 
     def _wrong_signature(self, index: int) -> None:
-        """Raise Refusal, unless the family takes any value for 0x1010, of which only the signature does something."""
+        """Raise Refusal, unless the family accepts any value at 0x1010; only the signature has an effect."""
         code = self._family.wrong_signature if index == STORE else Abort.CANNOT_STORE
         if code:
             raise Refusal(code)
 
     def keep_written(self, index: int) -> None:
-        """Store an object that saves itself, after it was written."""
+        """Store an object that saves itself, after a write."""
         span = self._family.needs_store
         if self.saves_itself or (span is not None and not span[0] <= index <= span[1]):
             self._memory.save(index, index)
@@ -82,9 +79,9 @@ class ParameterAreas:
         return kept
 
     def reset(self, *, communication_only: bool, powered: bool) -> None:
-        """Bring stored values back, or the defaults where a restore was asked for; *powered*: RAM had power all along.
+        """Load stored values, or the defaults after a requested restore; *powered*: RAM kept its power.
 
-        A device that keeps its RAM forgets of it only what a restore was asked for.
+        A device with *keeps_ram* loads only values with a requested restore.
         """
         if communication_only and not self._family.communication_reset_reloads:
             return

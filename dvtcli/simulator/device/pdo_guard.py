@@ -1,7 +1,6 @@
-"""What a device refuses when a PDO is configured (CiA 301, 7.5.2.35 to 7.5.2.38), in the device's own words.
+"""The device's checks of PDO configuration (CiA 301, 7.5.2.35 to 7.5.2.38).
 
-Deliberately shares no rule with `dvtcli.domain.rules`: a checker and a device that share a function share its
-mistakes. Does not know how PDOs travel, nor which entries can be mapped (`entry_guard`).
+Deliberately shares no rule with `dvtcli.domain.rules`: a checker and a device that share a function share its mistakes.
 """
 
 from __future__ import annotations
@@ -22,21 +21,21 @@ _MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDE
 
 
 def refuse(family: Family, pdo: Pdo, check: str, code: int) -> None:
-    """Raise Refusal with the family's answer to *check*, *code* where it has none of its own; 0 is no refusal."""
+    """Raise Refusal with the family's abort code for *check*, else *code*; 0 is no refusal."""
     code = family.answers.get(pdo.direction, {}).get(check, code)
     if code:
         raise Refusal(code)
 
 
 class EntryGuard:
-    """Judges entries for the mappings of one device."""
+    """Checks mapping entries of one device."""
 
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
         self._family = family
 
     def check(self, pdo: Pdo, entry: PdoMappingEntry) -> None:
-        """Raise Refusal where *entry* cannot be mapped into *pdo*."""
+        """Raise Refusal if *entry* cannot be mapped into *pdo*."""
         if entry.index in DUMMY_BITS:
             longest: int | None = self._dummy_bits(pdo, entry)
         else:
@@ -70,7 +69,7 @@ class EntryGuard:
         return DUMMY_BITS[entry.index]
 
     def _object_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int | None:
-        """The length of a mapped object, None where nobody knows it."""
+        """The length of a mapped object in bits, None if unknown."""
         try:
             self._memory.require(entry.index, entry.sub_index)
         except Refusal as missing:
@@ -99,7 +98,7 @@ class EntryGuard:
 
     @cached_property
     def _states_mappability(self) -> bool:
-        """Whether the file has a PDOMapping key anywhere; where it has none, nothing is refused for it."""
+        """True if the file has any PDOMapping key; without one, every object counts as mappable."""
         return any(entry.pdo_mapping is not None for entry in self._memory.dictionary.entries())
 
 
@@ -109,7 +108,7 @@ _COUNT, _ENTRY = "count", "entry"
 
 
 def limit_check(index: int, sub_index: int, code: int) -> str:
-    """What the check of a file's limit is called that answers *code* of itself; "" for what is no PDO parameter."""
+    """The name of the check for a file's limit that answers *code*; "" for no PDO parameter."""
     pdo = Pdo.at(index)
     if pdo is None:
         return ""
@@ -203,7 +202,7 @@ _IN_USE = {
 
 
 class PdoGuard:
-    """Judges downloads to the PDO parameters of one device."""
+    """Checks downloads to the PDO parameters of one device."""
 
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
@@ -224,7 +223,7 @@ class PdoGuard:
             self._check_entry_write(pdo, sub_index, value)
 
     def cob_id(self, pdo: Pdo) -> CobId:
-        """The COB-ID a PDO has now; disabled where the node has no such object."""
+        """The present COB-ID of a PDO; disabled if the node has no such object."""
         return CobId.from_raw(self._memory.number(pdo.communication_index, COB_ID, missing=1 << 31) & 0xFFFF_FFFF)
 
     def _check_communication(self, pdo: Pdo, sub_index: int, value: int) -> None:
@@ -260,12 +259,12 @@ class PdoGuard:
             refuse(self._family, pdo, "empty-enabled", 0 if self._family.empty_pdos_enabled else Abort.VALUE_RANGE)
 
     def _count_is_fixed(self, pdo: Pdo) -> bool:
-        """Whether entries can be written and their count cannot: unused ones hold a filler then."""
+        """True if entries are writable but their count is not: unused entries contain a filler."""
         count, first = (self._memory.entry(pdo.mapping_index, sub_index) for sub_index in (0, 1))
         return count is not None and first is not None and not count.access.writable and first.access.writable
 
     def _filled_mapping(self, pdo: Pdo) -> int:
-        """How many entries of a fixed count are no filler; Refusal where they do not fit a frame together."""
+        """The number of used entries under a fixed count. Raises Refusal if they exceed a frame."""
         count = self._memory.number(pdo.mapping_index, 0)
         words = (self._memory.number(pdo.mapping_index, sub_index) for sub_index in range(1, count + 1))
         used = [word for word in words if word not in (0, self._family.filler)]
@@ -312,7 +311,7 @@ class PdoGuard:
             refuse(self._family, pdo, "too-many-bits", Abort.PDO_LENGTH)
 
     def _covered_bits(self, pdo: Pdo, raw: int) -> int:
-        """The length of an entry that a count is about to make active, checked once more."""
+        """The length of an entry activated by a count, checked again."""
         if raw == 0:
             code = 0 if self._family.empty_entries_counted else Abort.NOT_MAPPABLE
             refuse(self._family, pdo, "count-over-zero", code)

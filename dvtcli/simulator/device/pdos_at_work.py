@@ -1,8 +1,4 @@
-"""PDOs at work: objects into frames, frames into objects (CiA 301, 7.2.2).
-
-Knows mappings and transmission types. Does not know whether a configuration is legal (`pdo_guard`) nor the NMT
-state (`strict_device`).
-"""
+"""PDO exchange: objects into frames, frames into objects (CiA 301, 7.2.2)."""
 
 from __future__ import annotations
 
@@ -24,7 +20,7 @@ NEVER = float("inf")
 
 @dataclass(slots=True)
 class EventTiming:
-    """An event-driven TPDO's times in seconds, 0 for none: least between two frames, most between two frames.
+    """The times of an event-driven TPDO in seconds, 0 for none: minimum and maximum between two frames.
 
     The first frame is due at once: consumers learn the values when the node starts.
     """
@@ -38,7 +34,7 @@ class EventTiming:
     due_s: float = -NEVER
 
     def is_due(self, data: bytes, now_s: float) -> bool:
-        """Whether a frame with *data* goes out at *now_s*; it then counts as sent."""
+        """True if a frame with *data* is sent at *now_s*, and count the frame as sent."""
         wanted = data != self.sent or now_s >= self.event_due_s
         if wanted and now_s >= self.inhibited_until_s:
             self._note(data, now_s)
@@ -47,7 +43,7 @@ class EventTiming:
         return False
 
     def _note(self, data: bytes, now_s: float) -> None:
-        """The event timer runs from its own beat while it is punctual, else from now; a change starts it again."""
+        """Restart the event timer: from its own schedule while punctual, else from now, and after a change."""
         on_time = data == self.sent and now_s < self.event_due_s + self.event_s
         self.sent = data
         self.inhibited_until_s = now_s + self.inhibit_s if self.inhibit_s else -NEVER
@@ -58,7 +54,7 @@ class EventTiming:
 
 @dataclass(slots=True)
 class Tpdo:
-    """One enabled TPDO: what it is set to, and where it stands since it was enabled or the node was started.
+    """One enabled TPDO: its configuration, and its state since it was enabled or the node was started.
 
     *kind* is the transmission type, *start* the SYNC start value (0: none), *entries* the mapping in frame order.
     """
@@ -78,16 +74,16 @@ class Tpdo:
 
     @property
     def heeds_sync(self) -> bool:
-        """Whether a SYNC means something to it."""
+        """True if the TPDO acts on SYNC."""
         return self.kind <= LAST_SYNCHRONOUS or self.kind == _SYNC_RTR
 
     @property
     def event_driven(self) -> bool:
-        """Whether it is sent on change and by its event timer."""
+        """True if the TPDO is sent on change and by its event timer."""
         return self.kind >= _FIRST_EVENT_DRIVEN
 
     def is_due_at_sync(self, data: bytes, counter: int | None) -> bool:
-        """Whether a frame with *data* goes out at this SYNC, the *counter* of which is 1..240 or not there."""
+        """True if a frame with *data* is sent at this SYNC; *counter* is 1..240 or None."""
         if self.kind == _SYNC_RTR:
             self.sample = data
             return False
@@ -101,7 +97,7 @@ class Tpdo:
         return self._seen == 0
 
     def requested(self, data: bytes) -> bytes | None:
-        """What it carries when a remote frame asks for it; None for nothing sampled yet, or no remote frames."""
+        """The data for a remote frame; None without a sample yet, or without remote frames."""
         if not self.rtr_allowed:
             return None
         return self.sample if self.kind == _SYNC_RTR else data
@@ -120,7 +116,7 @@ def mapping_of(memory: Memory, mapping_index: int) -> tuple[PdoMappingEntry, ...
 
 
 def collect(memory: Memory, entries: Iterable[PdoMappingEntry]) -> bytes:
-    """The bytes that *entries* make up now, at most 8."""
+    """The present bytes of *entries*, at most 8."""
     value, offset = 0, 0
     for entry in entries:
         held = memory.number(entry.index, entry.sub_index)
@@ -139,7 +135,7 @@ def spread(memory: Memory, entries: Iterable[PdoMappingEntry], data: bytes) -> N
 
 
 def _put(memory: Memory, entry: PdoMappingEntry, value: int) -> None:
-    """Replace the low bits of an object; what a short entry does not cover stays as it is."""
+    """Replace the low bits of an object; the bits above a short entry stay."""
     held = memory.read(entry.index, entry.sub_index)
     size = len(held) or (entry.bits + 7) // 8
     others = int.from_bytes(held, "little") & ~((1 << entry.bits) - 1)
@@ -153,7 +149,7 @@ _COB_ID, _TRANSMISSION_TYPE, _INHIBIT_TIME, _EVENT_TIMER, _SYNC_START = 1, 2, 3,
 
 @dataclass(slots=True)
 class _Rpdo:
-    """One enabled RPDO; *waiting* is data that is applied after *syncs* more SYNCs."""
+    """One enabled RPDO; *waiting* is data to apply after *syncs* more SYNCs."""
 
     can_id: int
     extended: bool
@@ -171,7 +167,7 @@ class _Rpdo:
 
 
 class PdoExchange:
-    """The PDOs of one device in OPERATIONAL; *due_s* is when `poll` has something to do next, if nothing changes."""
+    """The PDOs of one device in OPERATIONAL; *due_s* is the time of the next `poll`, if nothing changes."""
 
     def __init__(self, memory: Memory, family: Family, errors: Emergencies) -> None:
         self._memory = memory
@@ -187,7 +183,7 @@ class PdoExchange:
         self.due_s = NEVER
 
     def forget(self, pdo: Pdo | None = None) -> None:
-        """Start over with *pdo*, or with all of them, after its parameters or the NMT state changed."""
+        """Restart *pdo*, or all PDOs, after a change of parameters or NMT state."""
         self.forgotten += 1
         if pdo is None:
             self._stale = None
@@ -195,7 +191,7 @@ class PdoExchange:
             self._stale.add(pdo)
 
     def sync(self, counter: int | None) -> list[Frame]:
-        """Apply synchronous RPDOs, then return the frames of the TPDOs due; *counter* is the SYNC's, 1..240."""
+        """Apply synchronous RPDOs and return the frames of the TPDOs due; *counter* is the SYNC's, 1..240."""
         self._refresh()
         for rpdo in self._rpdos.values():
             if rpdo.waiting is not None:
@@ -209,7 +205,7 @@ class PdoExchange:
         return frames
 
     def receive(self, frame: Frame) -> list[Frame]:
-        """Take a frame into every RPDO that listens to it; returns the EMCY frames sent in answer."""
+        """Receive a frame into every RPDO with its CAN-ID; returns the resulting EMCY frames."""
         self._refresh()
         answers: list[Frame] = []
         for pdo, rpdo in self._rpdos.items():
@@ -218,12 +214,12 @@ class PdoExchange:
         return answers
 
     def knows(self, frame: Frame) -> bool:
-        """Whether *frame* has the COB-ID of one of the PDOs."""
+        """True if *frame* has the COB-ID of a PDO."""
         self._refresh()
         return (frame.can_id, frame.extended) in self._cob_ids
 
     def request(self, frame: Frame) -> list[Frame]:
-        """The TPDO that a remote *frame* asks for, where its COB-ID and the family allow that."""
+        """The TPDO requested by a remote *frame*, if its COB-ID and the family allow."""
         if not self._family.answers_remote_frames:
             return []
         self._refresh()
@@ -236,7 +232,7 @@ class PdoExchange:
         return answers
 
     def poll(self, now_s: float) -> list[Frame]:
-        """The frames due by themselves at *now_s* (s): event-driven TPDOs, and EMCYs of RPDOs that stay away."""
+        """The frames due at *now_s* (s): event-driven TPDOs, and EMCYs for missing RPDOs."""
         self._refresh()
         self.due_s = NEVER
         frames: list[Frame] = []
@@ -260,7 +256,7 @@ class PdoExchange:
         return [Frame(tpdo.can_id, data, extended=tpdo.extended)] if due else []
 
     def _poll_rpdo(self, pdo: Pdo, rpdo: _Rpdo, now_s: float) -> list[Frame]:
-        """The event timer of an RPDO runs from each of its frames; it is over once it has run out."""
+        """The EMCY after an RPDO's event timer, which restarts with each frame and expires once."""
         frames: list[Frame] = []
         if rpdo.heard:
             rpdo.heard = False
@@ -273,7 +269,7 @@ class PdoExchange:
         return frames
 
     def _refresh(self) -> None:
-        """Look again at the PDOs whose parameters changed."""
+        """Reload the PDOs with changed parameters."""
         if self._stale is not None and not self._stale:
             return
         if self._stale is None:

@@ -1,8 +1,8 @@
 """A motor without load: the state machine of controlword and statusword, and a velocity that follows (CiA 402-2).
 
-A drive is as its dictionary says until it is ordered something: its controlword, target velocity or mode changes. Then
-target velocity 60FF moves actual velocity 606C, position 6064 integrates it and mode display 6061 follows 6060. Does
-not know what modes mean: the velocity follows in all of them.
+A drive keeps the values of its dictionary until its controlword, target velocity or mode changes. From then on target
+velocity 60FF moves actual velocity 606C, position 6064 integrates the velocity and mode display 6061 follows 6060. The
+velocity follows in every mode.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ NEVER = float("inf")
 
 
 class Source(Protocol):
-    """Something that moves objects of a device."""
+    """A source of changes to objects of a device."""
 
     @property
     def due_s(self) -> float:
-        """When it wants to be polled, in seconds of a monotonic clock; infinite for never, as things stand."""
+        """The time of the next poll, in seconds of a monotonic clock; infinite for never."""
         ...
 
     def poll(self, now_s: float) -> None:
-        """Change what has changed by *now_s* (s)."""
+        """Apply the changes due by *now_s* (s)."""
         ...
 
 
 def put_number(device: StrictDevice, place: Place, data_type: DataType, value: float) -> None:
-    """Let *device* have *value* in the object at *place*, rounded and clipped to its type, if it is another one."""
+    """Set the object at *place* to *value*, rounded and clipped to its type, if different."""
     data = encoded(data_type, value)
     if device.value(*place) != data:
         device.set_value(*place, data)
 
 
 def encoded(data_type: DataType, value: float) -> bytes:
-    """The bytes of *value*, rounded and clipped to what *data_type* can hold."""
+    """The bytes of *value*, rounded and clipped to the range of *data_type*."""
     if data_type.limits is not None:
         low, high = data_type.limits
         value = min(high, max(low, round(value)))
@@ -71,7 +71,7 @@ _STAYS_STOPPED, _DEFAULT_OPTION = range(5, 9), 2
 
 
 class DriveState(IntEnum):
-    """The states by their bits of the statusword (CiA 402-2, 8.4.2)."""
+    """The states by their statusword bits (CiA 402-2, 8.4.2)."""
 
     NOT_READY_TO_SWITCH_ON = 0x00
     SWITCH_ON_DISABLED = 0x40
@@ -98,7 +98,7 @@ _SHUT_DOWN = DriveState.READY_TO_SWITCH_ON, DriveState.SWITCHED_ON, DriveState.O
 
 
 def state_of(statusword: int) -> DriveState:
-    """The state that *statusword* tells; bit 5 counts only where the table of the states says so."""
+    """The state in *statusword*; bit 5 counts only in states that define bit 5."""
     for state in DriveState:
         mask = 0x6F if state & 0x07 and not state & 0x08 else 0x4F
         if statusword & mask == state:
@@ -109,9 +109,9 @@ def state_of(statusword: int) -> DriveState:
 def next_state(
     state: DriveState, controlword: int, *, reset_fault: bool = False, stop_can_end: bool = False
 ) -> DriveState:
-    """Where *controlword* leads from *state* (CiA 402-2, 8.4.1.3).
+    """The state after *controlword* in *state* (CiA 402-2, 8.4.1.3).
 
-    *reset_fault* is the rising edge of its bit 7; *stop_can_end* tells whether a quick stop leads back to operation.
+    *reset_fault* is the rising edge of bit 7; *stop_can_end*: a quick stop may return to operation.
     """
     if state is DriveState.FAULT and reset_fault:
         return DriveState.SWITCH_ON_DISABLED
@@ -137,10 +137,9 @@ def is_drive(device: StrictDevice) -> bool:
 
 
 class Plant:
-    """A motor on *device*, a drive (`is_drive`); what moves objects *taken* is somebody else's. *due_s* as in `Source`.
+    """A motor on *device*, a drive (`is_drive`); objects in *taken* belong to other sources. *due_s* as in `Source`.
 
-    Velocities are in the object's own unit per second; the acceleration is 6083 where the device has one that is not
-    0, else 1000 a second.
+    Velocities are in the object's own unit per second; the acceleration is 6083 if not 0, else 1000 per second.
     """
 
     def __init__(self, device: StrictDevice, taken: Collection[Place] = ()) -> None:
@@ -152,7 +151,7 @@ class Plant:
 
     @property
     def due_s(self) -> float:
-        """When it moves next (s): at once after any change of the device, and while it turns in steps of 10 ms."""
+        """The time of the next movement (s): at once after any change of the device, every 10 ms while turning."""
         return 0.0 if self.device.changes != self._seen else self._next_s
 
     def poll(self, now_s: float) -> None:
@@ -234,7 +233,7 @@ class Plant:
         self._told = self.device.value(*STATUSWORD)
 
     def _as_held(self, place: Place, value: float) -> float:
-        """*value* where the object holds it, as exactly as it can, else what the object holds."""
+        """*value* if the object contains its rounded form, else the object's value."""
         data_type = self._types[place]
         if data_type is None or encoded(data_type, value) == self.device.value(*place):
             return value

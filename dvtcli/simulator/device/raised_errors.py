@@ -13,7 +13,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 
 
 class RaisedErrors:
-    """*faults* of kind `emcy` on *device*, as a `moving.Source`: after each start of it they come anew."""
+    """*faults* of kind `emcy` on *device*, as a `moving.Source`, repeated after each start of the device."""
 
     def __init__(self, device: StrictDevice, faults: Iterable[Fault]) -> None:
         self._device = device
@@ -30,7 +30,7 @@ class RaisedErrors:
         return self._waiting[0][0] if self._waiting else NEVER
 
     def poll(self, now_s: float) -> None:
-        """Raise what is due at *now_s* (s)."""
+        """Raise the errors due at *now_s* (s)."""
         if self._device.services.starts != self._start:
             self._start = self._device.services.starts
             self._waiting = [(now_s + (fault.seconds or 0.0), fault.code or 0) for fault in self._faults]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Refusal(Exception):
-    """The device answers an SDO request with abort *code*; *reason* is what its extended error object then holds."""
+    """The device aborts an SDO request with *code*; *reason* is the value of its extended error object."""
 
     def __init__(self, code: int, reason: int | None = None) -> None:
         super().__init__(f"0x{code:08X}")

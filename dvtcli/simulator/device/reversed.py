@@ -1,7 +1,4 @@
-"""A strict device whose mapping entries have their fields the other way round on the wire: length, sub-index, index.
-
-Knows nothing of what an entry means; inside, entries are as CiA 301 has them.
-"""
+"""A strict device with reversed fields in mapping entries on the wire: length, sub-index, index."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ _MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 
 
 class ReversedDevice(StrictDevice):
-    """A device, or a twin of one, that takes and shows entries in its own order; see `StrictDevice`."""
+    """A device, or a twin, with mapping entries in its own order; see `StrictDevice`."""
 
     def __init__(
         self, dictionary: ObjectDictionary, family: Family, node_id: int, *, backing: Backing | None = None
@@ -27,7 +24,7 @@ class ReversedDevice(StrictDevice):
         super().__init__(dictionary, family, node_id, backing=None if backing is None else turned)
 
     def upload(self, index: int, sub_index: int) -> bytes:
-        """What an SDO upload answers."""
+        """The value of an SDO upload."""
         data = super().upload(index, sub_index)
         return _outward(data) if _is_entry(index, sub_index, data) else data
 

@@ -1,7 +1,6 @@
-"""The device's end of SDO: requests of eight bytes in, responses of eight bytes out (CiA 301, 7.2.4).
+"""SDO server: requests of eight bytes in, responses of eight bytes out (CiA 301, 7.2.4).
 
-Knows expedited and segmented transfers, and where a block transfer begins (`block_transfer`). Does not know CAN-IDs nor
-what the objects mean.
+Expedited and segmented transfers, and the start of a block transfer (`block_transfer`).
 """
 
 from __future__ import annotations
@@ -59,9 +58,9 @@ class SdoServer:
         }
 
     def handle(self, request: bytes) -> bytes | None:
-        """The response to *request*, None where the server stays silent (wrong length, client abort, NMT state).
+        """The response to *request*, None for no response (wrong length, client abort, NMT state).
 
-        Whatever else is to be sent is in `more` then, which `take_more` empties.
+        Further responses are in `more`, emptied by `take_more`.
         """
         if self.device.state in _SILENT:
             self.reset()
@@ -88,22 +87,22 @@ class SdoServer:
             return b"\x80" + place + refusal.code.to_bytes(4, "little")
 
     def reset(self) -> None:
-        """Forget a transfer that is under way, as a reset does."""
+        """Drop a transfer in progress, as a reset does."""
         self._transfer = None
         self._block = None
         self.more.clear()
 
     def take_more(self) -> list[bytes]:
-        """What follows the last response; empties `more`."""
+        """The frames after the last response; empties `more`."""
         more, self.more = self.more, []
         return more
 
     def in_block(self, request: bytes) -> bool:
-        """Whether *request* is a frame of the block transfer that is under way."""
+        """True if *request* is a frame of the block transfer in progress."""
         return self._block is not None and request[0] != _ABORT_BYTE and self._block.takes(request)
 
     def give_up(self) -> bytes | None:
-        """Abort a block transfer whose client is gone; None where there is none."""
+        """Abort a block transfer whose client is gone; None without a transfer."""
         if self._block is None:
             return None
         multiplexer = self._block.multiplexer
@@ -123,7 +122,7 @@ class SdoServer:
         return responses[0] if responses else None
 
     def _initiate_block_upload(self, request: bytes) -> bytes:
-        """A client that allows it (protocol switch threshold) gets short data without a block transfer."""
+        """Begin a block upload; short data goes without block transfer if the client's switch threshold allows."""
         if request[0] & 0x03:
             raise Refusal(Abort.COMMAND_SPECIFIER)
         from dvtcli.simulator.device.block_transfer import ServedBlockUpload
@@ -176,7 +175,7 @@ class SdoServer:
         return b"\x60" + place + bytes(4)
 
     def _expedited_length(self, index: int, sub_index: int) -> int:
-        """The length of expedited data whose size is not indicated: the object's own."""
+        """The length of expedited data without size indication: the object's length."""
         return min(self.device.size_of(index, sub_index) or 4, 4)
 
     def _download_segment(self, request: bytes) -> bytes:
@@ -197,7 +196,7 @@ class SdoServer:
         self.device.download(*transfer.object, bytes(transfer.data))
 
     def _running(self, request: bytes, *, upload: bool) -> _SegmentedTransfer:
-        """The transfer that a segment belongs to, its toggle bit checked and flipped."""
+        """The transfer of a segment, with its toggle bit checked and flipped."""
         transfer = self._transfer
         if transfer is None or transfer.upload is not upload:
             raise Refusal(Abort.COMMAND_SPECIFIER)

@@ -1,7 +1,4 @@
-"""What goes wrong with a simulated node, as words: `refuse@3=0x06040041`, `2:late@5=0.8`, `store-fails`.
-
-Knows a fault's numbers and its text form. Does not know how a fault is acted (`faulty`), nor clocks or buses.
-"""
+"""Faults of a simulated node and their text form: `refuse@3=0x06040041`, `2:late@5=0.8`, `store-fails`."""
 
 from __future__ import annotations
 
@@ -30,14 +27,14 @@ _FORM = re.compile(r"(?:(?P<node>\w+):)?(?P<kind>[a-z-]+)(?:@(?P<at>\w+))?(?:=(?
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that goes wrong, once unless its kind says otherwise.
+    """One fault, happening once unless its kind lasts.
 
-    - *at*: the SDO download at which it happens, from 1; None for the kinds that last. What counts are the
-      requests of the node's SDO server that begin a download, refused ones too. So K is the step's number that
-      `map` prints, as long as nothing (a login, a forced state, an earlier command) wrote to the node before.
+    - *at*: the SDO download at which the fault happens, from 1; None for lasting kinds. Counted are the requests
+      to the node's SDO server that begin a download, including refused requests. So K is the step's number
+      printed by `map`, if nothing (a login, a forced state, an earlier command) wrote to the node before.
     - *code*: the abort code of `refuse` and `refuse-read`, the error code of `emcy`, the bit rate (bit/s) of
-      `bit-rate`. *seconds*: of the kinds that take a time, 0..3600.
-    - *place*: index and sub-index of the object that the node changes by itself, and its *value* then.
+      `bit-rate`. *seconds*: the time of kinds with a time, 0..3600.
+    - *place*: index and sub-index of the object changed by the node, and its new *value*.
     - *node_id*: 1..127, None for the first simulated node.
     """
 
@@ -50,7 +47,7 @@ class Fault:
     value: int | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a number is missing, has no meaning for the kind, or is out of its range."""
+        """Raise ValueError if a number is missing, unsuitable for the kind, or out of range."""
         if (self.at is not None) != self.kind.counted or (self.at is not None and self.at < 1):
             raise wrong_fault(self.kind, "K counts SDO downloads from 1")
         highest, what = LARGEST.get(self.kind, ANY_ABORT)
@@ -66,7 +63,7 @@ class Fault:
 
     @classmethod
     def parse(cls, text: str) -> Fault:
-        """Read `[NODE:]KIND[@K][=VALUE]`; ValueError says what would be right."""
+        """Read `[NODE:]KIND[@K][=VALUE]`. Raises ValueError with the correct form."""
         found = _FORM.fullmatch(text.strip())
         if found is None or found["kind"] not in list(FaultKind):
             raise ValueError(f"no such fault; there are {known_kinds()}")
@@ -98,9 +95,9 @@ class Fault:
 
 
 def read_faults(words: Iterable[str], node_ids: Sequence[int]) -> tuple[Fault, ...]:
-    """What each of *words* says, for nodes *node_ids*; ValueError names the word that is wrong.
+    """The faults in *words*, for nodes *node_ids*. Raises ValueError naming the wrong word.
 
-    Wrong are also a node that is not simulated, and two faults at one download.
+    Also wrong: a node that is not simulated, and two faults at one download.
     """
     found: dict[tuple[object, ...], Fault] = {}
     for word in words:
@@ -119,11 +116,11 @@ def read_faults(words: Iterable[str], node_ids: Sequence[int]) -> tuple[Fault, .
 
 
 class _Directed(Protocol):
-    """What is meant for one node."""
+    """An item for one node."""
 
     @property
     def node_id(self) -> int | None:
-        """Which one, 1..127; None for the first simulated node."""
+        """The node-ID, 1..127; None for the first simulated node."""
         ...
 
 
@@ -131,12 +128,12 @@ _Each = TypeVar("_Each", bound=_Directed)
 
 
 def own_of(node_id: int, first: int, them: Iterable[_Each]) -> tuple[_Each, ...]:
-    """Those of *them* that are *node_id*'s, where *first* is the first simulated node."""
+    """The items of *them* for *node_id*; *first* is the first simulated node."""
     return tuple(each for each in them if (first if each.node_id is None else each.node_id) == node_id)
 
 
 def _alteration(text: str, kind: FaultKind) -> tuple[tuple[int, int], int]:
-    """An object and the value that it takes, `1801:01:0xC0000281`."""
+    """An object and its new value, `1801:01:0xC0000281`."""
     found = re.fullmatch(r"(?:0x)?([0-9a-fA-F]{4}):([0-9a-fA-F]{1,2}):(\w+)", text)
     if found is None:
         raise wrong_fault(kind, f"{text!r} is no object with a value")

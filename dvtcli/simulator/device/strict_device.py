@@ -1,7 +1,7 @@
 """The strict simulated device: one node's state machine, without I/O and without a clock of its own.
 
-Knows the order in which a CANopen device judges a request. Does not know SDO frames (`sdo_server`), CAN
-(`network`), files, nor the tool's rules: what it refuses is decided here a second time, on purpose.
+Applies checks in the order of a CANopen device. Deliberately shares no rule with dvtcli: every check is written a
+second time.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 
 def check_limits(entry: OdEntry, node_id: int, data: bytes) -> None:
-    """Raise Refusal(06090031) above, Refusal(06090032) below the limits of the file that describes *entry*.
+    """Raise Refusal(06090031) above, Refusal(06090032) below the file's limits for *entry*.
 
-    Limits count only where they make sense: low ≤ high, both within the type; those of a PDO's parameter leave a
-    choice, or it could not be configured at all (real files have 0..0 there).
+    Ignores meaningless limits: low > high, outside the type, or no choice for a PDO parameter (real files have 0..0
+    there).
     """
     data_type = entry.data_type
     value = None if data_type is None else data_type.decode(data)
@@ -54,7 +54,7 @@ class DeviceService(Protocol):
     """A part of the device with objects of its own, such as SYNC or EMCY."""
 
     def check(self, index: int, _sub_index: int, data: bytes, /) -> None:
-        """Raise Refusal where *data* may not be written to one of them."""
+        """Raise Refusal if *data* may not be written to an object of the service."""
         ...
 
 
@@ -72,7 +72,7 @@ class Judge:
         self._guard = PdoGuard(memory, family)
 
     def check_access(self, index: int, sub_index: int, size: int | None) -> None:
-        """Raise Refusal for what is hopeless whatever the value; *size* is in bytes, None where it is not known."""
+        """Raise Refusal for a write impossible with any value; *size* is in bytes, None if unknown."""
         self._memory.require(index, sub_index)
         entry = self._memory.entry(index, sub_index)
         if entry is not None and not entry.access.writable:
@@ -116,15 +116,15 @@ _STATES = {
 
 
 class StrictDevice:
-    """A simulated node that refuses what CiA 301 and its family refuse.
+    """A simulated node that applies every check of CiA 301 and its family.
 
-    *dictionary* says which objects exist, *family* how the device behaves, *node_id* is 1..127, or 255 for a
-    node that waits for one (LSS). With *backing* the device is a twin of a real node: an object that was not written
-    yet is fetched by `backing(index, sub_index)`, which raises Refusal where the node refuses; existence is what the
-    node says, the dictionary (it may be empty) adds types, access, limits and mappability, and what nobody knows is
-    not refused. Nothing is ever written through it.
+    *dictionary* lists the objects, *family* the behaviour; *node_id* is 1..127, or 255 for a node without a node-ID
+    (LSS). With *backing* the device is a twin of a real node: an object not yet written is read by `backing(index,
+    sub_index)`, which raises Refusal if the node refuses. The node decides existence; the dictionary (possibly empty)
+    adds types, access, limits and mappability; unknown properties cause no refusal. Nothing is ever written to the
+    node.
 
-    A new device is INITIALISING until `boot_up`. Frames that it sends of its own accord collect in `outbox`.
+    A new device is INITIALISING until `boot_up`. Its own frames collect in `outbox`.
     """
 
     def __init__(
@@ -154,12 +154,12 @@ class StrictDevice:
 
     @property
     def node_id(self) -> int:
-        """The node's own node-ID, 1..127; 255 while it has none."""
+        """The node-ID, 1..127; 255 for none."""
         return self._memory.node_id
 
     @property
     def lss(self) -> LssSlave:
-        """The node's LSS slave, which begins with its first use."""
+        """The node's LSS slave, created on first use."""
         if self._lss is None:
             from dvtcli.simulator.device.lss_slave import LssSlave
 
@@ -169,11 +169,11 @@ class StrictDevice:
 
     @property
     def bit_rate(self) -> int | None:
-        """What the node runs at (bit/s); None where frames take no time."""
+        """The node's bit rate (bit/s); None if frames take no time."""
         return self._rates[0] if self._lss is None else self._lss.bit_rate
 
     def run_at(self, bit_rate: int | None, known_rates: Collection[int] | None = ()) -> None:
-        """Run at *bit_rate* (bit/s) from now on; *known_rates* are those that LSS can tell it, None: CiA 305's."""
+        """Run at *bit_rate* (bit/s) from now on; *known_rates* are accepted over LSS, None: those of CiA 305."""
         self._rates = bit_rate, known_rates
         if self._lss is not None:
             self._lss.run_at(bit_rate, known_rates)
@@ -193,7 +193,7 @@ class StrictDevice:
         return self._memory.changes
 
     def on_change(self, callback: Callable[[], None]) -> None:
-        """Call *callback* each time that this number grows: at once, so it must be quick."""
+        """Call *callback* directly at each growth of this number; the callback must be quick."""
         self._memory.on_change.append(callback)
 
     def power_on(self, stored: Mapping[tuple[int, int], bytes], node_id: int | None = None) -> None:
@@ -204,7 +204,7 @@ class StrictDevice:
         self.restart()
 
     def upload(self, index: int, sub_index: int) -> bytes:
-        """What an SDO upload answers; Refusal where the device refuses it."""
+        """The value of an SDO upload. Raises Refusal if the device refuses."""
         self._memory.require(index, sub_index)
         entry = self._memory.entry(index, sub_index)
         if entry is not None and not entry.access.readable:
@@ -216,7 +216,7 @@ class StrictDevice:
         return self._memory.read(index, sub_index)
 
     def download(self, index: int, sub_index: int, data: bytes) -> None:
-        """Write *data* as an SDO download does; Refusal where the device refuses it, then nothing has changed."""
+        """Write *data* as an SDO download. Raises Refusal, without any change, if the device refuses."""
         try:
             self._judge.check_access(index, sub_index, len(data))
             self._judge.check_value(index, sub_index, data, self.state)
@@ -225,7 +225,7 @@ class StrictDevice:
             raise self._gates.explained(refusal) from None
 
     def begin_download(self, index: int, sub_index: int, size: int | None) -> None:
-        """Refuse what is hopeless whatever the value: existence, access, and *size* in bytes where it is known."""
+        """Raise Refusal for a download impossible with any value: existence, access, or *size* (bytes, if known)."""
         try:
             self._judge.check_access(index, sub_index, size)
             if self.loader is not None and self.loader.handles(index, sub_index):
@@ -234,11 +234,11 @@ class StrictDevice:
             raise self._gates.explained(refusal) from None
 
     def size_of(self, index: int, sub_index: int) -> int | None:
-        """The object's length in bytes, None where it varies or is not known."""
+        """The object's length in bytes, None if variable or unknown."""
         return self._memory.size(index, sub_index)
 
     def value(self, index: int, sub_index: int = 0) -> bytes:
-        """What the object holds, whatever its access; Refusal where it does not exist."""
+        """The object's value, regardless of access. Raises Refusal if the object does not exist."""
         self._memory.require(index, sub_index)
         return self._memory.read(index, sub_index)
 
@@ -291,7 +291,7 @@ class StrictDevice:
         self._initialise(communication_only=False, powered=False)
 
     def take_outbox(self) -> list[Frame]:
-        """The frames that the device has to send now; empties the outbox."""
+        """The frames to send now; empties the outbox."""
         frames, self.outbox = self.outbox, []
         return frames
 
@@ -316,7 +316,7 @@ class StrictDevice:
         self.state = self._gates.granted(self._gates.forced_state(index, sub_index), self.state)
 
     def _known(self, index: int, sub_index: int) -> bytes | None:
-        """What an object holds; None if the node behind a twin does not let it be read, as a write-only object."""
+        """The object's value; None if the node behind a twin does not allow reading, as for a write-only object."""
         try:
             return self._memory.read(index, sub_index)
         except Refusal as refusal:
@@ -325,7 +325,7 @@ class StrictDevice:
             return None
 
     def _clears_stamp_for(self, index: int, sub_index: int) -> bool:
-        """Whether a write to the object ends what 0x1020 says: it is configuration, and no process value."""
+        """True if a write to the object clears 0x1020: the object is configuration, not a process value."""
         if not self.family.clears_stamp or index == _STAMP or self._memory.entry(_STAMP, 1) is None:
             return False
         entry = self._memory.entry(index, sub_index)
@@ -347,7 +347,7 @@ class StrictDevice:
 
 
 def _loader() -> BootLoader:
-    """A boot loader, which few devices have."""
+    """A boot loader, loaded on demand since few devices have one."""
     from dvtcli.simulator.device.boot_loader import BootLoader
 
     return BootLoader()

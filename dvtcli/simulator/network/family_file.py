@@ -1,7 +1,6 @@
-"""Families of simulated devices from `families/NAME/simulated.toml`: strict, with line and key in every complaint.
+"""Read families of simulated devices from `families/NAME/simulated.toml`; errors name line and key.
 
-The keys are those of `Family`, plus `like`, the family that a file starts from; each key replaces that one's whole.
-Knows where families are. Does not know what a key may say (`family_keys`), nor what the family's profile says.
+The keys are those of `Family`, plus `like`, the base family of the file; each key replaces the base's whole value.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ _T = TypeVar("_T")
 
 
 def _numbered(high: int, read: Callable[[Item], _T]) -> Callable[[Item], dict[int, _T]]:
-    """A reader of tables whose keys are numbers within 0..*high*, decimal or with 0x."""
+    """A reader of tables with numeric keys within 0..*high*, decimal or with 0x."""
     return lambda item: {_number(member, high): read(member) for member in item.items()}
 
 
@@ -89,7 +88,7 @@ def _plant(item: Item) -> str:
 
 
 def _of_some(read: Callable[[Item], _T]) -> Callable[[Item], dict[Direction, _T]]:
-    """A reader of tables by direction, of which one may be missing."""
+    """A reader of tables by direction; a direction may be missing."""
     names = [way.value for way in Direction]
     return lambda item: {Direction(key): given for key, given in item.table(dict.fromkeys(names, read)).items()}
 
@@ -226,20 +225,20 @@ def family_names() -> tuple[str, ...]:
 
 @cache
 def family_eds(name: str) -> Path:
-    """The EDS file of family *name*, or of the family it is `like`; KeyError where there is no such family."""
+    """The EDS file of family *name*, or of its base family. Raises KeyError for an unknown family."""
     like = next((item for item in _read(name).items() if item.key == "like"), None)
     chosen = name if like is None else _known(like)
     return family_path(chosen, f"{chosen}.eds")
 
 
 def family_of(eds: Path) -> str | None:
-    """The family whose own EDS the file *eds* is; None where it is none's."""
+    """The family with the EDS file *eds*, or None."""
     return next((name for name in family_names() if family_eds(name) == eds), None)
 
 
 @cache
 def load_family(name: str) -> Family:
-    """Read family *name*; KeyError where there is no such family, InputFileError where its file is wrong."""
+    """Read family *name*. Raises KeyError for an unknown family, InputFileError for an invalid file."""
     if name not in family_names():
         raise KeyError(name)
     return read_family(name, family_path(name, _FILE).read_text(encoding="utf-8"), f"{name}/{_FILE}")
@@ -251,13 +250,13 @@ def is_family_folder(text: str) -> bool:
 
 
 def load_family_folder(folder: Path) -> Family:
-    """The family whose `simulated.toml` is in *folder*; InputFileError where that is wrong."""
+    """Read the family in the `simulated.toml` of *folder*. Raises InputFileError if invalid."""
     path = folder / _FILE
     return read_family(folder.resolve().name, read_text(path), str(path))
 
 
 def family_folder_eds(folder: Path) -> Path:
-    """The EDS in *folder*, else that of the family it is `like`; InputFileError where there is none, or several."""
+    """The EDS in *folder*, else the EDS of its base family. Raises InputFileError for none or several."""
     files = sorted(path for path in folder.iterdir() if path.suffix.lower() in DEVICE_SUFFIXES)
     if len(files) == 1:
         return files[0]
@@ -269,7 +268,7 @@ def family_folder_eds(folder: Path) -> Path:
 
 
 def read_text(path: Path) -> str:
-    """The text of *path*; InputFileError where it cannot be read as UTF-8."""
+    """The text of *path*. Raises InputFileError if unreadable as UTF-8."""
     try:
         return read_input(path, 1 << 20, "simulated device").decode("utf-8")
     except (OSError, UnicodeDecodeError) as failed:
@@ -277,9 +276,9 @@ def read_text(path: Path) -> str:
 
 
 def read_family(name: str, text: str, source: str) -> Family:
-    """The family *name* as *text* says it; *source* is the file's name for messages.
+    """The family *name* in *text*; *source* is the file name for messages.
 
-    Raises InputFileError, its place `FILE:LINE`, for broken TOML, an unknown key or a value that the key cannot have.
+    Raises InputFileError at `FILE:LINE` for broken TOML, an unknown key or an invalid value.
     """
     return _family(name, read_toml(text, source))
 
@@ -297,7 +296,7 @@ def _family(name: str, item: Item) -> Family:
 
 
 def _known(item: Item) -> str:
-    """The name of a family that there is."""
+    """The name of an existing family."""
     name = string(item)
     if name not in family_names():
         item.fail(f"no family is called {name!r}", suggest(name, family_names()))

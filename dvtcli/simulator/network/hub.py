@@ -1,8 +1,8 @@
-"""Who is connected to one bus over TCP or a Unix socket: lets clients in, waits for them, passes frames on, drops them.
+"""The connections to one bus over TCP or a Unix socket: accept clients, pass frames on, drop clients.
 
-One thread calls everything but `wake`. Loses no frame: what a client does not read yet is kept. Who sends faster than
-another one reads waits for it, and nobody else does; one that takes nothing for `STALL_S`, or is megabytes behind, is
-dropped. Where all places are taken whoever has most of them gives one away. Does not know nodes or bit rates.
+All methods but `wake` belong to one thread. No frame is lost: unread frames are kept. A sender faster than a reader
+waits for the reader, and nobody else does; a client that reads nothing for `STALL_S`, or is megabytes behind, is
+dropped. When all places are taken, the owner of the most connections loses one.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ MayRead = Callable[[Client], bool]
 
 
 class Hub:
-    """Listens at *addresses* (host, port, of which 0 is a free one; or a path), or only waits where there is none.
+    """Listens at *addresses* (host and port, 0 for a free port; or a path), or only waits if empty.
 
-    *tell* takes one line about a client; one that takes nothing for *stall_s* is dropped. *admit* makes a client, which
-    speaks its own protocol, of a connection; there are at most *most*. *may_come* tells whether a user-ID of this
-    machine, None where nobody knows it, is let in. OSError where an address is not to be had. Ends with `close`.
+    *tell* takes one line about a client; a client that reads nothing for *stall_s* (s) is dropped. *admit* makes a
+    client with its protocol from a connection; at most *most* are admitted. *may_come* decides about a user-ID of this
+    machine, None if unknown. Raises OSError if an address is not available. Ends with `close`.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Hub:
 
     @property
     def port(self) -> int | None:
-        """The first TCP port that it listens at, None if it listens at none."""
+        """The first TCP port, None without one."""
         return self.ports[0] if self.ports else None
 
     @property
@@ -122,7 +122,7 @@ class Hub:
 
     @property
     def connected(self) -> tuple[Client, ...]:
-        """The clients, who came first first."""
+        """The clients in the order of connection."""
         return tuple(self._clients.values())
 
     def wake(self) -> None:
@@ -137,10 +137,10 @@ class Hub:
                 client.put(text, source)
 
     def wait(self, timeout_s: float, may_read: MayRead) -> list[tuple[Client, Frame]]:
-        """Send what waits, then the frames that clients sent within *timeout_s* (s), at once if there are some.
+        """Send waiting data and return frames from clients, received within *timeout_s* (s) or at once if present.
 
-        Only clients for which *may_read* holds are read, and none that let too much wait for a slow one; the others
-        keep what they say.
+        Reads only clients accepted by *may_read*, and no client that keeps too much waiting for a slow reader; the data
+        of the others stays unread.
         """
         self._flush()
         self._open_again()
@@ -177,7 +177,7 @@ class Hub:
             self._drop(client, None)
 
     def _shorter(self, timeout_s: float) -> float:
-        """*timeout_s*, or less where a client must be looked at earlier."""
+        """*timeout_s*, or less if a client must be checked earlier."""
         now_s = monotonic()
         if self._full_until_s is not None:
             timeout_s = min(timeout_s, self._full_until_s - now_s)
@@ -201,9 +201,9 @@ class Hub:
         client.events = events
 
     def _accept(self, listener: socket.socket, frames: list[tuple[Client, Frame]]) -> None:
-        """Take all that wait, as far as they may come and there is room: nobody waits behind who is refused.
+        """Accept all waiting connections, as far as allowed and there is room; refused clients block nobody.
 
-        Adds the *frames* that clients have sent already if there was room to be made.
+        Adds *frames* already sent by clients if room had to be made.
         """
         came: list[tuple[socket.socket, Peer]] = []
         while len(came) < _AT_ONCE:
@@ -234,7 +234,7 @@ class Hub:
     def _allowed(
         self, came: list[tuple[socket.socket, Peer]], may_come: Callable[[int | None], bool]
     ) -> list[tuple[socket.socket, Peer]]:
-        """Those who came whose user may come; the others are closed, which is said."""
+        """The new connections of allowed users; the others are closed and reported."""
         whose = users([(connection.getsockname(), peer) for connection, peer in came if _is_internet(connection)])
         allowed = []
         for connection, peer in came:
@@ -259,16 +259,15 @@ class Hub:
         self._drop_if_gone(client)
 
     def _read_idle(self, frames: list[tuple[Client, Frame]]) -> None:
-        """Read what clients have said that opened no bus yet: one may have hung up, or have opened it meanwhile."""
+        """Read clients without an open bus: they may have hung up, or opened the bus meanwhile."""
         for client in [client for client in self._clients.values() if not client.opened]:
             self._serve(client, selectors.EVENT_READ, frames)
 
     def _make_room(self, newcomer: Peer, newcomers: list[Peer]) -> None:
-        """Drop who came first of those that only hold a place: they opened no bus yet.
+        """Drop the oldest client without an open bus to make room for *newcomer*.
 
-        Else one of the program, or host, that has most connections, if it has more than that of *newcomer* would have:
-        the one that was silent longest. Else the newcomer is refused. Whose connections are is looked up once for all
-        *newcomers*.
+        Otherwise drop the longest silent connection of the program or host with the most connections, if more than
+        *newcomer*'s owner would have. Otherwise refuse the newcomer. Owners are looked up once for all *newcomers*.
         """
         idle = next((client for client in self._clients.values() if not client.opened), None)
         if idle is not None:
@@ -288,7 +287,7 @@ class Hub:
             self._tell(f"refused a client: {self._most} are connected already, {own} of them of {whose[newcomer]}")
 
     def _close_for_a_while(self, failed: OSError) -> None:
-        """Let nobody in: who knocks would wake the thread again and again."""
+        """Stop accepting for a while: new connections would wake the thread again and again."""
         if not self._full_told:
             self._full_told = True
             self._tell(f"cannot take another client: {failed.strerror}")
@@ -313,7 +312,7 @@ class Hub:
             self._drop_if_gone(client)
 
     def _flush(self) -> None:
-        """Send what can be sent; drop who takes nothing."""
+        """Send as much as possible; drop clients that read nothing."""
         now_s = monotonic()
         for client in tuple(self._clients.values()):
             client.flush(now_s, self._stall_s, MOST_KEPT)
@@ -324,7 +323,7 @@ class Hub:
             self._drop(client, client.why)
 
     def _drop(self, client: Client, why: str | None) -> None:
-        """End a connection, for the reason that the user is told where there is one."""
+        """End a connection; *why* is reported to the user, if given."""
         if self._clients.pop(client.connection, None) is None:
             return
         if client.events:
@@ -335,7 +334,7 @@ class Hub:
 
 
 def _name(peer: Peer) -> str:
-    """What a client is called that comes from *peer*."""
+    """The name of a client at *peer*."""
     return f"{peer[0]}:{peer[1]}" if peer[1] else peer[0]
 
 
@@ -351,9 +350,9 @@ def _listener(address: tuple[str, int]) -> socket.socket:
 
 
 def _unix_listener(path: str) -> socket.socket:
-    """A socket at *path* that only its user can connect to; one that nobody listens at any more is taken away.
+    """A socket at *path* for connections of its user only; an abandoned socket is replaced.
 
-    OSError where something else is in its place, or somebody listens there.
+    Raises OSError if another file is in its place, or a process is listening.
     """
     if sys.platform == "win32":
         raise OSError(errno.EOPNOTSUPP, "Windows has no Unix sockets here")
@@ -376,7 +375,7 @@ def _unix_listener(path: str) -> socket.socket:
 
 
 def _is_left_over(path: str) -> bool:
-    """Whether *path* is a socket that nobody listens at."""
+    """True if *path* is a socket without a listener."""
     if sys.platform == "win32" or not stat.S_ISSOCK(os.lstat(path).st_mode):
         return False
     with socket.socket(socket.AF_UNIX) as probe:
@@ -384,12 +383,12 @@ def _is_left_over(path: str) -> bool:
 
 
 def _unix_peer(connection: socket.socket) -> Peer:
-    """The process that a Unix socket's *connection* comes from, as far as the system tells it."""
+    """The process at the other end of a Unix socket's *connection*, if known to the system."""
     return f"process {process}" if (process := _credentials(connection)[0]) else "a process", 0
 
 
 def _unix_user(connection: socket.socket) -> int | None:
-    """The user-ID of the process that a Unix socket's *connection* comes from, None where the system tells none."""
+    """The user-ID of the process at the other end of a Unix socket's *connection*, None if unknown."""
     return _credentials(connection)[1]
 
 

@@ -1,6 +1,6 @@
-"""One client of a hub: what it says in the socketcand protocol, what it is answered, and what waits for it.
+"""One client of a hub: its requests in the socketcand protocol, the answers, and data waiting to be sent.
 
-Everything is sent and read without waiting. Does not know the other clients, nor when its connection is looked at.
+All I/O is non-blocking.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
 @dataclass(eq=False, slots=True)
 class Client:
-    """One connection: what it said so far, and what waits for it; *tell* takes one line for the user about it."""
+    """One connection with its unread requests and unsent data; *tell* takes one line for the user."""
 
     connection: socket.socket
     name: str
@@ -69,30 +69,30 @@ class Client:
 
     @property
     def waiting(self) -> int:
-        """How many bytes wait for it."""
+        """The number of unsent bytes."""
         return len(self.out) + len(self.held)
 
     def put(self, text: bytes, source: object) -> None:
-        """Put the *text* of a frame of *source* on its way."""
+        """Queue the *text* of a frame of *source*."""
         self.owed[source] = self.owed.get(source, 0) + len(text)
         (self.out if self.held_until_s is None else self.held).extend(text)
 
     def reply(self, text: bytes) -> None:
-        """Put an answer on its way, before all frames that are held."""
+        """Queue an answer ahead of all held frames."""
         self.owed[self] = self.owed.get(self, 0) + len(text)
         self.out.extend(text)
         if not self.blocked:
             self.send()
 
     def release(self) -> None:
-        """Let frames follow: the client has read what had to come alone."""
+        """Allow frames again: the client has read the answer sent alone."""
         if self.held_until_s is not None:
             self.held_until_s = None
             self.out.extend(self.held)
             self.held.clear()
 
     def send(self) -> None:
-        """Send what can be sent at once."""
+        """Send as much as possible without waiting."""
         try:
             sent = self.connection.send(self.out)
         except BlockingIOError:
@@ -109,10 +109,10 @@ class Client:
             self.owed.clear()
 
     def flush(self, now_s: float, stall_s: float, most: int) -> None:
-        """Send what waits, by *now_s* on the monotonic clock.
+        """Send waiting data at *now_s* on the monotonic clock, and decide whether the client must go.
 
-        Who takes nothing for *stall_s* has to go, and who is behind by more than *most* bytes. The time in which nobody
-        looked does not count: a server that was stopped itself drops nobody for it.
+        It must go after reading nothing for *stall_s* (s), or more than *most* bytes behind. Time without a call does
+        not count: a stopped server drops nobody.
         """
         self.progress_s = min(now_s, self.progress_s + max(0.0, now_s - self.looked_s - LOOK_S))
         self.looked_s = now_s
@@ -128,14 +128,14 @@ class Client:
             self.send()
 
     def acknowledge(self) -> None:
-        """Let the system acknowledge what the client said, since no answer does."""
+        """Let the system acknowledge the client's data, since no answer does."""
         self.unanswered = False
         if _QUICK_ACK is not None:
             with suppress(OSError):  # it has hung up
                 self.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
 
     def read(self) -> list[Frame]:
-        """Do what the client asks by now; the frames that it sends."""
+        """Obey the client's requests so far; the frames it sends."""
         try:
             data = self.connection.recv(_READ)
         except BlockingIOError:
@@ -155,7 +155,7 @@ class Client:
         self.reply(HI)
 
     def take(self, data: bytes) -> list[Frame]:
-        """Do what *data* asks; the frames that it sends."""
+        """Obey the requests in *data*; the frames it contains."""
         try:
             requests = self.requests.feed(data)
         except RubbishError as rubbish:
@@ -164,7 +164,7 @@ class Client:
         return [frame for frame in map(self._obey, requests) if frame is not None]
 
     def _obey(self, request: bytes) -> Frame | None:
-        """Do what *request* asks; the frame that it sends, if it is one."""
+        """Obey *request*; its frame, if any."""
         if self.opened:
             try:
                 frame = sent_frame(request)
@@ -187,7 +187,7 @@ class Client:
         return None
 
     def _complain(self, request: bytes, answer: bytes, why: str) -> None:
-        """Refuse *request*; say so to the user once a client."""
+        """Refuse *request*, with a message to the user once per client."""
         self.reply(answer)
         if not self.complained:
             self.complained = True

@@ -1,6 +1,6 @@
-"""Whose a connection is: a program's on this machine, as Linux tells of one's own programs, else the host's it is from.
+"""Find the owner of a connection: a program on this machine, as far as Linux shows, else the remote host.
 
-Reads /proc, and only when somebody asks. Does not know what is said over a connection.
+Reads /proc on demand only.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Peer = tuple[str, int]
 
 
 def users(connections: Iterable[tuple[Peer, Peer]]) -> dict[Peer, int]:
-    """The user-ID of each peer on this machine, by both ends of its connection: ours, and the peer's.
+    """The user-ID of each peer on this machine, given both ends of its connection: ours, and the peer's.
 
-    One that Linux does not tell is left out, and one that has closed already.
+    Leaves out unknown and already closed connections.
     """
     wanted = {(_plain(peer[0]), peer[1], _plain(own[0]), own[1]): peer for own, peer in connections}
     found: dict[Peer, int] = {}
@@ -36,7 +36,7 @@ def users(connections: Iterable[tuple[Peer, Peer]]) -> dict[Peer, int]:
 
 
 def owners(peers: Iterable[Peer], at: Iterable[int]) -> dict[Peer, str]:
-    """Who each of *peers*, host and port, is that is connected to one of the ports *at* of this machine, in words."""
+    """The owner in words of each of *peers* (host, port) connected to one of the ports *at* of this machine."""
     found = {peer: f"host {peer[0]}" if peer[1] else peer[0] for peer in peers}
     local = {peer[1]: peer for peer in found if _is_loopback(peer[0])}
     sockets = _sockets(local.keys(), at) if local else {}
@@ -54,7 +54,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def _sockets(ports: Iterable[int], at: Iterable[int]) -> dict[int, tuple[str, str]]:
-    """The numbers of the sockets, and their users, that are connected from *ports* to one of the ports *at*."""
+    """Socket numbers and users of the connections from *ports* to one of the ports *at*."""
     wanted, found = {f"{port:04X}": port for port in ports}, {}
     ours = {f"{port:04X}" for port in at}
     for columns in _rows():
@@ -65,7 +65,7 @@ def _sockets(ports: Iterable[int], at: Iterable[int]) -> dict[int, tuple[str, st
 
 
 def _rows() -> Iterator[list[str]]:
-    """The columns of each TCP connection of this machine whose program has not closed it."""
+    """The columns of each TCP connection of this machine not yet closed by its program."""
     for table in _TABLES:
         with suppress(OSError):  # no Linux, or one without IPv6
             for line in Path(table).read_text("ascii").splitlines()[1:]:
@@ -75,7 +75,7 @@ def _rows() -> Iterator[list[str]]:
 
 
 def _end(text: str) -> tuple[str, int]:
-    """Address and port of one end as such a table has them: words of 32 bits in the machine's own order."""
+    """Address and port from such a table: words of 32 bits in the machine's byte order."""
     address, _, port = text.partition(":")
     words = bytes.fromhex(address)
     if sys.byteorder == "little":
@@ -84,7 +84,7 @@ def _end(text: str) -> tuple[str, int]:
 
 
 def _plain(host: str) -> str:
-    """An address in one form, an IPv4 address within an IPv6 one as itself."""
+    """An address in a normal form: an IPv4-mapped IPv6 address as IPv4."""
     try:
         address = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
@@ -93,7 +93,7 @@ def _plain(host: str) -> str:
 
 
 def _programs(numbers: set[str]) -> dict[str, str]:
-    """The process that each of the sockets *numbers* belongs to, as far as it may be looked at."""
+    """The process of each of the sockets *numbers*, if visible."""
     wanted, found = {f"socket:[{number}]": number for number in numbers}, {}
     for process in filter(str.isdecimal, os.listdir("/proc")):  # noqa: PTH208 - a name is all that is wanted
         folder = f"/proc/{process}/fd"

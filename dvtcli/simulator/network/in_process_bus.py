@@ -1,7 +1,6 @@
-"""A bus on which only simulated devices live; nothing leaves this process.
+"""A bus of simulated devices inside this process.
 
-No thread of its own: a node answers while a frame is sent, and what nodes do by themselves happens, each at its time,
-when somebody reads or sends. Does not know how a device behaves (see dvtcli.simulator.device).
+Without a thread: nodes answer while a frame is sent, and act by themselves, each at its time, during a read or a send.
 """
 
 from __future__ import annotations
@@ -38,12 +37,12 @@ _MOST_MISSED = 1000
 
 
 class NodesOnABus:
-    """*devices* with their *faults* and *signals*; *say* is called for each frame that one sends, with its time.
+    """*devices* with their *faults* and *signals*; *say* is called with each frame sent and its time.
 
-    With *bit_rate* (bit/s) a node hears only what is sent at its own one, and *destroyed* is called for each frame that
-    not all on the bus can read: CAN repeats it until those others have given up disturbing it.
+    With *bit_rate* (bit/s) a node receives only frames at its own bit rate, and *destroyed* is called for each frame
+    unreadable for a node on the bus: CAN repeats the frame until the others stop disturbing it.
 
-    Times are seconds on a monotonic clock of the caller's.
+    Times are seconds on a monotonic clock of the caller.
     """
 
     def __init__(
@@ -74,21 +73,21 @@ class NodesOnABus:
         return self._roster.bus_failed
 
     def boot(self, now_s: float) -> None:
-        """Start every node at *now_s*: its boot-up is said."""
+        """Start every node at *now_s*, with its boot-up message."""
         self._now_s = now_s
         for node in self.nodes:
             node.device.boot_up()
             self._poll_node(node, now_s)
 
     def hear(self, frame: Frame, now_s: float) -> None:
-        """Let every node hear *frame* of somebody else at *now_s*; what answers at once has been said on return."""
+        """Deliver the foreign *frame* to every node at *now_s*; immediate answers are sent before the return."""
         self.pass_time(now_s)
         self._carry(frame, None, self.bit_rate)
         self._settle(rested=True)
         self._poll(now_s)
 
     def pass_time(self, now_s: float) -> None:
-        """Let all happen that is due by *now_s*, each at its own time."""
+        """Carry out everything due by *now_s*, each at its own time."""
         for _ in range(_MOST_MISSED):
             due_s = self._roster.next_s()
             if due_s > now_s:
@@ -116,7 +115,7 @@ class NodesOnABus:
         self._roster.looked_at(node)
 
     def _settle(self, *, rested: bool = False) -> None:
-        """Let every node hear what the others and the bus have said, and what is answered to that."""
+        """Deliver the pending frames of nodes and bus to every node, and the answers to them."""
         if self._now_s < self._rests_until_s and not rested:
             return
         for _ in range(_AT_ONCE):
@@ -138,7 +137,7 @@ class NodesOnABus:
             self._carry(frame, node, node.bit_rate)
 
     def _carry(self, frame: Frame, sender: SimulatedNode | None, bit_rate: int | None) -> None:
-        """Let *frame* be heard by those who run at *bit_rate*; we destroy it for all if we speak at another one."""
+        """Deliver *frame* to the nodes at *bit_rate*; at another bit rate we destroy it, unless we only listen."""
         if bit_rate != self.bit_rate or self._roster.are_others_than(bit_rate):
             self._destroyed()
         if bit_rate == self.bit_rate or self.only_heard:
@@ -152,8 +151,8 @@ BIT_RATE = 500_000
 class InProcessBus(FrameBus[Frame]):
     """A CanopenBus of *devices*, with their *faults* and *signals*, which boot now.
 
-    *timeout_s* (s) and *retries* are those of `SdoSettings`. A fault may kill the bus, as if an adapter was unplugged.
-    Frames take no time; *bit_rate* (bit/s) only decides who hears whom.
+    *timeout_s* (s) and *retries* are those of `SdoSettings`. A fault may kill the bus like an unplugged adapter. Frames
+    take no time; *bit_rate* (bit/s) only decides about reception.
     """
 
     def __init__(
@@ -180,11 +179,11 @@ class InProcessBus(FrameBus[Frame]):
 
     @property
     def runs_at(self) -> int | None:
-        """The bit rate (bit/s) at which we hear and speak."""
+        """Our bit rate (bit/s)."""
         return self._nodes.bit_rate
 
     def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """Nothing stands in the way of another bit rate."""
+        """Accept every bit rate."""
 
     def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
         """Hear and speak at *bit_rate* (bit/s) from now on; with *listen_only* only hear, and disturb nobody."""
@@ -193,11 +192,11 @@ class InProcessBus(FrameBus[Frame]):
             self._nodes.bit_rate, self._nodes.only_heard = bit_rate, listen_only
 
     def error_frame_count(self) -> int:
-        """How many frames were destroyed so far, since not all on the bus run at one bit rate."""
+        """The number of frames destroyed so far by different bit rates on the bus."""
         return self._error_frames.count
 
     def drain(self) -> None:
-        """Deliver what has already arrived; nothing has where nothing is said, and nothing is due."""
+        """Deliver pending frames; none without a sent frame or a due action."""
         with self._lock:
             nodes = self._nodes
             is_quiet = self._said.empty() and not nodes.bus_failed and nodes.next_s() > monotonic()
@@ -268,7 +267,7 @@ def simulate(
     retries: int = DEFAULT_RETRIES,
     bit_rate: int = BIT_RATE,
 ) -> InProcessBus:
-    """Start *devices*, with their *faults* and *signals*, on a bus of their own, at *bit_rate* (bit/s), and join it."""
+    """Start *devices* with *faults* and *signals* on a new bus at *bit_rate* (bit/s), and join it."""
     return InProcessBus(
         devices, faults=faults, signals=signals, timeout_s=timeout_s, retries=retries, bit_rate=bit_rate
     )

@@ -1,7 +1,4 @@
-"""A bus that simulated nodes join as members: what is said there is gathered by a thread.
-
-Does not know the nodes, nor what frames mean, nor how a bus that is gone comes back.
-"""
+"""An existing bus joined by simulated nodes; a thread collects its frames."""
 
 from __future__ import annotations
 
@@ -19,9 +16,9 @@ _LISTEN_S = 0.2
 
 
 class JoinedBus:
-    """*bus* from outside of it; *wake* is called, from another thread, when something was heard or it failed.
+    """*bus* as a member; *wake* is called from another thread after a frame or a failure.
 
-    With *come_back* a bus that is gone is waited for: what the nodes say meanwhile is heard by nobody.
+    With *come_back* a lost bus is waited for; frames of the nodes are lost meanwhile.
     """
 
     def __init__(self, bus: CanopenBus, wake: Callable[[], None], come_back: ComeBack | None = None) -> None:
@@ -41,7 +38,7 @@ class JoinedBus:
         return self._bus.name
 
     def tell(self, frame: Frame) -> None:
-        """Put *frame* on the bus; BusUnavailable where it failed and is not waited for."""
+        """Send *frame*. Raises BusUnavailable if the bus failed and is not waited for."""
         try:
             self._bus.send(frame)
         except BusUnavailable:
@@ -49,7 +46,7 @@ class JoinedBus:
                 raise
 
     def heard(self) -> list[Frame]:
-        """What was said there since the last call; BusUnavailable where it failed."""
+        """The frames received since the last call. Raises BusUnavailable if the bus failed."""
         if self._failure is not None:
             raise self._failure
         frames: list[Frame] = []
@@ -82,7 +79,7 @@ class JoinedBus:
                     return
 
     def _is_back(self, failure: BusUnavailable) -> bool:
-        """Wait for the bus, which failed, and listen to it again; whether it is back."""
+        """Wait for the failed bus and reconnect; true if it is back."""
         if self._come_back is None:
             return False
         self._bus.close()

@@ -1,7 +1,4 @@
-"""The nodes of one bus by what they hear, and by when they have something to do: a frame costs the same on a large bus.
-
-Does not know what a frame means to a node, nor who carries it.
-"""
+"""Index the nodes of one bus by received CAN-IDs and due times, for a constant cost per frame on large buses."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ _NO_RATE = -1
 
 
 class Roster:
-    """Who of *nodes* is concerned by a frame, and who is due; whoever lets one hear or poll says so by `looked_at`."""
+    """Finds the nodes of *nodes* that receive a frame, and those due; call `looked_at` after a receive or poll."""
 
     def __init__(self, nodes: Sequence[SimulatedNode]) -> None:
         self._nodes = tuple(nodes)
@@ -51,9 +48,9 @@ class Roster:
         return bool(self._breakable) and any(node.bus_failed for node in self._breakable)
 
     def listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
-        """The nodes that *frame* may mean something to, in their order; remembered by CAN-ID.
+        """The possible receivers of *frame* in node order, cached by CAN-ID.
 
-        SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none.
+        SDO CAN-IDs are restricted by CiA 301: they concern at most one node, never a PDO.
         """
         self._look_at_changed()
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
@@ -68,11 +65,11 @@ class Roster:
         return route
 
     def are_others_than(self, bit_rate: int | None) -> bool:
-        """Whether one of them runs at another bit rate than *bit_rate* (bit/s)."""
+        """True if a node runs at another bit rate than *bit_rate* (bit/s)."""
         return not self._rates <= {bit_rate}
 
     def next_s(self) -> float:
-        """When one of them has something to do by itself; infinite for never."""
+        """The earliest due time of the nodes; infinite for never."""
         self._look_at_changed()
         while self._times:
             due_s, number = self._times[0]
@@ -92,7 +89,7 @@ class Roster:
         return [self._nodes[number] for number in sorted(found)]
 
     def looked_at(self, node: SimulatedNode) -> None:
-        """*node* has heard something, or was polled: what it hears, and when it is due, may be other from now on."""
+        """Update received CAN-IDs and due time of *node* after a receive or poll."""
         self._changed.discard(node)
         node_id, hearing = node.device.node_id, node.device.services.hearing_changes
         if node_id != self._ids.get(node):

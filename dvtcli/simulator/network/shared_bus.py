@@ -1,7 +1,4 @@
-"""Simulated nodes as members of a bus that others share: one thread moves frames between nodes, clients and buses.
-
-Knows who hears what and when. Does not know sockets (`hub`), bits (`wire`), files, nor python-can.
-"""
+"""Simulated nodes on a shared bus: one thread moves frames between nodes, clients and other buses."""
 
 from __future__ import annotations
 
@@ -30,23 +27,23 @@ _AT_ONCE = 2000
 
 
 class Member(Protocol):
-    """Another bus that the nodes are on."""
+    """Another bus joined by the nodes."""
 
     def tell(self, frame: Frame) -> None:
-        """Put *frame* on it."""
+        """Send *frame* on the bus."""
         ...
 
     def heard(self) -> list[Frame]:
-        """What was said there since the last call."""
+        """The frames received since the last call."""
         ...
 
 
 class Server:
-    """Serves *nodes* to the clients of *hub* and to other buses, *members*.
+    """Serves *nodes* to the clients of *hub* and to the other buses *members*.
 
-    *latencies_s* is how long the SDO server of each node takes to answer (s), none for at once. *stored* is
-    called where what a device keeps has changed, before the device's answer is sent; *bus_failed* where a fault has
-    killed the bus; *frames_lost* where nodes first had more to say than the bus carries.
+    *latencies_s* are the response times of the nodes' SDO servers (s), none for at once. *stored* is called after a
+    change of stored values, before the device's answer is sent; *bus_failed* after a fault killed the bus;
+    *frames_lost* when nodes first send more than the bus carries.
     """
 
     def __init__(
@@ -108,7 +105,7 @@ class Server:
         return max(0.0, min(due_s, self._roster.next_s()) - monotonic())
 
     def _move(self) -> None:
-        """Let everything happen that is due."""
+        """Carry out everything due."""
         now_s = monotonic()
         for member in self._members:
             for frame in member.heard():
@@ -125,7 +122,7 @@ class Server:
             self._deliver(*arrived)
 
     def _deliver(self, at_s: float, source: object, frame: Frame) -> None:
-        """*frame* of *source* has its last bit at *at_s*: everybody else hears it."""
+        """Deliver *frame* of *source*, complete at *at_s*, to everybody else."""
         self.frames += 1
         if self.hub.clients:
             self.hub.tell_all(told_frame(frame, self._wall_s + at_s), source)
@@ -155,7 +152,7 @@ class Server:
         self._roster.looked_at(node)
 
     def _say(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
-        """Let *node* send *frame*, an SDO answer after its latency."""
+        """Send *frame* of *node*; an SDO answer after its latency."""
         latency_s = self._latencies_s.get(node)
         if latency_s and frame.can_id == SDO_RESPONSE + node.device.node_id and not frame.extended:
             self._answers += 1
@@ -166,7 +163,7 @@ class Server:
             self._wire.offer(node, frame, at_s)
 
     def _lose(self) -> None:
-        """Lose a frame, and say so the first time."""
+        """Drop a frame, with a report the first time."""
         if not self._frames_lost:
             self._frames_lost = True
             self._on_frames_lost()

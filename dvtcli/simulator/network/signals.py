@@ -1,8 +1,7 @@
-"""Signals: objects of a simulated device that move by themselves, as written in one line of text.
+"""Signals: objects of a simulated device that change by themselves, and their text form.
 
-`606C=sine(1500,2s)` makes object 606C:00 swing, `5:606C=…` that of node 5. Time is passed in, in seconds of a monotonic
-clock; a signal begins when it is polled for the first time. Does not know PDOs: the device sends what changed as it is
-configured.
+`606C=sine(1500,2s)` moves object 606C:00, `5:606C=…` the object of node 5. Times are seconds on a monotonic clock; a
+signal begins with its first poll. The device sends the changes as configured.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ def ramp(first: float, last: float, period_s: float) -> Shape:
 
 
 def square(one: float, other: float, period_s: float) -> Shape:
-    """*one* for half of each period, then *other*."""
+    """*one* for half of each period, *other* for the rest."""
     return lambda t_s: one if t_s % period_s < period_s / 2 else other
 
 
@@ -62,13 +61,13 @@ def walk(step: float, lowest: float, highest: float, period_s: float) -> Shape:
 
 
 def rows(points: list[tuple[float, float]]) -> Shape:
-    """Holds each value of *points* (time in s, value), in order of time, until the next one."""
+    """The values of *points* (time in s, value) in order of time, each until the next."""
     times = [time_s for time_s, _ in points]
     return lambda t_s: points[max(0, bisect_right(times, t_s) - 1)][1]
 
 
 class RowsError(ValueError):
-    """A CSV file has no rows that could be a signal; *place* is its path, with `:LINE` where a line is to blame."""
+    """A CSV file has no usable rows; *place* is its path, with `:LINE` if known."""
 
     def __init__(self, text: str, place: str) -> None:
         super().__init__(text)
@@ -76,7 +75,7 @@ class RowsError(ValueError):
 
 
 def read_rows(path: Path, column: str) -> list[tuple[float, float]]:
-    """The times (s) and values of *column* in CSV file *path*; RowsError where there are none."""
+    """The times (s) and values of *column* in CSV file *path*. Raises RowsError if there are none."""
     try:
         reader = csv.reader(_lines(path))
         numbered = [(reader.line_num, line) for line in reader if line]
@@ -94,7 +93,7 @@ def read_rows(path: Path, column: str) -> list[tuple[float, float]]:
 
 
 def _lines(path: Path) -> list[str]:
-    """The lines of *path*; OSError if it cannot be opened, InputFileError if it is no file or too large."""
+    """The lines of *path*. Raises OSError if unreadable, InputFileError for no regular file or too much data."""
     return read_input(path, _MOST_BYTES, "file of a signal").decode("utf-8-sig").splitlines(keepends=True)
 
 
@@ -138,7 +137,7 @@ _FORMS = {
 
 @dataclass(frozen=True, slots=True)
 class SimulatedSignal:
-    """What object *index*:*sub_index* does: *shape* gives its value at a time in seconds since it began, 0…
+    """The signal of object *index*:*sub_index*: *shape* maps the time since its start (s, 0…) to a value.
 
     *node_id* is 1..127, None for the first simulated node.
     """
@@ -150,13 +149,13 @@ class SimulatedSignal:
 
     @classmethod
     def parse(cls, text: str) -> SimulatedSignal:
-        """Read `[NODE:]INDEX[:SUB]=SHAPE(…)`, index and sub-index in hex; ValueError says what would be right.
+        """Read `[NODE:]INDEX[:SUB]=SHAPE(…)`, index and sub-index in hex. Raises ValueError with the correct form.
 
-        `sine(AMPLITUDE,PERIOD)` around 0; `ramp(FROM,TO,PERIOD)`, then from FROM again; `square(A,B,PERIOD)`, half of
-        the period each; `walk(STEP,MIN,MAX,PERIOD)`, by up to STEP each period; `const(VALUE)`; `csv(FILE,COLUMN)`:
-        rows of a time in seconds and values, COLUMN counted from 1 after the time or named in the first row, each
-        value holds until the next row, the last one for ever (RowsError where the file has none). A period is `2s`,
-        `500ms`, `1min` or a number of seconds.
+        `sine(AMPLITUDE,PERIOD)` around 0; `ramp(FROM,TO,PERIOD)`, repeated; `square(A,B,PERIOD)`, half of the period
+        each; `walk(STEP,MIN,MAX,PERIOD)`, by up to STEP each period; `const(VALUE)`; `csv(FILE,COLUMN)`: rows of a time
+        in seconds and values, COLUMN counted from 1 after the time or named in the first row; each value lasts until
+        the next row, the last for ever (RowsError if the file has none). A period is `2s`, `500ms`, `1min` or a number
+        of seconds.
         """
         found = _FORM.fullmatch(text.strip())
         if found is None or found["shape"] not in _FORMS:
@@ -171,10 +170,10 @@ class SimulatedSignal:
 def read_signals(
     words: Iterable[str], dictionaries: Sequence[tuple[int, ObjectDictionary]]
 ) -> tuple[SimulatedSignal, ...]:
-    """What each of *words* says, for nodes by node-ID and dictionary; ValueError names the word that is wrong.
+    """The signals in *words*, for nodes by node-ID and dictionary. Raises ValueError naming the wrong word.
 
-    Wrong are also a node that is not simulated, an object that holds no number, and two signals for one object.
-    RowsError and OSError come from files.
+    Also wrong: a node that is not simulated, an object without a number, and two signals for one object. Files raise
+    RowsError and OSError.
     """
     found: dict[tuple[int, int, int], SimulatedSignal] = {}
     known = dict(dictionaries)
@@ -196,7 +195,7 @@ def read_signals(
 
 
 def number_type(dictionary: ObjectDictionary, index: int, sub_index: int) -> DataType:
-    """The type of an object that a signal may move; ValueError where there is none."""
+    """The type of an object suitable for a signal. Raises ValueError if there is none."""
     entry = dictionary.entry(index, sub_index)
     data_type = None if entry is None else entry.data_type
     place = f"{index:04X}:{sub_index:02X}"
@@ -208,7 +207,7 @@ def number_type(dictionary: ObjectDictionary, index: int, sub_index: int) -> Dat
 
 
 class SignalSource:
-    """*signal* at work on *device*; ValueError where the device has no such number object. *due_s* as in `Source`."""
+    """*signal* applied to *device*; *due_s* as in `Source`. Raises ValueError if the device lacks the number object."""
 
     def __init__(self, device: StrictDevice, signal: SimulatedSignal) -> None:
         self.due_s = 0.0
@@ -218,7 +217,7 @@ class SignalSource:
         self._began_s: float | None = None
 
     def poll(self, now_s: float) -> None:
-        """Let the object have its value of *now_s*."""
+        """Set the object to its value at *now_s*."""
         if self._began_s is None:
             self._began_s = now_s
         value = self._signal.shape(now_s - self._began_s)

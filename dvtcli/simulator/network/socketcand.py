@@ -1,6 +1,6 @@
-"""The socketcand protocol as text: what clients ask in `< … >`, and how frames are told to them.
+"""The socketcand protocol as text: requests of clients in `< … >`, and frames for clients.
 
-Pure. Does not know sockets, nor who is on the bus. See doc/protocol.md of linux-can/socketcand.
+See doc/protocol.md of linux-can/socketcand.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _BYTES = {bytes(digits): int(bytes(digits), 16) for count in (1, 2) for digits i
 
 
 class RubbishError(ValueError):
-    """What came is not the protocol."""
+    """The received data is not the protocol."""
 
 
 @dataclass(slots=True)
@@ -38,7 +38,7 @@ class Requests:
     _rest: bytes = field(default=b"")
 
     def feed(self, data: bytes) -> list[bytes]:
-        """The requests that *data* completes, without their brackets; RubbishError where it is no protocol."""
+        """The requests completed by *data*, without their brackets. Raises RubbishError for anything else."""
         text = self._rest + data
         found, end = [], 0
         while (match := _ELEMENT.match(text, end)) is not None:
@@ -51,7 +51,7 @@ class Requests:
 
 
 def sent_frame(request: bytes) -> Frame | None:
-    """The frame of a `send` or `sendrtr`; None where *request* is another one, ValueError where it is a wrong one."""
+    """The frame of a `send` or `sendrtr`; None for another *request*. Raises ValueError if malformed."""
     match = _SEND.fullmatch(request)
     if match is not None:
         data = bytes(map(_BYTES.__getitem__, match[3].split()))
@@ -74,13 +74,13 @@ def _frame(digits: bytes, data: bytes, *, remote: bool, dlc: int = 0) -> Frame:
 
 
 def opened_bus(request: bytes) -> bytes | None:
-    """The name of the bus that an `open` asks for; None where *request* is no valid `open`."""
+    """The bus name in an `open`; None if *request* is no valid `open`."""
     words = request.split()
     return words[1] if len(words) == 2 and words[0] == b"open" and len(words[1]) <= _LONGEST_NAME else None
 
 
 def told_frame(frame: Frame, wall_s: float) -> bytes:
-    """*frame* as clients are told it; *wall_s* is its time, in seconds since 1970."""
+    """*frame* in the form for clients; *wall_s* is its time, in seconds since 1970."""
     digits = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
     if frame.remote:
         return f"< rtr {digits} {wall_s:.6f} {frame.dlc} >".encode()

@@ -1,7 +1,4 @@
-"""One simulated node as the network sees it: frames in, frames out.
-
-Knows the pre-defined connection set and which service a frame belongs to. Does not know buses, threads or clocks.
-"""
+"""One simulated node on the network: frames in, frames out, by the pre-defined connection set."""
 
 from __future__ import annotations
 
@@ -27,9 +24,9 @@ LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
 
 
 class SimulatedNode:
-    """A device with its SDO server, addressed by CAN-ID, and what goes wrong with it.
+    """A device with its SDO server, addressed by CAN-ID, and its faults.
 
-    Without *faults* every answer comes at once; with them some come later, by `poll`.
+    Without *faults* every answer comes at once; with faults some come later, by `poll`.
     """
 
     def __init__(self, device: StrictDevice, faults: Sequence[Fault] = ()) -> None:
@@ -54,12 +51,12 @@ class SimulatedNode:
 
     @property
     def has_faults(self) -> bool:
-        """Whether something may go wrong with it on purpose."""
+        """True if the node has faults."""
         return self._faulty is not None
 
     @property
     def bit_rate(self) -> int | None:
-        """What the node runs at (bit/s); None where frames take no time."""
+        """The node's bit rate (bit/s); None if frames take no time."""
         return self.device.bit_rate
 
     @property
@@ -68,9 +65,9 @@ class SimulatedNode:
         return self._faulty is not None and self._faulty.bus_failed
 
     def animate(self, signals: Sequence[SimulatedSignal] = ()) -> None:
-        """Let *signals* move their objects from now on, and the family's plant what is left to it.
+        """Start *signals*, and the family's plant for the remaining objects.
 
-        ValueError where the device has no such number.
+        Raises ValueError if the device lacks a number object.
         """
         from dvtcli.simulator.device.plant import Plant, is_drive
 
@@ -173,13 +170,13 @@ class SimulatedNode:
         return answers + self.device.take_outbox()
 
     def _give_up_on_silence(self, now_s: float) -> None:
-        """A client that ended in the middle of a block transfer is not waited for: the next one would not be heard."""
+        """Abort a block transfer whose client is gone, to serve the next client."""
         if now_s - self._asked_s > BLOCK_PATIENCE_S:
             self.server.give_up()
         self._asked_s = now_s
 
     def _timed(self, answer: FaultyReply, now_s: float) -> list[Frame]:
-        """The frames of *answer* that are due now; a server answers in order, so a late answer delays the next ones."""
+        """The frames of *answer* due now; a late answer delays the following answers."""
         if self._faulty is not None and self._faulty.boots_at_s is not None:
             self._later.clear()
         frames = [Frame(SDO_RESPONSE + self.device.node_id, data) for data in answer.frames]
@@ -198,10 +195,10 @@ def stations(
     bit_rate: int | None = None,
     known_rates: Collection[int] | None = (),
 ) -> list[SimulatedNode]:
-    """*devices* as nodes, each with its own of *faults* and *signals*; those that name no node are the first one's.
+    """*devices* as nodes, each with its *faults* and *signals*; items without a node belong to the first.
 
-    *bit_rate* is what they run at (bit/s), None where frames take no time; *known_rates* are those that LSS can tell
-    them instead, None: those of CiA 305. ValueError where a signal has no object.
+    *bit_rate* is their bit rate (bit/s), None if frames take no time; *known_rates* are accepted over LSS, None: those
+    of CiA 305. Raises ValueError for a signal without its object.
     """
     for device in devices:
         device.run_at(bit_rate, known_rates)

@@ -1,6 +1,6 @@
 """The twin of one node: a simulated device that reads from the node and keeps all writes to itself.
 
-Nothing but SDO uploads reaches the node. Does not know other nodes, files, profiles or what a device is asked to do.
+Nothing but SDO uploads reaches the node.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _BOOT_UP = b"\0"
 
 
 class Twin:
-    """One node's twin as an SdoTransport; made when it is first used, then reads the node as it goes.
+    """One node's twin as an SdoTransport, created on first use, reading the node on demand.
 
-    *commands* are NMT commands to all nodes that were given before there was a twin.
+    *commands* are NMT commands to all nodes from before the creation.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Twin:
             return self._device().state
 
     def exists(self) -> bool:
-        """Whether there is such a node to be the twin of."""
+        """True if the real node exists."""
         with self._lock:
             try:
                 self._device()
@@ -70,9 +70,9 @@ class Twin:
         timeout_s: float | None = None,
         retries: int | None = None,
     ) -> bytes:
-        """Read an object: what was written to the twin, else what the node holds. Raises as the node would.
+        """Read an object as written to the twin, else from the node. Raises as the node would.
 
-        *timeout_s* and *retries* hold for what is read of the node, also for finding out whether there is one.
+        *timeout_s* and *retries* apply to reads of the node, including the check for existence.
         """
         with self._lock:
             self._limits = timeout_s, retries
@@ -89,12 +89,12 @@ class Twin:
                 self._limits = None, None
 
     def _reach(self, index: int, sub_index: int) -> None:
-        """NoAnswer where there is no node: making its twin would ask for more, and wait longer."""
+        """Raise NoAnswer for a missing node early: creating its twin would need more uploads and a longer wait."""
         with suppress(Refusal):
             self._backing(index, sub_index)
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:  # noqa: ARG002
-        """Write an object of the twin; SdoAborted where the device would refuse it. The node is only read."""
+        """Write an object of the twin only. Raises SdoAborted if the device would refuse."""
         with self._lock:
             device = self._answering(index, sub_index)
             self._follow_node(device)
@@ -107,7 +107,7 @@ class Twin:
                 self.commanded = True
 
     def command(self, command: NmtCommand) -> list[Frame]:
-        """Obey an NMT command; returns what the twin sends then (a boot-up)."""
+        """Obey an NMT command; returns the twin's frames (a boot-up)."""
         with self._lock:
             device = self._device()
             self.commanded = True
@@ -115,7 +115,7 @@ class Twin:
             return self._sent(device.take_outbox())
 
     def hear(self, frame: Frame) -> list[Frame]:
-        """Take a frame of the bus; returns the twin's frames in answer."""
+        """Receive a frame of the bus; returns the twin's answers."""
         with self._lock:
             device = self._device()
             self._follow_node(device)
@@ -130,7 +130,7 @@ class Twin:
         return frames
 
     def _answering(self, index: int, sub_index: int) -> StrictDevice:
-        """The device, unless it is silent (CiA 301, 7.3.2.2.4: no SDO while STOPPED)."""
+        """The device, unless silent (CiA 301, 7.3.2.2.4: no SDO while STOPPED)."""
         device = self._device()
         if self.commanded and device.state is NmtState.STOPPED:
             place = f"{index:04X}:{sub_index:02X}"
@@ -153,12 +153,12 @@ class Twin:
         return made
 
     def _follow_node(self, device: StrictDevice) -> None:
-        """Until it is commanded, the twin is in the node's state."""
+        """Copy the node's state until the twin is commanded."""
         if not self.commanded:
             device.state = self._state_of_node(device) or device.state
 
     def _state_of_node(self, device: StrictDevice) -> NmtState | None:
-        """By the node's own state object where it has one: what was heard may be old."""
+        """The node's state, preferably from its state object: a received state may be old."""
         if device.family.state_object is None:
             return self._wrapped.nmt_state(self._node_id)
         try:

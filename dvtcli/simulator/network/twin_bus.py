@@ -1,6 +1,6 @@
 """The dry run: every node is replaced by a simulated twin that reads from the node and keeps all writes to itself.
 
-Nothing but SDO uploads reaches the wrapped bus. Does not know how a twin answers, nor files or profiles.
+Nothing but SDO uploads reaches the wrapped bus.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _BOOT_UP = b"\0"
 
 
 class TwinBus:
-    """A CanopenBus of twins of the nodes on *wrapped*, which stays open when this one is closed.
+    """A CanopenBus of twins of the nodes on *wrapped*, which stays open after `close`.
 
-    *device_for*(node_id, backing) makes a node's twin when it is first needed; `backing(index, sub_index)` reads the
-    node and raises Refusal where the node refuses.
+    *device_for*(node_id, backing) creates a node's twin on first use; `backing(index, sub_index)` reads the node and
+    raises Refusal if the node refuses.
     """
 
     def __init__(self, wrapped: CanopenBus, device_for: DeviceFor) -> None:
@@ -43,7 +43,7 @@ class TwinBus:
 
     @property
     def simulated(self) -> bool:
-        """Whether the nodes that are read live in this process."""
+        """True if the real nodes are simulated in this process."""
         return self._wrapped.simulated
 
     @property
@@ -83,15 +83,15 @@ class TwinBus:
             return self._twins[node_id]
 
     def set_timeout(self, timeout_s: float) -> None:
-        """Let every SDO answer of a node that is read take *timeout_s* from now on; twins answer at once."""
+        """Set the SDO time-out for reads of nodes to *timeout_s*; twins answer at once."""
         self._wrapped.set_timeout(timeout_s)
 
     def set_bus_share(self, percent: int | None) -> None:
-        """Let the reading of nodes leave the load of the wrapped bus at or below *percent* (1..100, None: 50)."""
+        """Limit the load of the wrapped bus while reading nodes to *percent* (1..100, None: 50)."""
         self._wrapped.set_bus_share(percent)
 
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
-        """Command the twin of *node_id*, or with 0 all, also those that are yet to come."""
+        """Command the twin of *node_id*, or with 0 all twins, present and future."""
         if node_id:
             self._hear(self.sdo(node_id).command(command))
             return
@@ -102,7 +102,7 @@ class TwinBus:
             self._hear(twin.command(command))
 
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
-        """The twin's state where the twin was commanded, else what is heard of the node itself."""
+        """The twin's state after a command to the twin, else the state received from the node."""
         twin = self._commanded(node_id)
         return twin.state if twin is not None else self._wrapped.nmt_state(node_id, timeout_s)
 
@@ -111,26 +111,26 @@ class TwinBus:
         return self._wrapped.boot_ups(node_id) + self._twin_boot_ups(node_id)
 
     def restarts(self, node_id: int) -> int:
-        """Those of the node: its twin restarts only when it is told to."""
+        """The restarts of the node: its twin restarts on command only."""
         return self._wrapped.restarts(node_id)
 
     def order_restart(self, node_id: int, within_s: float) -> None:
-        """Nothing: what restarts a twin does not reach its node."""
+        """Do nothing: a restart of a twin does not reach its node."""
 
     def upsets(self, node_id: int) -> int:
-        """What upset the node, and the boot-ups of its twin."""
+        """The disturbances of the node, and the boot-ups of its twin."""
         return self._wrapped.upsets(node_id) + self._twin_boot_ups(node_id)
 
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
-        """Do *jobs* one after the other up to the first fault, which is answered."""
+        """Run *jobs* in sequence up to the first fault, which is returned."""
         return one_by_one(jobs)
 
     def downloads_of_others(self, node_id: int) -> int:
-        """Those to the node: nobody else meets its twin."""
+        """The downloads by others to the node: nobody else uses its twin."""
         return self._wrapped.downloads_of_others(node_id)
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        """What happened to the node, and the boot-ups of its twin."""
+        """The events of the node, and the boot-ups of its twin."""
         upsets, downloads = self._wrapped.happened(node_id)
         return upsets + self._twin_boot_ups(node_id), downloads
 
@@ -141,7 +141,7 @@ class TwinBus:
         return self._wrapped.wait_boot_up(node_id, seen - self._twin_boot_ups(node_id), timeout_s)
 
     def heard_nodes(self) -> dict[int, NmtState]:
-        """What is heard of the nodes, and the states of the twins that were commanded."""
+        """The states received from nodes, and the states of commanded twins."""
         commanded = {node_id: twin.state for node_id in list(self._twins) if (twin := self._commanded(node_id))}
         return self._wrapped.heard_nodes() | commanded
 
@@ -150,11 +150,11 @@ class TwinBus:
         return self._wrapped.emergency(node_id)
 
     def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
-        """Every error code that the node sent; a twin's are only frames."""
+        """Every error code sent by the node; a twin's are only frames."""
         return self._wrapped.heard_emergencies(node_id)
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
-        """Call *callback* for what the nodes say, and for boot-ups of their twins; returns what ends that."""
+        """Call *callback* for events of the nodes and boot-ups of twins; returns a function to end this."""
         self._listeners.append(callback)
         stop = self._wrapped.on_event(callback)
 
@@ -165,7 +165,7 @@ class TwinBus:
         return end
 
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
-        """Call *callback*(frame, sent) for each frame on the wrapped bus and of the twins; returns what ends that."""
+        """Call *callback*(frame, sent) for frames of the wrapped bus and the twins; returns a function to end this."""
         self._taps.append(callback)
         stop = self._wrapped.tap(callback)
 
@@ -176,15 +176,15 @@ class TwinBus:
         return end
 
     def acts(self) -> list[str]:
-        """Nothing: what was sent here went to a twin."""
+        """Empty: everything sent here went to a twin."""
         return []
 
     def disturbances(self) -> list[str]:
-        """What was noticed on the wrapped bus since the last call."""
+        """The disturbances of the wrapped bus since the last call."""
         return self._wrapped.disturbances()
 
     def error_frame_count(self) -> int:
-        """How many error frames were received on the wrapped bus so far."""
+        """The number of error frames received on the wrapped bus so far."""
         return self._wrapped.error_frame_count()
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
@@ -192,7 +192,7 @@ class TwinBus:
         return []
 
     def lost_frame_count(self) -> int:
-        """Of the wrapped bus: that is where frames can be lost."""
+        """The number of frames lost on the wrapped bus."""
         return self._wrapped.lost_frame_count()
 
     def send(self, frame: Frame) -> None:
@@ -221,7 +221,7 @@ class TwinBus:
         self._wrapped.sleep(duration_s)
 
     def drain(self) -> None:
-        """Deliver what has already arrived on the wrapped bus."""
+        """Deliver pending frames of the wrapped bus."""
         self._wrapped.drain()
 
     def idle(self, duration_s: float) -> None:
@@ -229,14 +229,14 @@ class TwinBus:
         self._wrapped.idle(duration_s)
 
     def close(self) -> None:
-        """Forget the twins; the wrapped bus stays open for whoever opened it."""
+        """Drop the twins; the wrapped bus stays open for its owner."""
         with self._lock:
             self._twins.clear()
             self._to_all.clear()
             self._frames.clear()
 
     def _hear(self, frames: list[Frame]) -> None:
-        """Take what twins said: to be received, and for those who watch."""
+        """Pass the frames of twins to reception and to observers."""
         self._frames.extend(frames)
         for frame in frames:
             self._tell(frame, sent=False)
@@ -253,6 +253,6 @@ class TwinBus:
         return 0 if twin is None else twin.boot_ups
 
     def _commanded(self, node_id: int) -> Twin | None:
-        """The node's twin if it was given a command, to itself or to all; None too where there is no such node."""
+        """The node's twin after a command to it or to all; None without a command or without a node."""
         twin = self.sdo(node_id) if self._to_all else self._twins.get(node_id)
         return twin if twin is not None and twin.commanded and twin.exists() else None

@@ -1,7 +1,6 @@
-"""Time on a CAN wire: when a frame has arrived, and whose frame goes first.
+"""Time on a CAN wire: arrival times and arbitration of classical CAN (ISO 11898-1).
 
-Arbitration of classical CAN (ISO 11898-1); how many bits a frame takes is `domain.bus_load`'s. Does not know clocks,
-threads or what a frame means; times are seconds on a clock of the caller's.
+`domain.bus_load` has the length of a frame; times are seconds on a clock of the caller.
 """
 
 from __future__ import annotations
@@ -17,10 +16,10 @@ _MOST_OF_ONE, _MOST_OF_ALL = 512, 10_000
 
 
 class Wire:
-    """A bus of *bitrate* bit/s on which one frame travels at a time; without a bit rate they take no time.
+    """A bus of *bitrate* bit/s with one frame at a time; without a bit rate frames take no time.
 
-    Each *source* sends its own frames in order; among the sources that wait when the wire becomes free the lowest
-    CAN-ID wins. Without a bit rate frames travel in the order of `offer`.
+    Each *source* sends its frames in order; among waiting sources the lowest CAN-ID wins. Without a bit rate frames
+    travel in the order of `offer`.
     """
 
     def __init__(self, bitrate: int | None = None) -> None:
@@ -46,18 +45,18 @@ class Wire:
             self._is_head(source)
 
     def waiting(self, source: object) -> int:
-        """How many frames of *source*, or of all where they take no time, have not begun to travel."""
+        """The number of frames of *source* (of all without a bit rate) that have not begun to travel."""
         if not self._bit_s:
             return len(self._straight)
         queue = self._waiting.get(source)
         return 0 if queue is None else len(queue)
 
     def full(self, source: object) -> bool:
-        """Whether so much waits that a node, *source*, loses what more it has to say."""
+        """True if the queue of node *source* is full and its further frames are lost."""
         return self.waiting(source) >= (_MOST_OF_ONE if self._bit_s else _MOST_OF_ALL)
 
     def take(self, now_s: float) -> tuple[float, object, Frame] | None:
-        """The next frame that has arrived by *now_s*, with the time of its last bit and its source; None for none."""
+        """The next frame complete by *now_s*, with the time of its last bit and its source; None for none."""
         if self._straight:
             return self._straight.popleft()
         self._begin(now_s)
@@ -75,18 +74,18 @@ class Wire:
         return self._start_s()
 
     def _start_s(self) -> float | None:
-        """When the next frame begins to travel, None where none waits."""
+        """The start time of the next frame, None without a waiting frame."""
         if self._ready:
             return self._free_s
         return max(self._free_s, self._later[0][0]) if self._later else None
 
     def _is_head(self, source: object) -> None:
-        """The first frame of *source* takes part from its time on."""
+        """Enter the first frame of *source* into arbitration from its time on."""
         self._heads += 1
         heappush(self._later, (self._waiting[source][0][0], self._heads, source))
 
     def _begin(self, now_s: float) -> None:
-        """Let the winner begin, if that is not later than *now_s*."""
+        """Start the winner of the arbitration, unless later than *now_s*."""
         start_s = None if self._travelling is not None else self._start_s()
         if start_s is None or start_s > now_s:
             return
