@@ -194,7 +194,10 @@ class Applier(Changeable):
         other.pop(place, None)
 
     def was_reset(self, *, communication: bool) -> tuple[str, ...]:
-        """Record a requested reset (*communication*: communication objects only) and return the labels of lost changes."""
+        """Record a requested reset and return the labels of lost changes.
+
+        *communication*: only communication objects were reset.
+        """
         self.mark_unknown()
         self.kept_by_itself.clear()
         if self.restarts_at_read is not None:
