@@ -22,7 +22,7 @@ def entry() -> None:
         from dvtcli.cli.main import main
 
         code = main()
-    except KeyboardInterrupt:  # so early, or so late, that nothing was open
+    except KeyboardInterrupt:  # so early or so late that nothing was open
         code = 130
     # CPython kills the process at its end where a Ctrl-C once arrived in a string that it executed, as those of which
     # dataclasses are made, even if it was caught. It forgets that with the next such string, as in making this.

@@ -72,19 +72,19 @@ class DvtcliError(Exception):
         self.why = why
         self.hint = hint
         self.state: State = state
-        #: the state in words where those for *state* say too much or too little
+        #: the state in words, if the words for *state* do not fit
         self.state_text: str | None = None
         #: whether the start's own options are wrong, whichever line of a script found out
         self.at_start = False
-        #: whether what failed was never meant for the bus, so that nothing could force it
+        #: true if the failed action was never meant for the bus and cannot be forced
         self.rehearsed = False
         #: whether the command that failed writes nothing to nodes anyway
         self.only_looked = False
-        #: `FILE:LINE` of the script lines above it whose changes stay
+        #: `FILE:LINE` of earlier script lines with changes that stay
         self.stays: tuple[str, ...] = ()
-        #: how the nodes differ from what those lines set, read behind the failure; None where that was not read
+        #: the differences from the results of these lines, read after the failure; None if not read
         self.stays_differing: tuple[str, ...] | None = None
-        #: what is typed to look at the frames of it, empty where there are none
+        #: the command to view its frames, empty without frames
         self.traced_by = ""
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")
         self.details: list[tuple[str, str]] = []
@@ -212,7 +212,7 @@ class BusUnavailable(DvtcliError):
 
     exit_code = 5
     slug = "bus"
-    #: whether it may open later with the same options, so that it can be waited for
+    #: true if the bus may open later with the same options and waiting makes sense
     may_come = False
     #: whether what was to be sent is known not to have left this computer
     never_sent = False
@@ -250,7 +250,7 @@ class LeftObject:
     holds: bytes | None
     before: bytes | None
     text: str
-    #: whether the node told what it holds, or is known never to tell that
+    #: true if the value was read, or is known to be unreadable
     is_known: bool = True
 
 

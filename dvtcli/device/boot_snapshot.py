@@ -11,12 +11,12 @@ from dvtcli.domain.several import join_some
 
 @dataclass(slots=True)
 class BootSnapshot:
-    """The PDOs as they were first read after boot-up number *boot_ups* (0: none heard), while nothing was written."""
+    """The PDOs as first read after boot-up number *boot_ups* (0: none received), before any write."""
 
     boot_ups: int = 0
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     written: bool = False
-    #: how often that was so, however often it restarted
+    #: the number of writes, across restarts
     writes: int = 0
 
     def _follow(self, boot_ups: int) -> None:
@@ -31,7 +31,7 @@ class BootSnapshot:
                 self.pdos.setdefault(pdo, config)
 
     def wrote(self, boot_ups: int) -> None:
-        """Something was written to the node, or may have been."""
+        """Record a write, or a possible write, to the node."""
         self._follow(boot_ups)
         self.written = True
         self.writes += 1

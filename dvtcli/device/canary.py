@@ -95,7 +95,7 @@ class CanaryParameter:
         return plan_pdo(self.pdo, self.before, self.after)
 
     def survived(self, _node: Node, pdos: Mapping[Pdo, PdoConfig]) -> bool:
-        """Whether *pdos*, read after a restart, still have the changed value."""
+        """True if *pdos*, read after a restart, still have the changed value."""
         held = pdos.get(self.pdo)
         return held is not None and _value(held, self.field) == _value(self.after, self.field)
 
@@ -291,7 +291,7 @@ class Canary:
         try:
             carry_out(self.node, self.plan, keep_journal=True)
         except DvtcliError as failed:
-            if failed.state == "unknown":  # it was changed, and what came after that failed
+            if failed.state == "unknown":  # the value was changed, and a later step failed
                 self.put_back_after(failed)
             elif isinstance(failed, DeviceRefused):
                 return False  # it was put back; another place may be free
@@ -304,7 +304,7 @@ class Canary:
         return Plan(self.node.node_id, (self.place.change,))
 
     def survived(self, pdos: Mapping[Pdo, PdoConfig]) -> bool:
-        """Whether the changed value is still there; *pdos* were read after the restart."""
+        """True if the changed value is still there; *pdos* were read after the restart."""
         return self.place.survived(self.node, pdos)
 
     def gone(self) -> None:

@@ -1,4 +1,4 @@
-"""A request to stop, made by a signal and obeyed at a safe point. Does not know signals."""
+"""A request to stop, set by a signal and obeyed at a safe point."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Cancellation:
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """While the block runs, a request is kept for the next safe point instead of tearing the work apart."""
+        """Defer a request during the block to the next safe point."""
         outer, self.active = self.active, True
         try:
             yield
@@ -49,7 +49,7 @@ class Cancellation:
 
     @contextmanager
     def released(self) -> Iterator[None]:
-        """While the block runs nothing is written, as where a question is asked: a request stops at once."""
+        """Obey a request at once during the block, in which nothing is written (a question to the user)."""
         outer, self.active = self.active, False
         try:
             yield
@@ -73,7 +73,7 @@ class Cancellation:
         self.active = True
 
     def release(self) -> None:
-        """The line has ended: a request stops at once again."""
+        """End of the line: obey a request at once again."""
         self.active = False
 
     def reset(self) -> None:

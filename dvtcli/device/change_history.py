@@ -45,9 +45,9 @@ class ChangeHistory:
     folder: Path
     bus: str
     say: Callable[[str], None] = lambda _text: None
-    #: the node-ID that dvtcli was started with
+    #: the node-ID given to dvtcli at its start
     selected: int | None = None
-    #: what this process added, oldest first; None for a change that could not be remembered
+    #: entries added by this process, oldest first; None for a change that could not be recorded
     _own: list[tuple[Path, str] | None] = field(default_factory=list)
 
     def path(self, node_id: int, identity: Identity) -> Path:
@@ -60,7 +60,7 @@ class ChangeHistory:
         A failure does not affect the change.
         """
         path = self.path(plan.node_id, identity)
-        self._own.append(None)  # its place among the changes of this process, whatever becomes of its file
+        self._own.append(None)  # counted among the changes of this process, even if its file fails
         try:
             entry = self._entry(plan, identity, name)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
@@ -179,7 +179,7 @@ class ChangeHistory:
             self.say(f"that it may be stored cannot be remembered for a later undo: {_why(failed)}")
 
     def forget_own(self, count: int, back: Plan) -> None:
-        """Drop the last *count* changes that this process made: *back* put them back."""
+        """Drop the last *count* changes of this process, undone by *back*."""
         last, self._own = self._own[-count:], self._own[:-count]
         dropped = [change for change in last if change is not None]
         for path in {path for path, _ in dropped}:

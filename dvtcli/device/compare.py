@@ -1,4 +1,4 @@
-"""Differences between two configurations of a PDO, in a person's words. Reads nothing."""
+"""Differences between two configurations of a PDO, in words. Reads nothing."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class FileValues(ToldValues):
         return value
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:  # noqa: ARG002
-        """A file's values are never written here."""
+        """Refuse: a file's values are read-only here."""
         raise SdoAborted(index, sub_index, Abort.READ_ONLY, node=self.node_id)
 
     def _of_entry(self, entry: OdEntry) -> bytes | None:

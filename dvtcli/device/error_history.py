@@ -22,7 +22,7 @@ _EMPTY = ABSENT | {Abort.NO_DATA, 0x0800_0024}
 
 @dataclass(frozen=True, slots=True)
 class HistoryEntry:
-    """A standard error field: the error *code*, and what the maker adds in the upper 16 bits."""
+    """A standard error field: the error *code*, and the manufacturer's addition in the upper 16 bits."""
 
     code: int
     information: int
@@ -43,7 +43,7 @@ def read_history(sdo: SdoTransport) -> tuple[HistoryEntry, ...] | None:
         try:
             raw = read_number(sdo, ERROR_HISTORY, number, 4)
         except SdoAborted as aborted:
-            if aborted.code in _EMPTY:  # its count says more than it has
+            if aborted.code in _EMPTY:  # the count exceeds the entries
                 break
             raise
         entries.append(HistoryEntry(raw & 0xFFFF, raw >> 16))

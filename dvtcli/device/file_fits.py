@@ -39,7 +39,7 @@ def _default(dictionary: ObjectDictionary, sub_index: int, node_id: int) -> int 
 
 
 def refuse_unlike_file(node_id: int, unlike: str, *, force: bool) -> None:
-    """Raise SafetyRefusal where the file is *unlike* the device, as `unlike_file` says, unless with *force*."""
+    """Raise SafetyRefusal if *unlike* (from `unlike_file`) names a difference, except with *force*."""
     if unlike and not force:
         raise SafetyRefusal(
             f"the EDS is another device's: {unlike}",

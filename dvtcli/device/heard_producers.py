@@ -1,4 +1,4 @@
-"""Frames on the bus with the CAN-ID that a TPDO is to get, if no known node sends them. Reads COB-IDs."""
+"""Frames on the bus with the new CAN-ID of a TPDO, sent by no known node. Reads COB-IDs."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def heard_ids(bus: CanopenBus) -> Iterator[HeardIds]:
     if bus.simulated or not bus.carries_frames:
         yield HeardIds()
         return
-    states = bus.heard_nodes()  # takes what waits since before: a TPDO that was switched off by then sent it
+    states = bus.heard_nodes()  # drains older frames, sent by a TPDO disabled meanwhile
     found = HeardIds(bus, bus.now_s(), states)
     end = bus.tap(found.note)
     try:

@@ -27,5 +27,5 @@ def heartbeat_slots(sdo: SdoReader) -> dict[int, int]:
 
 
 def is_guarded(sdo: SdoReader) -> bool:
-    """Whether the node is guarded: 0x100C times 0x100D, its life time, is not 0 (CiA 301, 7.5.2.11 and 7.5.2.12)."""
+    """True if the node is guarded: its life time, 0x100C times 0x100D, is not 0 (CiA 301, 7.5.2.11 and 7.5.2.12)."""
     return bool((read_optional(sdo, _GUARD_TIME, 0, 2) or 0) * (read_optional(sdo, _LIFE_TIME_FACTOR, 0, 1) or 0))

@@ -23,23 +23,23 @@ PASSING_S, _AGAIN_S = 0.5, 0.1
 
 @dataclass(slots=True)
 class KnownPdos(Reached):
-    """A node, its PDOs as they are read, and as they were last read or set."""
+    """A node with its PDOs, read now, or as last read or set."""
 
-    #: the wanted state of what this session changed: what `verify` compares with
+    #: the wanted PDOs of this session's changes, for `verify`
     wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
-    #: which parameters of each of them were asked for; the others stayed as they were
+    #: the requested parameters of each; the others stayed unchanged
     said: dict[Pdo, frozenset[str]] = field(default_factory=dict)
-    #: the same of single objects that are no part of a PDO and can be read back
+    #: the wanted values of readable single objects outside PDOs
     wanted_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    #: what this session wrote to single objects that cannot be read back
+    #: values written by this session to unreadable single objects
     unreadable_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    #: whether it was asked for 0x1020, and has none
+    #: true if the node is known to have no 0x1020
     has_no_stamp: bool = False
-    #: what it came up with, for `store --if-changed`
+    #: the boot values, for `store --if-changed`
     boot_snapshot: BootSnapshot = field(default_factory=BootSnapshot)
-    #: the other nodes that this session knows
+    #: the other nodes of this session
     neighbours: Callable[[], Iterable[KnownPdos]] = tuple
-    #: the COB-IDs of all its TPDOs as they were last read for another node, and its boot-ups by then
+    #: the COB-IDs of all its TPDOs as last read for another node, and the boot-ups at that time
     sent: tuple[int, Mapping[Pdo, CobId]] | None = field(default=None, init=False)
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _shown: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
@@ -50,7 +50,7 @@ class KnownPdos(Reached):
         self.dictionary, self._present = dictionary, None
 
     def present(self) -> list[Pdo]:
-        """The PDOs the node has, TPDOs first."""
+        """The PDOs of the node, TPDOs first."""
         if self._present is None:
             self._present = present_pdos(self.memory, self.dictionary)
         return self._present
@@ -83,7 +83,7 @@ class KnownPdos(Reached):
         try:
             for number, pdo in enumerate(present):
                 self._looked = number, len(present)
-                with suppress(SdoAborted):  # it has neither COB-ID nor mapping: no such PDO
+                with suppress(SdoAborted):  # neither COB-ID nor mapping: no such PDO
                     found[pdo] = read(pdo)
         finally:
             self._looked = 0, 0
@@ -142,7 +142,7 @@ class KnownPdos(Reached):
         return self._present or list(self._shown)
 
     def tpdos_known(self) -> list[PdoConfig]:
-        """The TPDOs as this session set or last read them; reads nothing."""
+        """The TPDOs as last set or read by this session; reads nothing."""
         return [config for pdo, config in {**self._pdos, **self.wanted}.items() if pdo.is_tpdo]
 
     def is_dynamic(self, pdo: Pdo) -> bool:
@@ -161,7 +161,7 @@ class KnownPdos(Reached):
         self._shown.clear()
 
     def forget(self) -> None:
-        """Drop what was read: the device was written, or may hold something else now."""
+        """Drop all reads: the device was written, or its values may have changed."""
         self.read_anew()
         try:
             boot_ups = self.bus.boot_ups(self.node_id)
@@ -170,6 +170,6 @@ class KnownPdos(Reached):
         self.boot_snapshot.wrote(boot_ups)
 
     def commanded(self) -> None:
-        """An NMT command was sent by hand: the gate no longer knows the state, and what was read may be old."""
+        """After a manual NMT command: forget the gate's state and expire reads."""
         self._gate = None
         self.read_anew()

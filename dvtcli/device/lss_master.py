@@ -106,7 +106,7 @@ class LssMaster:
         return len(self._ask(lss.SELECT + len(first), last, lss.SELECTED, self._answer_s, settle=_ALL))
 
     def unconfigured(self) -> int:
-        """How many nodes without a node-ID answer."""
+        """The number of answers from nodes without a node-ID."""
         for _ in range(_TRIES):
             answers = self._ask(
                 lss.IDENTIFY_UNCONFIGURED, b"", lss.IDENTIFIED_UNCONFIGURED, self._answer_s, settle=_ALL
@@ -181,9 +181,9 @@ class LssMaster:
             self.configure_bit_rate(self._bus.runs_at)
 
     def activate_bit_rate(self, delay_ms: int) -> None:
-        """Let every node that got a bit rate switch to it within *delay_ms*, and be silent for as long again.
+        """Let every node with a new bit rate switch within *delay_ms*, and stay silent for the same time again.
 
-        Nobody answers, and all are being configured afterwards.
+        There is no answer; all nodes are in the configuration state afterwards.
         """
         self._send(lss.SWITCH_GLOBAL, bytes([lss.CONFIGURATION]))
         self._send(lss.ACTIVATE_BIT_TIMING, delay_ms.to_bytes(2, "little"))
@@ -198,7 +198,7 @@ class LssMaster:
 
     def store(self) -> None:
         """Let the selected node store its node-ID. Raises DeviceRefused with the node's reason, NoAnswer."""
-        settle = _ALL * self._answer_s / self._store_s  # a store takes long, and who else answers it does not
+        settle = _ALL * self._answer_s / self._store_s  # a store takes long, and only one node answers
         answers = self._ask(lss.STORE_CONFIGURATION, b"", lss.STORE_CONFIGURATION, self._store_s, settle=settle)
         if not answers:
             hint = Hint(
@@ -247,9 +247,9 @@ class LssMaster:
         return all(self._scanned(number, _HIGHEST_BIT, last, last, wait_s) for number in (0, 1 << _HIGHEST_BIT))
 
     def _every_branch(self, wait_s: float, on_bit: Callable[[int], None]) -> list[LssAddress] | None:
-        """Every waiting node without a node-ID, by asking both values of each bit; None if an answer was lost.
+        """Every waiting node without a node-ID, found by both values of each bit; None after a lost answer.
 
-        Nobody is configured by it.
+        Selects no node.
         """
         self.let_wait()
         known: list[tuple[int, ...]] = [()]
@@ -322,7 +322,7 @@ class LssMaster:
         return [frame for frame in self._heard if frame[0] == answer]
 
     def _wait(self, wait_s: float, answer: int) -> bool:
-        """Whether an *answer* came within *wait_s*."""
+        """True if an *answer* came within *wait_s*."""
         for _ in self._bus.receive(wait_s):
             if any(frame[0] == answer for frame in self._heard):
                 return True

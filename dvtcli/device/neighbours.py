@@ -97,7 +97,7 @@ def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
     try:
         held = {pdo: _cob_id(sdo, pdo, known) for pdo in node.present() if pdo.is_tpdo}
         node.sent = boot_ups, {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
-    except (NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off or STOPPED hinders no change of another one
+    except (NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off or STOPPED does not block changes of others
         held = {pdo: cob_id for pdo, cob_id in known.items() if pdo.is_tpdo}
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
 

@@ -146,10 +146,10 @@ class Gate:
     consent: Callable[[str], None]
     found: NmtState | None = None
     entered: bool = False
-    #: what was done to the node since it was entered, in words: it stays so where the node does not come back
+    #: changes of the node since the gate was entered, in words: they stay if the node does not come back
     done: list[str] = field(default_factory=list)
-    #: what is asked before the node leaves OPERATIONAL if it, whatever its profile says, takes the next change only in
-    #: PRE-OPERATIONAL; None: the profile alone counts
+    #: the question before the node leaves OPERATIONAL for a change taken only in PRE-OPERATIONAL, whatever its
+    #: profile; None: the profile alone counts
     wanted: Callable[[str], None] | None = None
     _vanished: bool = False
 
@@ -170,9 +170,9 @@ class Gate:
         self._enter(lambda _question: None)
 
     def enter_to_test(self) -> None:
-        """PRE-OPERATIONAL whatever the profile says; asks before a node leaves OPERATIONAL.
+        """Enter PRE-OPERATIONAL regardless of the profile; asks before a node leaves OPERATIONAL.
 
-        A node whose state nobody knows is told to: it is restarted after the test anyway.
+        A node in an unknown state is commanded as well: it is restarted after the test anyway.
         """
         if not self.entered and self.access.state() is None:
             self.access.bus.send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, self.access.node_id)
@@ -187,7 +187,7 @@ class Gate:
             raise stopped_node(node_id)
         if state is NmtState.OPERATIONAL:
             consent(self.question)
-            self.found = state  # before it is left: a fault on the way must not hide where it was
+            self.found = state  # recorded before leaving: a fault must not hide the initial state
             self.access.request(NmtState.PRE_OPERATIONAL)
         self.entered = True
 

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 class Node(Applier):
     """A node to configure, write and undo."""
 
-    #: how the device differs from the one that its file is about; empty where it does not
+    #: the difference between the device and its file; empty if none
     unlike_file: str = ""
-    #: how many changes were put back that were none of this session's
+    #: undone changes of earlier sessions
     unkept: int = 0
 
     def configure(
@@ -51,19 +51,19 @@ class Node(Applier):
         with heard_ids(self.bus) as heard:
             found = found or self.begin_change()
             lengths = untyped_lengths(self, wants.values())
-            now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # what is so already is not looked at again
+            now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # equal PDOs are not read again
             wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
             changes_of = {pdo: (now[pdo], want) for pdo, want in wanted.items()}
             findings: list[Finding] = []
             for pdo, change in changes_of.items():
                 findings += _fitting(heard_producer_findings(self, {pdo: change}, heard), pdo, wants[pdo])
         for pdo, want in wanted.items():
-            if now[pdo] != want or not want.has_cob_id:  # nobody knows whether that is so already
+            if now[pdo] != want or not want.has_cob_id:  # the present state is unknown
                 proposed = proposal(self, pdo, now[pdo], want, wanted)
                 judged = (*instead_findings(wants[pdo], proposed), *check_pdo(proposed))
                 findings += _fitting(judged, pdo, wants[pdo])
         labels = join_some(pdo.label for pdo in wanted)
-        # with nothing to write, force would only make of "nobody knows" that it is so
+        # with nothing to write, force would only turn "unknown" into "equal"
         can_force = all(now[pdo] != want or want.has_cob_id for pdo, want in wanted.items())
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force, can_force=can_force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
@@ -146,7 +146,7 @@ class Node(Applier):
         if self.keeper is not None:
             self.keeper.past.forget_own(count, applied.plan)
         if len(self.history) < self.pending.stored_at:
-            self.pending.partly_stored = True  # what is stored has been put back: no number of changes stands for it
+            self.pending.partly_stored = True  # stored changes were undone: no number of changes matches
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
 
@@ -161,7 +161,7 @@ class Node(Applier):
         boot_ups = self.bus.boot_ups(self.node_id)
         back = way_back(self, asked)
         if not asked.is_part and len(back.plan):
-            self.known_pdos()  # also those beside the plan: a device may alter them with it
+            self.known_pdos()  # including PDOs outside the plan, for side effects
             if self.bus.boot_ups(self.node_id) != boot_ups:
                 back = way_back(self, asked)
         others = () if asked.is_part or not len(back.plan) else self._beside(back.plan)
@@ -173,7 +173,7 @@ class Node(Applier):
             plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
             applied = self.apply(plan, back.unknown, kept=False, found=found)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
-        if others and self.bus.boot_ups(self.node_id) == boot_ups:  # else that is told: it took what was in RAM only
+        if others and self.bus.boot_ups(self.node_id) == boot_ups:  # otherwise the restart is reported: it cleared RAM
             self._put_others_back(applied.plan, others)
             if self.bus.boot_ups(self.node_id) != boot_ups:
                 from dvtcli.device.change.carry_out import look_again
@@ -214,7 +214,7 @@ class Node(Applier):
     def _apply_back(
         self, plan: Plan, unknown: tuple[Finding, ...], found: InitialState, *, is_patient: bool
     ) -> Applied:
-        """Apply *plan*, the way back; with *is_patient* a refusal that may pass is waited for, as a roll-back does."""
+        """Apply the undo *plan*; with *is_patient* a temporary refusal is retried, as in a roll-back."""
         from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
         from dvtcli.domain.abort import may_pass
 

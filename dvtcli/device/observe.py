@@ -64,11 +64,11 @@ class Undisturbed:
     """A monitor for a node that never restarts, such as a node called directly."""
 
     def boot_ups(self) -> int:
-        """None."""
+        """No boot-ups."""
         return 0
 
     def upsets(self) -> int:
-        """None."""
+        """No disturbances."""
         return 0
 
 

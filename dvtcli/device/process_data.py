@@ -36,7 +36,7 @@ def is_no_setting(node: KnownPdos, place: Place) -> bool:
 
 
 def is_process_data(node: KnownPdos, place: Place) -> bool:
-    """Whether a machine may change the object at *place* at any time: no setting, or what an enabled RPDO takes."""
+    """True if a machine may change the object at *place* at any time: no setting, or mapped in an enabled RPDO."""
     return is_no_setting(node, place) or _is_taken(node, place)
 
 

@@ -84,7 +84,7 @@ class ProgramDownload:
         try:
             self._control(STOP)
         except (NoAnswer, SdoProtocolError):
-            self._await_answer()  # it may have restarted into its boot loader
+            self._await_answer()  # possibly restarted into the boot loader
         if self._read(PROGRAM_CONTROL) == START:
             raise DeviceRefused(f"node {self.node_id} did not stop its program", node=self.node_id)
         if self.cancellation.requested:
@@ -98,7 +98,7 @@ class ProgramDownload:
             self._control(CLEAR, SLOW_S)  # whether it is clear already, or not
         self._await_flash("clear its program")
         self._enter(Stage.LOADING)
-        with self.cancellation.released():  # what is not whole is no program, wherever it ends
+        with self.cancellation.released():  # an incomplete program is none
             self.bus.sdo(self.node_id).download(PROGRAM_DATA, self.number, data, timeout_s=SLOW_S)
         self._await_flash("write its program")
         self._enter(Stage.CHECKING)
@@ -121,7 +121,7 @@ class ProgramDownload:
         try:
             self._control(START)
         except NoAnswer:
-            pass  # it may restart before it answers; whether it did is seen
+            pass  # the device may restart before it answers; checked below
         except SdoAborted:
             self.stage = Stage.CHECKING if self.stage is Stage.STARTING else self.stage
             raise
@@ -176,7 +176,7 @@ class ProgramDownload:
             except NoAnswer:
                 if self.bus.now_s() >= deadline_s:
                     raise
-                continue  # a processor that writes its flash memory may be deaf meanwhile
+                continue  # a processor writing flash memory may not answer meanwhile
             if not status.is_at_work:
                 break
             if self.bus.now_s() >= deadline_s:
@@ -188,7 +188,7 @@ class ProgramDownload:
             raise DeviceRefused(text, node=self.node_id, place=place)
 
     def _old_again(self, failed: BaseException) -> BaseException:
-        """*failed*, before anything was cleared, after the old program was seen to run again; LeftChanged where not."""
+        """*failed*, from before the clearing, once the old program runs again; LeftChanged if it does not."""
         try:
             if self._read(PROGRAM_CONTROL) != START:
                 self._start()

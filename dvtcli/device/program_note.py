@@ -34,7 +34,7 @@ class ProgramNotes:
         write_private(self._path(node_id), json.dumps({**document, "stage": stage.name, "when": now}) + "\n")
 
     def forget(self, node_id: int) -> bool:
-        """Nothing is under way any more; whether something was."""
+        """Remove the note of a download; true if there was one."""
         path = self._path(node_id)
         was_there = path.exists()
         remove(path)

@@ -37,18 +37,18 @@ class Reached:
     profile: DeviceProfile = GENERIC
     cancellation: Cancellation = field(default_factory=Cancellation)
     consent: Callable[[str], None] = lambda _question: None
-    #: told of every object that is read ahead of a change or for a list
+    #: called with every object read ahead of a change or for a list
     on_look: Callable[[ReadProgress], None] = lambda _looking: None
-    #: how many of its boot-ups had been heard (`bus.boot_ups`) when this process first asked it
+    #: its boot-ups (`bus.boot_ups`) at this process's first request
     boot_ups_at_contact: int = 0
-    #: as *consent*, for what no question before it named: it is asked also in the middle of what was agreed to
+    #: as *consent*, for an action no earlier question named, even within an agreed change
     consent_anew: Callable[[str], None] = lambda _question: None
-    #: how many restarts that nothing from here ordered had been heard (`bus.restarts`) when what was read became valid
+    #: unexpected restarts (`bus.restarts`) at the time the reads became valid
     restarts_at_read: int | None = None
     _gate: Gate | None = field(default=None, init=False)
-    #: how many PDOs of how many were read, where they all are
+    #: PDOs read, and their total, while all are read
     _looked: tuple[int, int] = field(default=(0, 0), init=False)
-    #: what was read of it since something could have changed it
+    #: reads since the last possible change
     memory: ReadCache = field(init=False)
 
     def __post_init__(self) -> None:
@@ -73,7 +73,7 @@ class Reached:
 
     @property
     def access(self) -> NodeAccess:
-        """The node's state and reasons."""
+        """The node's NMT state and abort reasons."""
         return NodeAccess(self.bus, self.node_id, self.profile)
 
     @property
@@ -84,7 +84,7 @@ class Reached:
         return self._gate
 
     def _ask(self, question: str) -> None:
-        """Ask through whatever *consent* is by then: a script's lines may carry their own --yes."""
+        """Ask through the *consent* of the moment: a script's lines may carry their own --yes."""
         self.consent(question)
 
     @property
@@ -115,7 +115,7 @@ class Reached:
             raise
 
     def length_of(self, index: int, sub_index: int) -> int | None:
-        """An object's length in bits: the EDS's, else eight times what an upload brings; None if neither tells."""
+        """An object's length in bits from the EDS, else from an upload; None if unknown."""
         entry = self.dictionary.entry(index, sub_index) if self.dictionary else None
         if entry is not None and entry.bits is not None:
             return entry.bits

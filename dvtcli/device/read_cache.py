@@ -38,10 +38,10 @@ class ReadCache:
     bus: CanopenBus
     node_id: int
     channel: Callable[[], SdoReader]
-    #: told of each object (index, sub-index) before it is asked for
+    #: called with each object (index, sub-index) before its upload
     on_read: Callable[[int, int], None] = lambda _index, _sub_index: None
     _read: dict[tuple[int, int], bytes | SdoAborted] = field(default_factory=dict)
-    #: what had happened to the node when the first of them was read
+    #: the node's events at the first read
     _seen: tuple[int, int] = (0, 0)
 
     def upload(
@@ -83,11 +83,11 @@ class ReadCache:
         self._read = {place: held for place, held in self._read.items() if place[0] == IDENTITY}
 
     def forget_one(self, index: int, sub_index: int) -> None:
-        """The object is to be read again."""
+        """Expire one object."""
         self._read.pop((index, sub_index), None)
 
     def forget_objects(self, indices: Collection[int]) -> None:
-        """The objects at *indices* are to be read again."""
+        """Expire the objects at *indices*."""
         self._read = {place: held for place, held in self._read.items() if place[0] not in indices}
 
     def learn(self, other: ReadCache) -> None:
@@ -95,7 +95,7 @@ class ReadCache:
         self._read, self._seen = dict(other._read), other._seen
 
     def clear(self) -> None:
-        """Everything may be old: nobody listened, or another device may have taken the node's place."""
+        """Expire everything, after a gap in monitoring or a possible replacement of the device."""
         self._read.clear()
 
     def is_of_now(self) -> bool:

@@ -1,7 +1,4 @@
-"""Reading a node's PDOs as they are.
-
-Reads raw words and takes them apart. Does not judge them, and does not need an EDS.
-"""
+"""Read a node's PDOs, with or without an EDS."""
 
 from __future__ import annotations
 
@@ -103,7 +100,7 @@ def _has(sdo: SdoReader, index: int) -> bool:
 
 
 def sdo_channels(sdo: SdoReader, dictionary: ObjectDictionary | None) -> dict[tuple[int, int], int]:
-    """The COB-IDs at those places, as far as the node tells them."""
+    """The readable COB-IDs of further SDO channels, by index and sub-index."""
     found: dict[tuple[int, int], int] = {}
     for index, sub_index in sdo_channel_places(sdo, dictionary):
         with suppress(SdoAborted, SdoProtocolError):

@@ -31,7 +31,7 @@ _PACE_FROM = 20
 
 
 class Unread(StrEnum):
-    """Why an object was not asked for."""
+    """The reason not to read an object."""
 
     WRITE_ONLY = "write-only"
     FLAGGED = "not to be read on a scan (ObjFlags, bit 1)"
@@ -117,7 +117,7 @@ def _judged(entry: OdEntry, known: Configuration) -> ReadObject:
 
 @dataclass(slots=True)
 class _DeviceReading:
-    """How a *node* is read."""
+    """The settings for reading a *node*."""
 
     node: Node
     on_object: OnObject

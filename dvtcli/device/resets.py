@@ -41,7 +41,7 @@ class SentReset:
     node_id: int
     seen: int
     began_s: float
-    #: how long it may take, in seconds
+    #: the time-out in seconds
     timeout_s: float = BOOT_TIMEOUT_S
     _ask_at_s: float = field(init=False)
     _answered: bool = field(default=False, init=False)
@@ -51,7 +51,7 @@ class SentReset:
 
     @property
     def booted(self) -> bool:
-        """Whether the boot-up message came: without it nobody knows whether the node restarted."""
+        """True after the boot-up message; without it a restart is uncertain."""
         return self.bus.boot_ups(self.node_id) > self.seen
 
     def is_over(self) -> bool:
@@ -63,13 +63,13 @@ class SentReset:
         return self.is_back or now_s >= until_s
 
     def wait(self) -> float:
-        """Wait for the boot-up message, or any other answer; the seconds it took. NoAnswer if none comes."""
+        """Wait for the boot-up message or another answer, and return the seconds. Raises NoAnswer if none comes."""
         if not self.comes_back():
             raise self._silent()
         return self.bus.now_s() - self.began_s
 
     def comes_back(self) -> bool:
-        """Wait for the boot-up message, or any other answer; whether it came."""
+        """Wait for the boot-up message or another answer; true if it came."""
         while not self.is_over():
             self.wait_a_moment()
         return self.is_back
@@ -81,7 +81,7 @@ class SentReset:
 
     @property
     def is_back(self) -> bool:
-        """Whether the boot-up message or another answer came."""
+        """True if the boot-up message or another answer came."""
         return self._answered or self.booted
 
     def _silent(self) -> NoAnswer:
@@ -104,7 +104,7 @@ def _answers(bus: CanopenBus, node_id: int) -> bool:
     except NoAnswer:
         return False
     except (SdoAborted, SdoProtocolError):
-        pass  # it is there
+        pass  # the node is present
     return True
 
 

@@ -1,4 +1,4 @@
-"""A change that the device takes only while the PDO is off, or in PRE-OPERATIONAL: put back, and made again that way.
+"""Changes that a device takes only with the PDO disabled or in PRE-OPERATIONAL: roll back and repeat so.
 
 CiA 301 lets the transmission type and the event timer be written while a PDO is valid; stricter families do not.
 """
@@ -119,7 +119,7 @@ def _is_for_its_state(node: Changeable, plan: Plan, refused: DeviceRefused) -> b
 
 
 def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> Finding:
-    """Carry *plan* out in PRE-OPERATIONAL after consent to that; *refused* is raised without."""
+    """Apply *plan* in PRE-OPERATIONAL after consent; raises *refused* without consent."""
     try:
         node.consent_anew(node.gate.question)
     except SafetyRefusal as declined:

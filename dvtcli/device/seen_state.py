@@ -43,7 +43,7 @@ def seen_state(access: NodeAccess, wanted: NmtState) -> NmtState | None:
 
 
 def _settled(access: NodeAccess, wanted: NmtState, state: NmtState | None) -> NmtState | None:
-    """What is seen after *state* was heard (or nothing, None) for `CONFIRM_S`."""
+    """The state observed in the `CONFIRM_S` after *state* (None: no state so far)."""
     if state is wanted or (state is None and wanted is NmtState.STOPPED):
         return state  # a stopped node answers no SDO: it cannot be asked how it could be seen
     period_s = _heartbeat_s(access)
@@ -69,7 +69,7 @@ def present_state(access: NodeAccess) -> NmtState | None:
 
 
 def _heartbeat_s(access: NodeAccess) -> float | None:
-    """Time between two heartbeats (s), 0 for none; None where the node does not answer."""
+    """The heartbeat period (s), 0 for none; None without an answer."""
     try:
         return (read_optional(access.bus.sdo(access.node_id), HEARTBEAT_TIME, 0, 2) or 0) / 1000
     except (NoAnswer, SdoAborted, SdoProtocolError):

@@ -94,7 +94,7 @@ class Senders:
             try:
                 held = node.known_cob_ids()
             except (NoAnswer, SdoAborted, SdoProtocolError):
-                continue  # a node that is off hinders no change of another one
+                continue  # a node that is off does not block changes of others
             for pdo, cob_id in {**held, **after}.items():
                 if cob_id is not None and cob_id.valid and not pdo.is_tpdo:
                     yield Producer(node.node_id, pdo, cob_id)

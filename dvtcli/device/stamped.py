@@ -46,7 +46,7 @@ def _read(node: KnownPdos, sub_index: int) -> int | None:
             raise
         node.has_no_stamp = True
         return None
-    return int.from_bytes(data[:4], "little") if data and not any(data[4:]) else None  # else it is no stamp of ours
+    return int.from_bytes(data[:4], "little") if data and not any(data[4:]) else None  # otherwise the stamp is not ours
 
 
 def stamp_changes(held: Stamp, wanted: Stamp, reason: str) -> tuple[ValueChange, ...]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def prepare_store(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
-    """Before a store or restore: as `require_storable`; enter the gate where needed."""
+    """Prepare a store or restore: check as `require_storable`, and enter the gate if needed."""
     require_storable(node, force=force, confirm=confirm)
     if node.profile.store.only_pre_operational:
         node.gate.enter()
@@ -49,7 +49,7 @@ def require_storable(node: Changeable, *, force: bool = False, confirm: bool = T
     if confirm and not force:
         node.expected.require(node, who_else(node.keeper))
     if confirm and node.keeper is not None:
-        node.storing = node.identity()  # once it has stored nothing more is asked for that
+        node.storing = node.identity()  # no request after the store is needed
         node.pending.of_others(held_unstored(node, node.keeper.past, node.storing))
 
 

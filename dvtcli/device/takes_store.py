@@ -1,4 +1,4 @@
-"""Whether a node can be told to store. Does not tell it to."""
+"""Whether a node supports a store command. Sends none."""
 
 from __future__ import annotations
 

@@ -31,9 +31,9 @@ class Wish:
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
     said: Mapping[Pdo, frozenset[str]] = field(default_factory=dict)
-    #: what it holds otherwise and nobody would write, as differences
+    #: differences that nobody would write
     unwritten: tuple[Difference, ...] = ()
-    #: objects that it holds as wished and nobody would write
+    #: equal objects that nobody would write
     also_equal: tuple[str, ...] = ()
     #: objects that were, or would be, written and cannot be read back, each as `2050:00`
     unreadable: tuple[str, ...] = ()
@@ -49,7 +49,7 @@ class Wish:
 
     @property
     def objects(self) -> int:
-        """How many single objects are compared."""
+        """The number of compared single objects."""
         return len(self.values) + len(self.also_equal) + sum(":" in label for label, _ in self.unwritten)
 
     @property
@@ -75,7 +75,7 @@ def _pdo_of(label: str) -> Pdo | None:
 
 
 def session_wish(node: KnownPdos) -> Wish:
-    """What this session set on *node*, last word for each PDO and object."""
+    """The last values set by this session on *node*, per PDO and object."""
     return Wish(dict(node.wanted), dict(node.wanted_values), unreadable=unreadable_of(node))
 
 
@@ -85,7 +85,7 @@ def unreadable_of(node: KnownPdos) -> tuple[str, ...]:
 
 
 def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:
-    """As `value_text`, whatever the object is."""
+    """As `value_text`, for any object."""
     return value_text(data)
 
 

@@ -48,7 +48,7 @@ class AcceptedState:
     is_known: bool = True
 
     def document(self) -> dict[str, object]:
-        """As JSON."""
+        """The state as JSON."""
         what = {"object": self.label} if ":" in self.label else {"pdo": self.label.lower()}
         return {
             **what,

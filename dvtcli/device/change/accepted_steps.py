@@ -14,7 +14,7 @@ class AcceptedSteps:
     """The last acknowledged value of each readable object."""
 
     _values: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    #: objects that cannot be read back
+    #: unreadable objects
     _unreadable: set[tuple[int, int]] = field(default_factory=set)
 
     def took(self, step: Step, change: Change) -> None:

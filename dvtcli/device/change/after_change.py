@@ -29,7 +29,7 @@ def restarted_since(node: Changeable, found: InitialState) -> bool:
 
 
 def left_open(node: Changeable, left: LeftChanged) -> None:
-    """A roll-back failed: nothing may be stored, and *left* says how to finish."""
+    """After a failed roll-back: block stores, and add to *left* how to finish."""
     node.pending.suspicions[CHANGE] = left.text
     node.mark_unknown()
     if node.keeper is not None:
@@ -39,7 +39,7 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
 
 
 def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_journal: bool) -> None:
-    """The change is complete: bring the node *back* to its NMT state, and forget the journal."""
+    """Complete the change: bring the node *back* to its NMT state and remove the journal."""
     try:
         back()
     except KeyboardInterrupt as torn:
@@ -48,7 +48,7 @@ def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_j
         left.state_text = f"LEFT CHANGED: {set_words(plan)}; it is not complete without its NMT state"
         left_open(node, left)
         raise left from torn
-    except DvtcliError as failed:  # it may have restarted since it was read back
+    except DvtcliError as failed:  # the node may have restarted since the read-back
         failed.state = "unknown"
         failed.state_text = f"unknown: {set_words(plan)} before that; look at the node"
         if not keep_journal:

@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 class Applier(Changeable):
     """A changeable node with the changes of this session."""
 
-    #: plans that were applied, oldest first: what `undo` puts back
+    #: applied plans for `undo`, oldest first
     history: list[Plan] = field(default_factory=list)
-    #: node-IDs of this session's changes on all its nodes, oldest first
+    #: node-IDs of this session's changes on all nodes, oldest first
     order: list[int] = field(default_factory=list)
-    #: label -> change of this line that the node keeps without a store
+    #: label -> change of this line kept by the node without a store
     kept_by_itself: dict[str, Change] = field(default_factory=dict)
     #: boot-up messages seen when the first of them was read back
     kept_boot_ups: int = 0
-    #: how many commands of this session changed nothing on it, of which no `undo` was told yet
+    #: commands of this session without a change, not yet reported by `undo`
     in_vain: int = 0
-    #: labels of what a restart was seen to take while a change was made, which is yet to be said
+    #: labels of losses by a restart during a change, still to be reported
     _unsaid: tuple[str, ...] = ()
 
     def apply(
@@ -150,7 +150,7 @@ class Applier(Changeable):
         look_again(self, Plan(self.node_id, changes), None, "restarted after it was changed")
 
     def keep(self, plan: Plan) -> None:
-        """*plan* was carried out and can be undone, by this session and on a real bus by a later one."""
+        """Record the completed *plan* for undo, by this session and on a real bus by later sessions."""
         self.history.append(plan)
         self.order.append(self.node_id)
         if self.keeper is not None:
@@ -211,7 +211,7 @@ class Applier(Changeable):
         try:
             boot_ups = self.bus.boot_ups(self.node_id)
         except BusUnavailable:
-            return ()  # a dead bus tells nothing, and whoever needs it says so
+            return ()  # a dead bus reports nothing; the caller that needs the bus reports the failure
         self._heard(boot_ups)
         lost, self._unsaid = self._unsaid, ()
         return lost

@@ -1,7 +1,4 @@
-"""Carrying out a plan on a node: gate, lock, backup, journal, transaction, and the NMT state afterwards.
-
-Decides nothing about what is legal, and shows nothing.
-"""
+"""Apply a plan to a node: gate, lock, backup, journal, transaction, and the NMT state afterwards."""
 
 from __future__ import annotations
 

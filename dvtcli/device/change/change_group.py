@@ -32,7 +32,7 @@ class Storing:
 
     @property
     def waits(self) -> bool:
-        """Whether the node is still to store."""
+        """True if the node is still to store."""
         return not (self.is_done or self.is_accepted)
 
 
@@ -68,5 +68,5 @@ class ChangeGroup:
         self.id, self.name = os.urandom(16).hex(), name
 
     def end(self) -> None:
-        """Each change stands alone again."""
+        """End the group: each change is separate again."""
         self.id, self.name = None, ""

@@ -62,7 +62,7 @@ class BackingUp:
         """The PDO configurations before and after the changes in the history; empty if the file is damaged."""
         try:
             entries = self.past.entries(self.node_id, identity)
-        except InputFileError:  # the next change sets it aside, and says so
+        except InputFileError:  # the next change sets it aside and reports that
             return set()
         changes = (change for entry in entries for change in entry.plan.changes if isinstance(change, PdoChange))
         return {(change.pdo, config) for change in changes for config in (change.before, change.after)}
@@ -94,17 +94,17 @@ class ChangeGuard:
     say: Callable[[str], None] = lambda _text: None
     #: whether a PDO's COB-ID is known to be read-only
     is_fixed: Callable[[Pdo], bool] = lambda _pdo: False
-    #: shows what nobody may miss, also where results are documents
+    #: shows an important message, even with JSON output
     warn: Callable[[str], None] = lambda _text: None
-    #: the command that this process runs, for another dvtcli that waits for the lock
+    #: the command of this process, for other dvtcli waiting for the lock
     command: Callable[[], str] = lambda: ""
-    #: what the changes that are made now belong to
+    #: the current change group
     whole: ChangeGroup = field(default_factory=ChangeGroup)
     lock: NodeLock = field(init=False)
     journals: Journals = field(init=False)
-    #: the journal of what this process changes
+    #: the journal of this process
     own_journal: OwnJournal = field(init=False)
-    #: the changes that a later process can put back
+    #: the change history, for later processes
     past: ChangeHistory = field(init=False)
     _backing_up: BackingUp = field(init=False)
 
@@ -141,7 +141,7 @@ class ChangeGuard:
             except InputFileError:
                 if path.exists():
                     raise
-                return None  # who was at work a moment ago has ended its change
+                return None  # a process at work a moment ago has ended its change
 
     def held_journal(self) -> Path | None:
         """As `open_journal`, but under the lock: a change in progress is not an interrupted change.
@@ -197,7 +197,7 @@ class ChangeGuard:
         *plan* continues or rolls back a group, the values from before the group count. *asked* are the PDOs probed by
         `learn`; *is_test*: *plan* only tests a store; *is_kept*: `undo` remembers the plan.
         """
-        if is_kept or not self.own_journal.is_begun:  # a part of what was begun, or its way back: that is backed up
+        if is_kept or not self.own_journal.is_begun:  # part of a begun group, or its roll-back: backed up already
             self._back_up(identity, pdos, held or {})
         room = room_beside(held or {})
         self.own_journal.begin(plan, identity, nmt_state, asked, is_test=is_test, is_kept=is_kept, room=room)
@@ -224,7 +224,7 @@ class ChangeGuard:
     def _back_up(
         self, identity: Identity, pdos: Callable[[], Mapping[Pdo, PdoConfig]], held: Mapping[Pdo, PdoConfig]
     ) -> None:
-        """Take the lock, and keep all *pdos* unless what the node *held* before the whole is kept already."""
+        """Take the lock and back up all *pdos*, unless the values *held* before the group are saved already."""
         before = self.own_journal.before()
         with self._files("kept"):
             self.lock.take()
@@ -266,7 +266,7 @@ class ChangeGuard:
             return True
         try:
             return replace(read_journal(path), path=journal.path) == journal
-        except (InputFileError, SafetyRefusal):  # whatever it is, it was not recovered
+        except (InputFileError, SafetyRefusal):  # another file: not recovered
             return False
 
     def set_aside(self, path: Path, word: str) -> Path:

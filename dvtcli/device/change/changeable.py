@@ -27,25 +27,25 @@ if TYPE_CHECKING:
 class Changeable(KnownPdos):
     """A node with known PDOs and the tools to change them safely."""
 
-    #: what is in RAM only, and why it must not be stored now
+    #: unstored changes, and reasons not to store now
     pending: Pending = field(default_factory=Pending)
     #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
     keeper: ChangeGuard | None = None
-    #: whether this process makes one change and ends, so that nothing is stored over what lies beside it
+    #: true if this process makes one change and ends, without a later store of untouched PDOs
     only_one: Callable[[], bool] = lambda: False
-    #: what this session knows that the node's RAM must hold before it is stored: changed here, or seen beside a change
+    #: values expected in RAM at a store: changed by this session, or read beside a change
     expected: Expected = field(default_factory=Expected)
-    #: control words of the last change that read back neither what was written nor what they held before, as `6040:00`
+    #: control words of the last change reading back neither the written nor the former value, as `6040:00`
     answered_otherwise: dict[str, bytes] = field(default_factory=dict)
-    #: told of every step of a change that the node took
+    #: called after every accepted step of a change
     on_step: Callable[[Progress], None] = lambda _progress: None
-    #: the identity (0x1018) of what is about to store
+    #: the identity (0x1018) of the device about to store
     storing: Identity = field(default_factory=dict)
     #: whether it can be told to store, None: not looked at yet
     takes_store: bool | None = None
-    #: whether the user of the line that runs was told that it restarted
+    #: true if the user was told of a restart during this line
     told_restart: bool = False
-    #: whether its user is to restart it, for the defaults that it was asked for, and nothing was changed since
+    #: true if the user is to restart the node for its defaults, with no change since
     awaits_restart: bool = False
     _habits: Habits | None = None
 
@@ -67,7 +67,7 @@ class Changeable(KnownPdos):
 
     @property
     def is_found_to_want_pre_operational(self) -> bool:
-        """Whether devices like this one were found to take PDO writes only in PRE-OPERATIONAL, often enough."""
+        """True if this device type was seen often enough to take PDO writes only in PRE-OPERATIONAL."""
         return self.habits.are_there and self.habits.is_pre_operational_wanted(self.identity())
 
     def open_gate(self) -> None:
@@ -91,7 +91,7 @@ class Changeable(KnownPdos):
             self.require_not_restarted()
         self.read_anew()
         boot_ups, upsets = self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id)
-        # a restart while it tells its state came after that
+        # a restart while the state is read came later
         return InitialState(self.access.state(), boot_ups, upsets, whatever_happened)
 
     def require_not_restarted(self, found: InitialState | None = None) -> None:

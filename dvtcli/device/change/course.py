@@ -22,7 +22,7 @@ class JournalContents:
     part: GroupMember = field(default_factory=GroupMember)
     made: list[Plan] = field(default_factory=list)
     in_hand: Plan | None = None
-    #: all that is to be changed, where its journal is on disk before the first write; None: each change by itself
+    #: the whole plan, if its journal is on disk before the first write; None: each change by itself
     prepared: Plan | None = None
 
     def begin(
@@ -47,7 +47,7 @@ class JournalContents:
 
     @property
     def is_begun(self) -> bool:
-        """Whether it has something to put back when no change is in hand."""
+        """True if there are changes to roll back besides a change in progress."""
         return bool(self.made) or self.prepared is not None
 
     def prepare(self, whole: ChangeGroup, plan: Plan, nmt_state: int | None) -> str:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Expected:
-    """PDOs and single objects, by index and sub-index, as they were last read back."""
+    """PDOs and single objects, by index and sub-index, as last read back."""
 
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     values: dict[tuple[int, int], bytes] = field(default_factory=dict)
@@ -36,7 +36,7 @@ class Expected:
         self.is_whole = self.is_whole or (whole and bool(others))
 
     def changed(self, change: Change) -> None:
-        """*change* was read back."""
+        """Record *change* as read back."""
         from dvtcli.domain.plan import PdoChange
 
         if isinstance(change, PdoChange):
@@ -44,7 +44,7 @@ class Expected:
             self.pdos[change.pdo] = change.after
         elif change.step.before is not None:  # a write-only object cannot be read again
             pdo = Pdo.at(change.step.index)
-            if pdo is not None:  # it is no longer as it was read back whole
+            if pdo is not None:  # no longer equal to the whole read-back
                 self.pdos.pop(pdo, None)
             self.values[change.step.index, change.step.sub_index] = change.step.after
 
@@ -124,7 +124,7 @@ def still_there(node: KnownPdos, wish: Wish) -> Wish:
 
 
 def moves(node: KnownPdos, index: int, sub_index: int) -> bool:
-    """Whether an object is process data, which the machine changes all the time; none is known without a file."""
+    """True if an object is process data, changed by the machine all the time; false without a file."""
     from dvtcli.device.process_data import is_process_data
 
     return node.dictionary is not None and is_process_data(node, (index, sub_index))

@@ -23,12 +23,12 @@ def brought_back_first(hint: Hint | str | None) -> Hint | None:
 
 
 def pre_operational_first(node_id: int) -> Hint:
-    """That node *node_id* is OPERATIONAL, and may take a change in PRE-OPERATIONAL."""
+    """The hint to enter PRE-OPERATIONAL first, as node *node_id* is OPERATIONAL."""
     return Hint(Action.ENTER_PRE_OPERATIONAL, {"node": node_id}, "it is OPERATIONAL: {}, then again")
 
 
 def step_text(step: Step) -> str:
-    """A step for a person: `0x1A00:03 <- 0x27030120  map 2703:01/32`."""
+    """A step for display: `0x1A00:03 <- 0x27030120  map 2703:01/32`."""
     value = (
         f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
         if len(step.after) <= 4

@@ -60,12 +60,12 @@ class Recovery:
     journal: Journal
     plan: Plan
     as_taken: Plan
-    #: what goes back, newest last: that of the journal, but for a stamp of ours, which ends
+    #: the changes to roll back, newest last, without our stamp, which is removed
     changes: tuple[Change, ...]
-    #: the PDOs of which the journal says nothing, as they were before the way back, and boot-ups seen by then
+    #: the PDOs outside the journal before the roll-back, and the boot-ups at that time
     others: tuple[PdoChange, ...]
     boot_ups_read: int
-    #: what was put back otherwise than it was, and boot-ups seen before it was put back
+    #: the changes restored to a substitute value, and the boot-ups before the roll-back
     _otherwise: tuple[PdoChange, ...] = ()
     _boot_ups: int = 0
     #: single objects that can be read no more, once all else was put back, with the refusal
@@ -225,7 +225,7 @@ class Recovery:
         node.open_gate()
         try:
             with node.cancellation.guard():
-                node.gate.renew()  # a try before this one may have started it
+                node.gate.renew()  # an earlier try may have started the node
                 witness = BusWitness(node.bus, node.node_id)
                 return roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, witness)
         except given_up as fault:
@@ -270,7 +270,7 @@ def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Chan
         return interrupted.changes
     others = tuple(change for change in interrupted.changes if not is_stamp(change))
     if held.is_own and not any(map(is_stamp, back.changes)):
-        return others  # nothing of what it stands for changes
+        return others  # nothing covered by the stamp changes
     ends = (
         Step(STAMP, sub_index, bytes(4), held.data(sub_index), "a stamp is not put back") for sub_index in (DATE, TIME)
     )

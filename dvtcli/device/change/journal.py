@@ -225,7 +225,7 @@ class Journals:
 
     @staticmethod
     def length_of(final: str, stores: Iterable[Storing]) -> int:
-        """How many bytes a journal takes to say *final* and *stores*."""
+        """The bytes for *final* and *stores* in a journal."""
         return len(json.dumps([final, *map(_store_document, stores)]))
 
     def _text(self, plan: Plan, identity: Identity, nmt_state: int | None, part: GroupMember) -> str:
@@ -245,7 +245,7 @@ class Journals:
             "tests": [change_document(change) for change in part.tests],
             "changes": [change_document(change) for change in plan.changes],
         }
-        return json.dumps(document)  # on one line: with indentation it takes ten times as long
+        return json.dumps(document)  # on one line: indentation takes ten times as long
 
     def remove(self, node_id: int) -> None:
         """Remove the journal of *node_id* after its change is verified, or rolled back and verified."""
@@ -315,7 +315,7 @@ def _part(document: dict[str, Any]) -> GroupMember:
     """The change group of the journal; none in journals of earlier versions."""
     whole, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
     entries, asked = document.get("entries", []), document.get("asked", [])
-    if isinstance(whole, str) and not re.fullmatch("[0-9a-f]{1,64}", whole):  # it is part of a file's name
+    if isinstance(whole, str) and not re.fullmatch("[0-9a-f]{1,64}", whole):  # part of a file name
         raise ValueError("the id of what it belongs to is malformed")
     lists = isinstance(entries, list) and isinstance(asked, list)
     if not lists or not all(isinstance(text, str) for text in (whole or "", name, final, *entries, *asked)):

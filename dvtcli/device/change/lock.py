@@ -67,24 +67,24 @@ def _holder(process: str, since: str, command: str) -> LockHolder:
 
 @dataclass(slots=True)
 class NodeLock:
-    """The right to write to *node_id* on the bus called *bus*; *folder* holds one file for each.
+    """The right to write to *node_id* on the bus called *bus*; *folder* has a file for each.
 
-    *command* says what this process does, for whoever is refused meanwhile.
+    *command* describes this process for other users refused meanwhile.
     """
 
     folder: Path
     bus: str
     node_id: int
     command: Callable[[], str] = lambda: ""
-    #: done once it is taken
+    #: called after the lock is taken
     on_taken: Callable[[], None] = lambda: None
-    #: another dvtcli that began to write while we did not hold the lock, after we had held it
+    #: another dvtcli that wrote after we released the lock
     meanwhile: LockHolder | None = None
     _file: IO[bytes] | None = None
     _own: LockHolder = LockHolder("")
     _last_writer: LockHolder | None = None
     _was_held: bool = False
-    #: what we wrote to its file since we took it
+    #: our note in the lock file
     _on_disk: bytes = b""
 
     @property
@@ -182,9 +182,9 @@ class NodeLock:
             return _LockNote(LockHolder(""))
 
     def is_free(self) -> bool:
-        """Whether nobody else is writing right now. Writes nothing: a full disk or a file in the way is no matter.
+        """True if nobody else is writing now. Writes nothing, so a full disk or an obstructing file does not matter.
 
-        SafetyRefusal if others can write the lock's folder.
+        Raises SafetyRefusal if other users can write to the lock's folder.
         """
         if self._file is not None:
             return True
@@ -203,7 +203,7 @@ class NodeLock:
         return True
 
     def release(self) -> None:
-        """Let others write."""
+        """Release the lock."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -216,14 +216,14 @@ def _write_over(file: IO[bytes], text: bytes) -> None:
     try:
         _write_all(file, text)
     except OSError:
-        _write_all(file, old)  # in its own place, which a full disk has
+        _write_all(file, old)  # overwritten in place, possible on a full disk
         raise
 
 
 def _write_all(file: IO[bytes], text: bytes) -> None:
     file.seek(0)
     left = memoryview(text)
-    while left:  # a disk that fills up takes a part of it
+    while left:  # a disk filling up takes only a part
         left = left[file.write(left) :]
     file.truncate(len(text))
 

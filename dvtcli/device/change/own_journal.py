@@ -41,15 +41,15 @@ class OwnJournal:
     lock: NodeLock
     whole: ChangeGroup
     warn: Callable[[str], None]
-    #: of the device that is changed
+    #: the identity of the changed device
     identity: Identity = field(default_factory=dict)
     #: the id under which `undo` is to remember the change in hand
     entry: str = ""
-    #: what has to be put back
+    #: the changes to roll back
     _course: JournalContents = field(default_factory=JournalContents)
-    #: what the node holds besides and the changes may alter, each as a change to what it is
+    #: values possibly altered as a side effect, each as a change to its present value
     _beside: Plan | None = None
-    #: what the journal says by now
+    #: the present content of the journal
     _on_disk: tuple[Plan, GroupMember] | None = None
 
     @property
@@ -78,7 +78,7 @@ class OwnJournal:
         course = self._course
         if not course.is_begun or course.part.whole != self.whole.id:
             return {}
-        kept = () if self._on_disk is None else self._on_disk[0].changes  # also what the changes may alter beside
+        kept = () if self._on_disk is None else self._on_disk[0].changes  # including possible side effects
         changes = (*kept, *course.plan.changes)
         return {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
 
@@ -126,7 +126,7 @@ class OwnJournal:
             except (OSError, SafetyRefusal):
                 if not covered:
                     raise
-                self._course.in_hand = plan  # what is on disk puts this back, too
+                self._course.in_hand = plan  # the journal on disk covers this as well
 
     def _copy(self) -> JournalContents:
         return replace(self._course, made=[*self._course.made])
@@ -170,7 +170,7 @@ class OwnJournal:
             self._write()
 
     def carried_out(self) -> None:
-        """The change in hand was verified."""
+        """Mark the change in progress as verified."""
         self._course.carried_out()
 
     def end(self) -> None:
@@ -216,7 +216,7 @@ class OwnJournal:
             self.journals.tidy(whole)
 
     def end_whole(self) -> None:
-        """This node's part of the whole was put back and verified: forget the journal."""
+        """Remove the journal after this node's part of the group was rolled back and verified."""
         if self._course.is_begun and self._course.in_hand is None:
             whole = self._course.part.whole
             self.forget()
@@ -279,7 +279,7 @@ def complete_wholes(journals: Iterable[OwnJournal]) -> JournalKept | None:
 
 
 def room_beside(held: Mapping[Pdo, PdoConfig]) -> int:
-    """How many bytes more a journal may need: for its words, and for the PDOs *held*, should a device alter them."""
+    """The further bytes a journal may need: for its words, and for the PDOs *held*, should a device alter them."""
     return _ROOM + sum(len(json.dumps(change_document(plan_pdo(pdo, one, one)))) + _MORE for pdo, one in held.items())
 
 

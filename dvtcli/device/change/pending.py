@@ -23,22 +23,22 @@ class Pending:
     suspicions: dict[str, str] = field(default_factory=dict)
     #: how many changes of this session were made before the last store
     stored_at: int = 0
-    #: how often it stored, or was about to, whatever there was to store
+    #: the number of stores, also intended and empty
     stores: int = 0
-    #: a part was stored since then, so that no number of changes stands for what is stored
+    #: a partial store happened since: no number of changes describes the stored values
     partly_stored: bool = False
-    #: how many had been made when a reset took what was not stored of them
+    #: the number of changes at the last reset that cleared unstored changes
     lost_until: int = 0
-    #: boot-up messages seen when the node was last known to hold what this session set; None before that
+    #: boot-ups when the node last had this session's changes; None before
     boot_ups: int | None = None
 
     def of_others(self, unstored: Mapping[str, int]) -> None:
-        """Other processes changed *unstored*, labels with their indices, and the node still holds it."""
+        """Record *unstored* (labels with indices), changed by other processes and still present in the node."""
         own = {label: index for label, index in self.unstored.items() if label not in unstored}
         self.unstored = {**unstored, **own}
 
     def changed(self, label: str, index: int) -> None:
-        """The object at *index*, called *label*, was changed in RAM."""
+        """Record a change in RAM to the object at *index*, called *label*."""
         self.unstored[label] = index
 
     def covered(self, group: int) -> tuple[str, ...]:
@@ -79,7 +79,7 @@ class Pending:
         return changes == self.stored_at and not self.partly_stored
 
     def was_reset(self, group: int, boot_ups: int) -> tuple[str, ...]:
-        """The node was reset on purpose and is back: returns what is lost. A whole reset ends every suspicion."""
+        """Record a completed requested reset and return the losses. A full reset ends every suspicion."""
         self.boot_ups = boot_ups
         if group == EVERYTHING:
             self.suspicions.clear()

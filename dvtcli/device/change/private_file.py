@@ -101,7 +101,7 @@ def to_disk(descriptor: int) -> None:
     if sys.platform == "darwin":
         import fcntl
 
-        with suppress(OSError):  # a network's file system may not have it: then fsync is what there is
+        with suppress(OSError):  # a network file system may lack this: fsync is the fallback
             fcntl.fcntl(descriptor, fcntl.F_FULLFSYNC)
             return
     os.fsync(descriptor)

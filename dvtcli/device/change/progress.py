@@ -1,4 +1,4 @@
-"""How far the work on a node has come. Knows no plan and shows nothing."""
+"""The progress of work on a node."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def prepare_proof(node: Node, before: Snapshot, sub_index: int | None, restart: 
 
 
 def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
-    """The change at *place* was tried and put back: DeviceRefused if the node holds something else than *before*."""
+    """Raise DeviceRefused if the tried and rolled back change at *place* left the node different from *before*."""
     held = node.pdos()
     altered = _unlike(node, before, held)
     if not altered:

@@ -67,7 +67,7 @@ def roll_back_patiently(
                 raise
             clock.sleep(RETRY_S)
             with suppress(*_PASSING):
-                before_retry()  # where that fails too, the next try finds out
+                before_retry()  # if this fails as well, the next try finds out
 
 
 def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: bool) -> tuple[PdoChange, ...]:
@@ -84,7 +84,7 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
     behind |= {id(change) for change in dependent[:-1]}  # they go with the last of them, in their own order
     for change in reversed(changes):
         if id(change) in behind:
-            continue  # goes with its PDO, whose count is in its way
+            continue  # restored with its PDO, whose count blocks it
         try:
             if dependent and change is dependent[-1]:
                 _put_dependent_back(sdo, dependent)
@@ -196,7 +196,7 @@ def _steps_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequenc
     step = change.step
     if step.before is None:
         return ()
-    with suppress(SdoAborted):  # it cannot be read now: it is written unseen
+    with suppress(SdoAborted):  # unreadable now: written blind
         if sdo.upload(step.index, step.sub_index) == step.before:
             return ()
     return change.reversed().steps

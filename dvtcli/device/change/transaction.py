@@ -72,18 +72,18 @@ class Transaction:
     control_words: Collection[tuple[int, int]] = ()
     others: UntouchedPdos = field(default_factory=UntouchedPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
-    #: boot-ups by the read that the plan was made from; None: it is carried out also if the device restarts meanwhile
+    #: boot-ups at the read behind the plan; None: a restart does not stop the plan
     boot_ups_read: int | None = None
     _started: list[Change] = field(default_factory=list)
     _acknowledged: AcceptedSteps = field(default_factory=AcceptedSteps)
-    #: PDOs beside the plan that are not as they were, and were left so, in words
+    #: altered untouched PDOs not rolled back, in words
     _left: dict[Pdo, str] = field(default_factory=dict)
     _touched: bool = False
-    #: control words that the device changed to something else than was written, with what they read back
+    #: control words read back differently, with their present value
     answered_otherwise: dict[str, bytes] = field(default_factory=dict, init=False)
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
-    #: an object that the device refused, and does not let be read since then
+    #: a refused object that is unreadable since
     _unsure: ValueChange | None = None
     _boot_ups: int = 0
     #: boot-ups seen when the way back began; None: the other PDOs could not be read then
@@ -110,7 +110,7 @@ class Transaction:
                 self._download(step, change, done, total)
             self._stop_if_cancelled(done, total)
             observed(self.witness, self._verify)
-            self._stop_if_cancelled(done, total)  # the last moment for that: what is complete stays
+            self._stop_if_cancelled(done, total)  # the last chance to stop: a complete change stays
         except BaseException as fault:  # a bug of ours must not leave the device half configured either
             self._roll_back(fault)
             if isinstance(fault, KeyboardInterrupt) and self._touched:
@@ -118,7 +118,7 @@ class Transaction:
             raise
 
     def _torn(self, done: int, total: int) -> Interrupted:
-        """Whoever insisted was not told of the next safe point: the device is put back all the same."""
+        """The error for a user who insisted on an immediate stop; the roll-back runs all the same."""
         torn = Interrupted(f"stopped at once, in step {done} of {total}", node=self.plan.node_id, state="rolled_back")
         torn.exit_code = self.cancellation.exit_code
         return torn
@@ -203,7 +203,7 @@ class Transaction:
         if restarted:
             text = f"node {node_id} restarted while {change.label} was changed, and reads back differently"
             hint = TRY_AGAIN
-        # what was so already had no steps: a restart in between took it
+        # equal values had no steps: a restart meanwhile cleared them
         place = change.steps[-1].object if change.steps else change.label
         refused = DeviceRefused(text, node=node_id, place=place, why=difference, hint=hint)
         refused.read_back = read_back
@@ -347,7 +347,7 @@ class Transaction:
         )
 
     def _explain_silence(self, silent: NoAnswer) -> None:
-        """The node has answered the roll-back since: it is neither off nor STOPPED."""
+        """Explain *silent*: the node has answered the roll-back since, so it is neither off nor STOPPED."""
         if self._restarted():
             silent.why, silent.hint = "it restarted meanwhile: its boot-up message was heard", TRY_AGAIN
         else:

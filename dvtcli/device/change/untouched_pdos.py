@@ -36,11 +36,11 @@ class UntouchedPdos:
     cob_ids: Mapping[Pdo, CobId] = field(default_factory=dict)
     wholes: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
     present: Callable[[], Sequence[Pdo]] = tuple
-    #: those of what it is given that hold what nothing that is kept of the device says
+    #: selects the PDOs that match neither backup nor history
     unlike_kept: Callable[[Mapping[Pdo, PdoConfig]], Sequence[Pdo]] = tuple
-    #: what a way back leaves alone, as it was before the plan or, if nobody read that, when the way back began
+    #: the PDOs outside a roll-back, as before the plan or, if not read, at the start of the roll-back
     _before: dict[Pdo, PdoConfig] = field(default_factory=dict)
-    #: those that were altered, of which nothing but the COB-ID could be put back
+    #: altered PDOs restored in their COB-ID only
     _in_part: list[Pdo] = field(default_factory=list)
 
     def altered(self, sdo: SdoTransport) -> dict[Pdo, str]:
@@ -58,7 +58,7 @@ class UntouchedPdos:
         held = {}
         self._in_part.clear()
         for pdo in self.present():
-            with suppress(SdoAborted):  # the EDS lists it, and the node lacks it
+            with suppress(SdoAborted):  # listed in the EDS, missing in the node
                 held[pdo] = read_pdo(sdo, pdo, WHATEVER)
         self._before = {change.pdo: change.before for change in as_they_are(held)}
         if not restarted:
@@ -99,7 +99,7 @@ class UntouchedPdos:
         return replace(held, communication=replace(held.communication, cob_id=cob_id))
 
     def put_back_in_part(self, plan: Plan) -> str | None:
-        """The device's state after the way back from *plan*; None where all were put back whole."""
+        """The device's state after the roll-back of *plan*; None if all PDOs were restored whole."""
         if not self._in_part:
             return None
         own, altered = (join_some(item.label for item in group) for group in (plan.changes, self._in_part))
@@ -141,7 +141,7 @@ def wholes_beside(node: Changeable, plan: Plan, found: InitialState) -> dict[Pdo
 
 
 def unlike_kept(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[Pdo]:
-    """The PDOs *held* that are neither as this session saw them nor as a backup or a remembered change says."""
+    """The PDOs *held* that match neither this session's reads, nor a backup, nor a remembered change."""
     unlike = {pdo: config for pdo, config in held.items() if node.expected.pdos.get(pdo) != config}
     if not unlike or node.keeper is None:
         return tuple(unlike)

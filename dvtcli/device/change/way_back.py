@@ -172,13 +172,13 @@ def _value_changes(
             except SdoAborted:
                 if not patient:
                     raise
-                continue  # who puts it back finds out whether it can be written
+                continue  # the roll-back finds out whether the object is writable
             back.append(replace(step, before=held, after=before, reason="put the old value back"))
     return map(ValueChange, altering(back))
 
 
 def _is_filler(config: PdoConfig) -> bool:
-    """Whether a mapping entry that changed no configuration means nothing now, nor could be written."""
+    """True if an entry behind the mapping count is a meaningless filler now, and not writable."""
     return config.enabled or config.count > 0
 
 

@@ -20,7 +20,7 @@ def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known
     """The description of *node* with its initial *pdos* and the answers of the probes."""
     values = {}
     for place in TO_READ:
-        with suppress(SdoAborted):  # what it does not tell is left out
+        with suppress(SdoAborted):  # unreadable objects are left out
             values[place] = node.memory.upload(*place)
     mapped = {way: [e for p, c in pdos.items() if p.direction is way for e in c.mapping] for way in Direction}
     for answers in known:

@@ -1,7 +1,4 @@
-"""Asking a node under lock, journal and gate, and putting everything back, whatever happens.
-
-Decides nothing about what is asked; shows nothing.
-"""
+"""Probe a node under lock, journal and gate, and roll everything back whatever happens."""
 
 from __future__ import annotations
 
@@ -106,7 +103,7 @@ def ask_safely(
         saves = False
         try:
             asked = _ask(node, subjects, found, terms, on_write)
-            if terms.saves:  # what it saves is what it was found with
+            if terms.saves:  # the device saves its initial values
                 if altered := _restore(node, plan, pdos):
                     raise _beside(altered)
                 saves = True
@@ -142,7 +139,7 @@ def _ask(
     answers: list[dict[str, ProbeAnswer]] = [{} for _ in ways]
     in_operational = terms.isolated and found.state is NmtState.OPERATIONAL
     if in_operational:
-        node.gate.found = found.state  # before it is asked: a restart must not hide where it was
+        node.gate.found = found.state  # recorded before probing: a restart must not hide the initial state
         for (asking, *_), own in zip(ways, answers, strict=True):
             _keep_to(terms, askings, asking)
             for probe in while_operational(asking.subject):

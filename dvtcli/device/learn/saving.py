@@ -33,7 +33,7 @@ class SignatureAnswers:
 
     @property
     def writes(self) -> int:
-        """How many signatures were sent."""
+        """The number of signatures sent."""
         return sum(answer.code is not None for answer in self.answers)
 
     @property

@@ -86,7 +86,7 @@ def _candidates(pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> list[tup
 
 
 def _goes_back(node: Node, pdo: Pdo, held: PdoConfig) -> bool:
-    """Whether the rules see nothing that the device could refuse when the PDO is put back."""
+    """True if by the rules the device could not refuse the roll-back of the PDO."""
     entry = node.dictionary.entry(pdo.communication_index, 1) if node.dictionary else None
     if entry is not None and not entry.access.writable:
         return False
@@ -173,7 +173,7 @@ def _fits(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> It
 
 
 def _varied(node: Node, entries: Sequence[PdoMappingEntry]) -> list[PdoMappingEntry]:
-    """*entries* with the first of each access and kind before the others: a refusal may be for either."""
+    """*entries* with the first of each access and kind ahead, since either may cause a refusal."""
     known = {} if node.dictionary is None else _features(node.dictionary, entries)
     first: dict[Features | None, PdoMappingEntry] = {}
     for entry in entries:

@@ -21,7 +21,7 @@ _CRC = 0x04
 
 
 class ServedBlockTransfer(Protocol):
-    """A block transfer that is under way; *multiplexer* is index and sub-index as on the wire."""
+    """A block transfer in progress; *multiplexer* is index and sub-index as on the wire."""
 
     multiplexer: bytes
     finished: bool
@@ -117,11 +117,11 @@ class ServedBlockUpload:
         return bytes([0xC2 | (_CRC if self._has_crc else 0)]) + self.multiplexer + len(self._data).to_bytes(4, "little")
 
     def takes(self, request: bytes) -> bool:
-        """Start, acknowledgement and end."""
+        """True for start, acknowledgement and end."""
         return request[0] >> 5 == _BLOCK_UPLOAD and request[0] & 0x03 != 0
 
     def handle(self, request: bytes) -> list[bytes]:
-        """Send a sub-block at the start and after each acknowledgement, and the end after the last one."""
+        """Send a sub-block at the start and after each acknowledgement, and the end after the last."""
         step = request[0] & 0x03
         if step == 1 and self._ending:
             self.finished = True
@@ -142,9 +142,7 @@ class ServedBlockUpload:
             return self._segments()
         self._ending = True
         unused = (-len(self._data) % _SEGMENT_BYTES) if self._data else _SEGMENT_BYTES
-        crc = (
-            crc_hqx(self._data, 0) if self._has_crc else 0
-        )  # also for who did not ask for it: clients look at it all the same
+        crc = crc_hqx(self._data, 0) if self._has_crc else 0  # even if not requested: clients check it all the same
         return [bytes([0xC1 | unused << 2]) + crc.to_bytes(2, "little") + bytes(5)]
 
     def _segments(self) -> list[bytes]:
@@ -161,7 +159,7 @@ class ServedBlockUpload:
         return found
 
     def _is_last(self, start: int, segments: int) -> bool:
-        """Whether *segments* segments from byte *start* on reach the end of the data."""
+        """True if *segments* segments from byte *start* on reach the end of the data."""
         return start + segments * _SEGMENT_BYTES >= len(self._data)
 
 

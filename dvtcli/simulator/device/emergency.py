@@ -40,11 +40,11 @@ class Emergencies:
 
     @property
     def due_s(self) -> float:
-        """When `poll` has a frame to send next (s)."""
+        """The time of the next frame from `poll` (s)."""
         return self._quiet_until_s if self._waiting else float("inf")
 
     def reset(self) -> None:
-        """Forget every error, as a reset does; the standard's objects are the memory's to reset."""
+        """Clear every error, as a reset does; the memory resets the standard's objects."""
         if self._active:
             self._active.clear()
             self.list_active()
@@ -121,7 +121,7 @@ class Emergencies:
         return Frame(raw & 0x1FFF_FFFF, data, extended=bool(raw & _EXTENDED))
 
     def _update_register(self) -> int:
-        """Bring 0x1001 up to date: bits that the device's own application set stay."""
+        """Update 0x1001; bits set by the device's own application stay."""
         own = 0
         for code in self._active.values():
             own |= _GENERIC | _BITS.get(code >> 12, 0)

@@ -123,7 +123,7 @@ class Family:
 
     name: str = "generic"
     title: str = "CiA 301 device"
-    #: what is remarkable about it, in a few words
+    #: its special features, in a few words
     about: str = ""
     absent: Mapping[Object, int] = field(default_factory=dict)
     granularity: int | None = None

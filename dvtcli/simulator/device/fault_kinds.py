@@ -52,7 +52,7 @@ class FaultKind(StrEnum):
 
     @property
     def at_read(self) -> bool:
-        """Whether K counts the uploads since the node's last download, instead of downloads."""
+        """True if K counts the uploads since the node's last download instead of downloads."""
         return self in (FaultKind.REFUSE_READ, FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
 
     @property

@@ -100,11 +100,11 @@ class FaultyServer:
         self._no_boot_up = False
         #: uploads since the last download; None before the first one
         self._reads: int | None = None
-        #: values that the node puts back by itself, each with its time
+        #: values restored by the node itself, each with its time
         self._corrections: list[tuple[float, int, int, bytes]] = []
         self._store_delay_s = 0.0
         self._wrong_toggle = False
-        #: an upload that is answered in segments on purpose: its data
+        #: the data of an upload segmented on purpose
         self._segmented: bytes | None = None
         self.downloads = 0
         self.dead = False
@@ -129,7 +129,7 @@ class FaultyServer:
             break_device(self._server.device, fault)
 
     def handle(self, request: bytes, now_s: float) -> FaultyReply:
-        """The answer to *request* at *now_s*, faults included."""
+        """The answer to *request* at *now_s*, including faults."""
         if len(request) != 8 or self._server.in_block(request):
             return self._plain(request)
         if request[0] >> 5 in (INITIATE_UPLOAD, BLOCK_UPLOAD) and self._reads is not None:
@@ -155,7 +155,7 @@ class FaultyServer:
 
     @property
     def due_s(self) -> float | None:
-        """When `poll` has something to do next, None for never."""
+        """The time of the next `poll`, None for never."""
         times = [due for due, *_ in self._corrections]
         return min([*times, *([] if self.boots_at_s is None else [self.boots_at_s])], default=None)
 
@@ -224,7 +224,7 @@ class FaultyServer:
         self.boots_at_s = boots_at_s
 
     def _plain(self, request: bytes) -> FaultyReply:
-        """The server's own answer; the toggle bit is wrong in the first segment after it was asked for."""
+        """The server's own answer, with a wrong toggle bit in the first segment after the fault is due."""
         specifier = request[0] >> 5 if len(request) == 8 else None
         if specifier == UPLOAD_SEGMENT and self._segmented is not None:
             data, self._segmented = self._segmented, None
@@ -274,7 +274,7 @@ def _moment(fault: Fault) -> str:
 
 
 def _enables(request: bytes) -> bool:
-    """Whether a download makes a PDO valid: its COB-ID, expedited, with bit 31 clear."""
+    """True if a download makes a PDO valid: its COB-ID, expedited, with bit 31 clear."""
     pdo = Pdo.at(int.from_bytes(request[1:3], "little"))
     return (
         pdo is not None

@@ -33,7 +33,7 @@ class SyncProducer:
         self.reset()
 
     def reset(self) -> None:
-        """Start over, as after a reset: the counter begins with 1."""
+        """Restart as after a reset: the counter begins with 1."""
         self._period_us = 0
         self._counter = 0
         self.due_s = float("inf")
@@ -102,14 +102,14 @@ def _is_used(index: int, raw: int) -> bool:
 
 
 class VirtualPdos:
-    """Copies values after every change; a pin tied to an object that does not exist is left alone."""
+    """Copies values after every change; a pin tied to a missing object is left alone."""
 
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
         self._family = family
 
     def copy(self) -> None:
-        """Bring every tied object up to date."""
+        """Update every tied object."""
         for group in self._family.pins:
             for pin, selected in self._selected(group.selector):
                 self._copy_pin(group, pin, (selected, 0))
@@ -117,7 +117,7 @@ class VirtualPdos:
             self._copy_motors(self._family.motors)
 
     def _selected(self, selector: int) -> Iterator[tuple[int, int]]:
-        """Pins from 1 with the index they are tied to; an index that ends in FF means none."""
+        """Pins from 1 with the index tied to each; an index ending in FF means none."""
         for pin in range(1, self._memory.number(selector, 0) + 1):
             selected = self._memory.number(selector, pin)
             if selected & 0xFF != 0xFF:
@@ -179,11 +179,11 @@ class FrameServices:
         self._heartbeat = Heartbeat(memory)
         self._producers = HeartbeatConsumer(memory, self._errors)
         self._guarded = GuardingResponse(memory)
-        #: how often the device has started so far
+        #: the number of starts so far
         self.starts = 0
-        #: those that judge the values of their own objects
+        #: the services that check values of their objects
         self.judges = (self._errors, ServiceCobIds(memory), self._sync_producer, self._producers)
-        #: what the memory counted when it was last polled, and when it is due if nothing changes
+        #: the memory's count at the last poll, and the due time if nothing changes
         self._polled_changes = -1
         self._due_s = -_NEVER
         self._sync_changes = 0
@@ -202,7 +202,7 @@ class FrameServices:
             self._memory.touch()
 
     def booted(self) -> None:
-        """The boot-up was sent: heartbeats begin."""
+        """Start the heartbeats after the boot-up message."""
         self.starts += 1
         self._heartbeat.reset()
 
@@ -243,7 +243,7 @@ class FrameServices:
         return frames
 
     def receive(self, frame: Frame) -> list[Frame]:
-        """Take a frame: an RPDO, a heartbeat, a request for a TPDO or the state; what the device sends in answer."""
+        """Receive an RPDO, a heartbeat, or a request for a TPDO or the state; returns the device's answers."""
         if self._state is not NmtState.INITIALISING and self._guarded.listens(frame):
             return [self._guarded.answer(self._state)]
         if self._state is not NmtState.INITIALISING and self._producers.listens(frame):
@@ -258,7 +258,7 @@ class FrameServices:
         return answers
 
     def hears(self, frame: Frame) -> bool:
-        """Whether *frame*, no NMT command and no SDO, may mean something to the device: SYNC, PDO, error control."""
+        """True if *frame*, neither NMT command nor SDO, may concern the device: SYNC, PDO, error control."""
         if self._guarded.concerns(frame):
             return True
         if self._state is not NmtState.OPERATIONAL:
@@ -271,12 +271,12 @@ class FrameServices:
         return self._exchange.forgotten + self._sync_changes + self._producers.changes
 
     def hears_sync(self, frame: Frame) -> bool:
-        """Whether *frame* is a SYNC to this device (0x1005, else 0x080)."""
+        """True if *frame* is the device's SYNC (0x1005, else 0x080)."""
         raw = self._memory.number(SYNC_COB_ID, 0, missing=0x80)
         return not frame.remote and (frame.can_id, frame.extended) == (raw & 0x1FFF_FFFF, bool(raw & 1 << 29))
 
     def poll(self, now_s: float) -> list[Frame]:
-        """The frames due by themselves at *now_s*, a monotonic time in seconds.
+        """The frames due at *now_s*, a monotonic time in seconds.
 
         Heartbeats (0x1017), SYNC (0x1006), EMCYs held back (0x1015), and event-driven TPDOs.
         """
@@ -295,7 +295,7 @@ class FrameServices:
         return frames
 
     def next_poll_s(self) -> float | None:
-        """When `poll` has something to do next, on the same clock, 0 for at once; None for never."""
+        """The time of the next `poll` on the same clock, 0 for at once; None for never."""
         if self._memory.changes != self._polled_changes:
             return 0.0
         return None if self._due_s == _NEVER else self._due_s

@@ -30,7 +30,7 @@ class Gates:
         return master is not None and self._memory.number(*master) == 1
 
     def check(self, index: int, state: NmtState) -> None:
-        """Raise Refusal where the access level or *state* does not allow a download to *index*."""
+        """Raise Refusal if the access level or *state* does not allow a download to *index*."""
         login = self._family.login
         if login is not None and within(index, login.writes) and self._level(login) < login.level:
             raise Refusal(Abort.GENERAL, LEVEL_TOO_LOW)
@@ -65,7 +65,7 @@ class Gates:
             self._memory.write(login.index, LEVEL, bytes([login.start]))
 
     def is_passcode(self, index: int, sub_index: int) -> bool:
-        """Whether a download to the object is an attempt to log in or out."""
+        """True if a download to the object is a login or logout."""
         return self._family.login is not None and (index, sub_index) == (self._family.login.index, PASSCODE)
 
     def log_in(self, data: bytes) -> None:
@@ -86,7 +86,7 @@ class Gates:
             raise Refusal(Abort.GENERAL, LOGIN_FAILED)
 
     def forced_state(self, index: int, sub_index: int) -> NmtState | None:
-        """The state that a download just made to the object forces, None for none."""
+        """The state forced by a download just made to the object, None for none."""
         if (index, sub_index) != self._family.state_request or not self.is_master:
             return None
         forced = self._memory.number(index, sub_index)

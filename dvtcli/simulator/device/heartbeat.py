@@ -28,7 +28,7 @@ class Heartbeat:
         self.reset()
 
     def reset(self) -> None:
-        """Start over, as after a boot-up: the first heartbeat comes at once."""
+        """Restart as after a boot-up: the first heartbeat comes at once."""
         self._period_ms = 0
         self.due_s = _NEVER
 
@@ -56,11 +56,11 @@ class GuardingResponse:
         self.reset()
 
     def reset(self) -> None:
-        """Start over, as after a boot-up: the first answer's toggle bit is 0."""
+        """Restart as after a boot-up: the first answer's toggle bit is 0."""
         self._toggle = 0
 
     def concerns(self, frame: Frame) -> bool:
-        """Whether *frame* asks for the device's state."""
+        """True if *frame* requests the device's state."""
         return frame.remote and not frame.extended and frame.can_id == HEARTBEAT + self._memory.node_id
 
     def listens(self, frame: Frame) -> bool:
@@ -70,7 +70,7 @@ class GuardingResponse:
         return self._memory.exists(GUARD_TIME, 0) and not self._memory.number(HEARTBEAT_TIME, 0)
 
     def answer(self, state: NmtState) -> Frame:
-        """What the device answers in *state*; the next answer has the other toggle bit."""
+        """The device's answer in *state*; the next answer has the other toggle bit."""
         toggle, self._toggle = self._toggle, self._toggle ^ 0x80
         return Frame(HEARTBEAT + self._memory.node_id, bytes([toggle | state]))
 
@@ -89,7 +89,7 @@ class HeartbeatConsumer:
         self.configure()
 
     def configure(self) -> None:
-        """Look at 0x1016 again, and wait for every producer anew."""
+        """Reload 0x1016 and wait for every producer again."""
         self.changes += 1
         entries = [] if self._memory.backing is not None else list(self._entries().values())
         self._times_s = {raw >> 16: (raw & 0xFFFF) / 1000 for raw in entries if raw & 0xFFFF and 1 <= raw >> 16 <= 127}
@@ -98,7 +98,7 @@ class HeartbeatConsumer:
         self.due_s = _NEVER
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
-        """Refuse a second time for one producer (CiA 301, 7.5.2.16), and node guarding: this device has heartbeats."""
+        """Refuse a second time for one producer (CiA 301, 7.5.2.16), and node guarding beside heartbeats."""
         wanted = int.from_bytes(data, "little")
         if index in (GUARD_TIME, LIFE_TIME_FACTOR) and wanted and self._memory.backing is None:
             raise Refusal(Abort.VALUE_RANGE)

@@ -44,16 +44,16 @@ class LssSlave:
         self._family = family
         self.pending = self.stored = node_id
         self.bit_rate: int | None = None
-        #: which bit rates it can be told (bit/s), and what it runs at after power-on
+        #: the accepted bit rates (bit/s), and the bit rate after power-on
         self.known_rates: Collection[int] = ()
         self.stored_rate: int | None = None
-        #: whether it stays at its bit rate although it took another one; whether it is lost once that is activated
+        #: faults: it keeps its bit rate after accepting another; it is lost after the activation
         self.keeps_rate = self.loses_rate = False
         #: for how long the node neither hears nor sends from now on, in ms; whoever obeys sets it back to 0
         self.quiet_ms = 0
-        #: whether the node has just left its configuration with the first node-ID of its life
+        #: true if the node has just left the configuration state with its first node-ID
         self.woken = False
-        #: the bit rate that was configured, and counts once it is activated
+        #: the configured bit rate, effective after activation
         self._new_rate: int | None = None
         self.reset()
 
@@ -75,7 +75,7 @@ class LssSlave:
         self._new_rate = None
         self._memory.take_node_id(self.pending)
         self._configuring = self.woken = False
-        #: how many parts of an address have matched so far, and which part a fast scan is at
+        #: the number of matching address parts so far, and the current part of a fast scan
         self._matched = self._scanned = 0
 
     def handle(self, request: bytes) -> bytes | None:
@@ -135,7 +135,7 @@ class LssSlave:
         return _frame(IDENTIFIED)
 
     def _scan(self, number: int, bit: int, part: int, following: int) -> bytes | None:
-        """A question of the fast scan: is your *part* like *number* from bit *bit* upwards?"""
+        """Answer a fast scan request: does *part* equal *number* from bit *bit* upwards?"""
         if not self._unconfigured or self._configuring:
             return None
         if bit == _SCAN_RESET:
@@ -149,7 +149,7 @@ class LssSlave:
         return _frame(IDENTIFIED)
 
     def _configure(self, request: bytes) -> bytes | None:
-        """A service for nodes in the configuration state."""
+        """Carry out a service of the configuration state."""
         service = request[0]
         if service in INQUIRE:
             return _frame(service, self._part(service - INQUIRE[0]).to_bytes(4, "little"))

@@ -44,19 +44,19 @@ class Memory:
         self._capabilities = capabilities
         self._ram: dict[Key, bytes] = {}
         self._stored: dict[Key, bytes] = {}
-        #: grows whenever what is stored changes
+        #: grows whenever a stored value changes
         self.stored_changes = 0
         self._existence: dict[Key, Refusal | None] = {}
-        #: what was looked up in the dictionary, which does not change
+        #: the cache of the dictionary, which does not change
         self._existing: set[Key] = set()
         self._initials: dict[Key, bytes] = {}
-        #: how often something was written or noted, so that whoever looks on sees that there is something new
+        #: the number of changes, for observers
         self.changes = 0
-        #: called each time that this grows
+        #: called at each growth
         self.on_change: list[Callable[[], None]] = []
 
     def take_node_id(self, node_id: int) -> None:
-        """Make *node_id* (1..127, 255 for none) the node's own: defaults with $NODEID follow it."""
+        """Set the node-ID to *node_id* (1..127, 255 for none): defaults with $NODEID follow."""
         if node_id != self.node_id:
             self.node_id = node_id
             self._initials.clear()
@@ -82,7 +82,7 @@ class Memory:
         self._existing.add((index, sub_index))
 
     def exists(self, index: int, sub_index: int) -> bool:
-        """Whether the node has the object."""
+        """True if the node has the object."""
         try:
             self.require(index, sub_index)
         except Refusal:
@@ -107,7 +107,7 @@ class Memory:
         return None
 
     def read(self, index: int, sub_index: int) -> bytes:
-        """The bytes an upload answers, without looking at access; the object must exist."""
+        """The bytes of an upload, regardless of access; the object must exist."""
         held = self._ram.get((index, sub_index))
         if held is not None:
             return held
@@ -175,7 +175,7 @@ class Memory:
         return set(self.dictionary) | {index for index, _ in self._ram}
 
     def save(self, first: int, last: int) -> None:
-        """Copy what is in RAM for indices *first*..*last* to the stored values."""
+        """Copy RAM to the stored values for indices *first*..*last*."""
         self.stored_changes += 1
         for (index, sub_index), data in self._ram.items():
             entry = self.entry(index, sub_index)
@@ -197,7 +197,7 @@ class Memory:
         self._stored = {key: bytes(values[key]) for key in fitting}
 
     def reload(self, first: int, last: int) -> None:
-        """Put indices *first*..*last* back to their stored values, else their defaults, as a reset does."""
+        """Reset indices *first*..*last* to their stored values, else their defaults."""
         self._ram = {key: data for key, data in self._ram.items() if not first <= key[0] <= last}
         self._ram.update({key: data for key, data in self._stored.items() if first <= key[0] <= last})
         self.touch()

@@ -30,11 +30,11 @@ class ParameterAreas:
         self.fails = self.stores_nothing = self.restores_nothing = self.saves_itself = self.keeps_ram = False
 
     def handles(self, index: int, sub_index: int) -> bool:
-        """Whether a download to the object is a command to this store."""
+        """True if a download to the object is a store or restore command."""
         return (index in _SIGNATURES and sub_index > 0) or (index, sub_index) == self._family.save_command
 
     def command(self, index: int, sub_index: int, data: bytes) -> None:
-        """Carry out a store or note a restore; Refusal for a wrong signature, and (06060000) for a failure."""
+        """Store, or record a restore. Raises Refusal for a wrong signature, and Refusal (06060000) for a failure."""
         area = _AREAS.get(sub_index, _MANUFACTURER) if index in _SIGNATURES else ALL
         if index in _SIGNATURES and data != _SIGNATURES[index]:
             self._wrong_signature(index)
@@ -72,7 +72,7 @@ class ParameterAreas:
         return self._memory.stored_changes
 
     def kept(self) -> dict[tuple[int, int], bytes]:
-        """What the next power-on brings back, by index and sub-index; the rest are defaults."""
+        """The values restored at power-on, by index and sub-index; the rest are defaults."""
         kept = self._memory.stored_outside(1, 0)
         for first, last in self._to_restore:
             kept = {key: data for key, data in kept.items() if not first <= key[0] <= last}

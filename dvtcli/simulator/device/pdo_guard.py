@@ -210,7 +210,7 @@ class PdoGuard:
         self._entries = EntryGuard(memory, family)
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
-        """Raise Refusal where the device does not take *data* for a PDO parameter now."""
+        """Raise Refusal if the device does not accept *data* for a PDO parameter now."""
         pdo = Pdo.at(index)
         if pdo is None:
             return
@@ -339,7 +339,7 @@ class PdoGuard:
             self._entries.check(pdo, PdoMappingEntry.from_raw(raw))
 
     def _is_same(self, pdo: Pdo, sub_index: int, value: int) -> bool:
-        """Whether the mapping holds *value* already, and the family takes that for no write."""
+        """True if the mapping has *value* already and the family does not count this as a write."""
         return self._family.same_mapping_accepted and self._memory.number(pdo.mapping_index, sub_index) == value
 
     def _max_entries(self, pdo: Pdo) -> int:

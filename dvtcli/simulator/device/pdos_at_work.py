@@ -65,7 +65,7 @@ class Tpdo:
     kind: int
     start: int
     entries: tuple[PdoMappingEntry, ...]
-    #: None until it is polled for the first time, or for ever where it is not event-driven
+    #: None until the first poll, or always if not event-driven
     timing: EventTiming | None = None
     #: what was last sent by type 0, or sampled by type 252
     sample: bytes | None = field(default=None, repr=False)
@@ -126,7 +126,7 @@ def collect(memory: Memory, entries: Iterable[PdoMappingEntry]) -> bytes:
 
 
 def spread(memory: Memory, entries: Iterable[PdoMappingEntry], data: bytes) -> None:
-    """Put *data* into the mapped objects; dummies and objects that the node does not have are skipped."""
+    """Write *data* into the mapped objects, skipping dummies and missing objects."""
     bits, offset = int.from_bytes(data, "little"), 0
     for entry in entries:
         if entry.index not in DUMMY_BITS and memory.exists(entry.index, entry.sub_index):
@@ -178,7 +178,7 @@ class PdoExchange:
         self._cob_ids: set[tuple[int, bool]] = set()
         #: how often `forget` was called: as long as it stays, `knows` answers the same
         self.forgotten = 0
-        #: PDOs whose parameters changed, None for all
+        #: PDOs with changed parameters, None for all
         self._stale: set[Pdo] | None = None
         self.due_s = NEVER
 

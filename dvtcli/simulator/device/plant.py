@@ -132,7 +132,7 @@ def next_state(
 
 
 def is_drive(device: StrictDevice) -> bool:
-    """Whether *device* has a controlword, a statusword, and a target and an actual velocity."""
+    """True if *device* has a controlword, a statusword, and a target and an actual velocity."""
     return all(_number_type(device, place) is not None for place in _NEEDED)
 
 
@@ -163,12 +163,12 @@ class Plant:
         self._seen = self.device.changes
 
     def _wake(self) -> None:
-        """Be as the device's objects say, at rest unless its state ends by itself."""
+        """Start from the device's objects, at rest unless its state ends by itself."""
         self.state = state_of(int(self._number(STATUSWORD)))
         self._velocity, self._position = self._number(ACTUAL_VELOCITY), self._number(ACTUAL_POSITION)
         self._controlword = int(self._number(CONTROLWORD))
         self._obeyed, self._resting = self._orders(), self.state not in _PASSING
-        #: the statusword that was put last
+        #: the last statusword written
         self._told: bytes | None = None
         self._last_s: float | None = None
         self._next_s = NEVER if self._resting else 0.0
@@ -190,7 +190,7 @@ class Plant:
         self._last_s, self._next_s = (None, NEVER) if self._resting else (now_s, now_s + STEP_S)
 
     def _obey(self) -> None:
-        """Take the controlword and the mode as they are now."""
+        """Apply the present controlword and mode."""
         controlword = int(self._number(CONTROLWORD))
         edge = bool(controlword & ~self._controlword & _FAULT_RESET)
         self._controlword = controlword
@@ -203,18 +203,18 @@ class Plant:
 
     @property
     def _stop_passes(self) -> bool:
-        """Whether a quick stop is active that ends without voltage once the motor stands."""
+        """True if a quick stop is active that ends without voltage at standstill."""
         option = _DEFAULT_OPTION if self._types[QUICK_STOP_OPTION] is None else int(self._number(QUICK_STOP_OPTION))
         return self.state is DriveState.QUICK_STOP_ACTIVE and option not in _STAYS_STOPPED
 
     def _wanted(self) -> float:
-        """The velocity to go to: none unless the operation is enabled and not halted."""
+        """The velocity to reach: 0 unless operation is enabled and not halted."""
         if self.state is not DriveState.OPERATION_ENABLED or self._controlword & _HALT:
             return 0.0
         return self._number(TARGET_VELOCITY)
 
     def _turn(self, target: float, elapsed_s: float) -> None:
-        """Go on for *elapsed_s*, from where somebody else brought the velocity or position if they did."""
+        """Move for *elapsed_s*, from a velocity or position set by others, if any."""
         self._velocity = self._as_held(ACTUAL_VELOCITY, self._velocity)
         self._position = self._as_held(ACTUAL_POSITION, self._position)
         most = (self._number(ACCELERATION) or _DEFAULT_ACCELERATION) * elapsed_s

@@ -1,7 +1,4 @@
-"""Errors that a simulated node raises by itself at their times: `--fault emcy=0x3210:2`.
-
-Does not know how an error is told (`emergency`), nor clocks.
-"""
+"""Errors raised by a simulated node at given times: `--fault emcy=0x3210:2`."""
 
 from __future__ import annotations
 
@@ -19,12 +16,12 @@ class RaisedErrors:
         self._device = device
         self._faults = sorted(faults, key=lambda fault: fault.seconds or 0.0)
         self._waiting: list[tuple[float, int]] = []
-        #: which start of the device the waiting ones belong to
+        #: the start of the device for the waiting errors
         self._start = -1
 
     @property
     def due_s(self) -> float:
-        """When the next error comes (s); at once after a start, which is when their times begin."""
+        """The time of the next error (s); at once after a start, when their times begin."""
         if self._device.services.starts != self._start:
             return -NEVER
         return self._waiting[0][0] if self._waiting else NEVER

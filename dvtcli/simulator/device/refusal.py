@@ -1,4 +1,4 @@
-"""How a simulated device says no. Does not know what an abort code means to a person."""
+"""The exception for an SDO abort of a simulated device."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _OUT_OF_MEMORY = 0x0504_0005
 
 @dataclass(slots=True)
 class _SegmentedTransfer:
-    """A segmented transfer: *multiplexer* is index and sub-index as on the wire, *size* what the client announced."""
+    """A segmented transfer: *multiplexer* is index and sub-index as on the wire, *size* the announced size."""
 
     multiplexer: bytes
     upload: bool
@@ -46,7 +46,7 @@ class SdoServer:
         self.device = device
         self._transfer: _SegmentedTransfer | None = None
         self._block: ServedBlockTransfer | None = None
-        #: what follows the response to the last request, in order: the other segments of a sub-block
+        #: the frames after the last response, in order: the other segments of a sub-block
         self.more: list[bytes] = []
         self._services: dict[int, Callable[[bytes], bytes]] = {
             DOWNLOAD_SEGMENT: self._download_segment,
@@ -110,7 +110,7 @@ class SdoServer:
         return b"\x80" + multiplexer + Abort.TIME_OUT.to_bytes(4, "little")
 
     def _go_on(self, block: ServedBlockTransfer, request: bytes) -> bytes | None:
-        """Let *block* take *request*."""
+        """Pass *request* to *block*."""
         try:
             responses = block.handle(request)
         except Refusal as refusal:

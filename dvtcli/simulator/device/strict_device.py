@@ -59,7 +59,7 @@ class DeviceService(Protocol):
 
 
 class Judge:
-    """Judges the downloads to one device; *services* are asked after the PDO rules and the file's limits."""
+    """Checks downloads to one device; *services* check after the PDO rules and the file's limits."""
 
     def __init__(
         self, memory: Memory, family: Family, gates: Gates, store: ParameterAreas, services: Sequence[DeviceService]
@@ -83,7 +83,9 @@ class Judge:
         raise Refusal(Abort.TOO_LONG if size > wanted else Abort.TOO_SHORT)
 
     def check_value(self, index: int, sub_index: int, data: bytes, state: NmtState) -> None:
-        """Raise Refusal for *data*; state and PDO rules come before the file's limits: their abort codes say more."""
+        """Raise Refusal for *data*; state and PDO rules precede the file's limits, as their abort codes are more
+        specific.
+        """
         self._gates.check(index, state)
         if self._family.pdo_rules_always or state is NmtState.OPERATIONAL:
             self._guard.check(index, sub_index, data)
@@ -95,7 +97,7 @@ class Judge:
         self._gates.check_selection(index, sub_index, data)
 
     def _check_limits(self, entry: OdEntry, data: bytes) -> None:
-        """The file's limits; of a PDO's parameter the family may have another answer, or none."""
+        """Check the file's limits; for a PDO parameter the family may have another answer, or none."""
         try:
             check_limits(entry, self._memory.node_id, data)
         except Refusal as outside:
@@ -135,19 +137,19 @@ class StrictDevice:
         self.dictionary = dictionary.without(family.absent)
         self.family = family
         self.outbox: list[Frame] = []
-        #: how often it has reset itself, or was reset
+        #: the number of resets
         self.resets = 0
         #: whether NMT commands that ask for a state are not obeyed
         self.ignores_nmt = False
         self._memory = Memory(self.dictionary, node_id, family.capabilities, backing, family.absent)
         self._gates = Gates(self._memory, family)
-        #: what is stored, and what a reset brings back
+        #: stored values and the reset
         self.areas = ParameterAreas(self._memory, family)
-        #: what it sends and hears besides SDO and NMT commands
+        #: the services besides SDO and NMT commands
         self.services = FrameServices(self._memory, family)
-        #: what programs it, None for a device whose program stays, and for a twin
+        #: the boot loader, None for a fixed program and for a twin
         self.loader = _loader() if family.boot_loader and backing is None else None
-        #: what hears an LSS master; until it is needed, the bit rate (bit/s) at power-on, and those that it can be told
+        #: the LSS slave; before its first use, the bit rate (bit/s) at power-on, and the accepted bit rates
         self._lss: LssSlave | None = None
         self._rates: tuple[int | None, Collection[int] | None] = (None, ())
         self._judge = Judge(self._memory, family, self._gates, self.areas, self.services.judges)
@@ -180,7 +182,7 @@ class StrictDevice:
 
     @property
     def state(self) -> NmtState:
-        """The NMT state; a twin's is set to what the real node's was."""
+        """The NMT state; a twin's is copied from the real node."""
         return self.services.state
 
     @state.setter
@@ -197,7 +199,7 @@ class StrictDevice:
         self._memory.on_change.append(callback)
 
     def power_on(self, stored: Mapping[tuple[int, int], bytes], node_id: int | None = None) -> None:
-        """Wake with *stored* and *node_id* as what was kept, and nothing else; INITIALISING until `boot_up`."""
+        """Start from *stored* values and *node_id* only; INITIALISING until `boot_up`."""
         self._memory.put_stored(stored)
         if node_id:
             self.lss.stored = node_id
@@ -243,17 +245,15 @@ class StrictDevice:
         return self._memory.read(index, sub_index)
 
     def set_value(self, index: int, sub_index: int, data: bytes) -> None:
-        """Let the device's own application change an object: a sensor moved, a status changed."""
+        """Change an object as the device's own application would: a sensor moved, a status changed."""
         self._memory.require(index, sub_index)
         self._memory.write(index, sub_index, data)
         self.services.changed(index)
 
     def nmt(self, command: int) -> None:
-        """Obey an NMT command specifier; unknown ones are ignored, and everything by a master or before `boot_up`."""
+        """Obey an NMT command specifier; ignores unknown specifiers, and all as a master or before `boot_up`."""
         if self.node_id == UNCONFIGURED and command == NmtCommand.RESET_COMMUNICATION:
-            self._reset(
-                communication_only=True
-            )  # it obeys while it has no node-ID, so that it takes the one it was told
+            self._reset(communication_only=True)  # obeyed without a node-ID, to activate a configured node-ID
             return
         if self.state is NmtState.INITIALISING or command not in list(NmtCommand) or self._gates.is_master:
             return
@@ -265,7 +265,7 @@ class StrictDevice:
             self._reset(communication_only=command == NmtCommand.RESET_COMMUNICATION)
 
     def layer_setting(self, request: bytes) -> bytes | None:
-        """Obey an LSS *request*; the answer, None for none. An INITIALISING node obeys only while it has no node-ID."""
+        """Obey an LSS *request*; the answer, None for none. An INITIALISING node obeys only without a node-ID."""
         if self.state is NmtState.INITIALISING and self.node_id != UNCONFIGURED:
             return None
         answer = self.lss.handle(request)
@@ -274,9 +274,9 @@ class StrictDevice:
         return answer
 
     def boot_up(self) -> None:
-        """Finish initialising: the boot-up frame goes to the outbox, the state is the family's.
+        """Finish initialising: put the boot-up frame in the outbox and enter the family's state.
 
-        A node without a node-ID goes on waiting for one (CiA 305).
+        A node without a node-ID continues to wait for one (CiA 305).
         """
         if self.node_id == UNCONFIGURED:
             return
@@ -286,7 +286,7 @@ class StrictDevice:
         self.services.booted()
 
     def restart(self) -> None:
-        """Lose what was not stored, as at power-on; INITIALISING, silent and deaf until `boot_up`."""
+        """Lose unstored values, as at power-on; INITIALISING without communication until `boot_up`."""
         self.outbox.clear()
         self._initialise(communication_only=False, powered=False)
 

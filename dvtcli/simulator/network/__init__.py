@@ -1,1 +1,1 @@
-"""Simulated nodes among others: on a bus, behind a socket, in virtual time, as a twin."""
+"""Simulated nodes on a network: on a bus, behind a socket, in virtual time, as a twin."""

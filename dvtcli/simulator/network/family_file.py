@@ -219,7 +219,7 @@ _FILE = "simulated.toml"
 
 
 def family_names() -> tuple[str, ...]:
-    """The families that come with dvtcli, in alphabetical order; no file is opened."""
+    """The families included with dvtcli, in alphabetical order; opens no file."""
     return families_with(_FILE)
 
 
@@ -245,7 +245,7 @@ def load_family(name: str) -> Family:
 
 
 def is_family_folder(text: str) -> bool:
-    """Whether *text* is the path of a folder with a family's `simulated.toml`."""
+    """True if *text* is the path of a folder with a family's `simulated.toml`."""
     return os.path.isfile(os.path.join(text, _FILE))  # noqa: PTH113, PTH118 - Path raises for a name that is too long
 
 

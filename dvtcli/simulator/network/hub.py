@@ -64,16 +64,16 @@ class Hub:
         self._admit, self._most, self._may_come = admit, most, may_come
         self._tell = tell
         self._stall_s = stall_s
-        self._selector = selectors.SelectSelector()  # the only one that waits for less than a millisecond
+        self._selector = selectors.SelectSelector()  # the only selector with waits under a millisecond
         self._clients: dict[socket.socket, Client] = {}
         #: until when nobody is let in (s), None where clients may come; and whether the user was told
         self._full_until_s: float | None = None
         self._full_told = False
-        #: whose the connections are, while newcomers are let in
+        #: the owners of the connections, while new clients are accepted
         self._whose: dict[Peer, str] = {}
         self._listeners: list[socket.socket] = []
         self._paths: list[str] = []
-        #: TCP ports that it listens at, in the order of its addresses
+        #: the TCP ports in the order of the addresses
         self.ports: tuple[int, ...] = ()
         try:
             for address in addresses:
@@ -117,7 +117,7 @@ class Hub:
 
     @property
     def clients(self) -> int:
-        """How many clients are connected."""
+        """The number of connected clients."""
         return len(self._clients)
 
     @property
@@ -127,11 +127,11 @@ class Hub:
 
     def wake(self) -> None:
         """End a `wait`, from any thread or signal handler."""
-        with suppress(OSError):  # it is full of wake-ups already, or closed
+        with suppress(OSError):  # already full of wake-ups, or closed
             self._waker.send(b"\0")
 
     def tell_all(self, text: bytes, source: object) -> None:
-        """Put *text* on its way to every client in raw mode but *source*."""
+        """Queue *text* for every client in raw mode except *source*."""
         for client in self._clients.values():
             if client.raw and client is not source:
                 client.put(text, source)
@@ -161,7 +161,7 @@ class Hub:
         return frames
 
     def close(self) -> None:
-        """Leave: clients see their connection end. May be called twice."""
+        """Close all connections. May be called twice."""
         for client in tuple(self._clients.values()):
             self._drop(client, None)
         self._close_listeners()
@@ -170,7 +170,7 @@ class Hub:
         self._selector.close()
 
     def cut(self) -> None:
-        """Let the bus die: every connection ends, and no new one is taken."""
+        """Fail the bus: end every connection and accept no new ones."""
         self._close_listeners()
         self._full_until_s = None
         for client in tuple(self._clients.values()):

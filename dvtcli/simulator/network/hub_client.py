@@ -45,25 +45,25 @@ class Client:
     requests: Requests = field(default_factory=Requests)
     opened: bool = False
     raw: bool = False
-    #: what waits to be sent, and what waits until frames may follow
+    #: unsent data, and frames held until release
     out: bytearray = field(default_factory=bytearray)
     held: bytearray = field(default_factory=bytearray)
     held_until_s: float | None = None
-    #: bytes that each sender let wait for it since nothing waited
+    #: queued bytes per sender since the queue was last empty
     owed: dict[object, int] = field(default_factory=dict)
     #: when something was last taken, or began to wait
     progress_s: float = 0.0
-    #: when it was last looked at
+    #: the time of the last flush
     looked_s: float = 0.0
     blocked: bool = False
     events: int = selectors.EVENT_READ
-    #: whether it said something since anything was sent to it
+    #: true if the client sent data since the last send to it
     unanswered: bool = False
     complained: bool = False
-    #: host and port that it comes from, and when it last said something (s)
+    #: host and port of the client, and the time of its last data (s)
     peer: tuple[str, int] = ("", 0)
     said_s: float = 0.0
-    #: whether the connection has ended, or has to, and the reason that the user is told where there is one
+    #: true if the connection has ended or must end, and the reason for the user, if any
     gone: bool = False
     why: str | None = None
 
@@ -151,7 +151,7 @@ class Client:
         return self.take(data)
 
     def greet(self) -> None:
-        """Say the first word."""
+        """Send the greeting."""
         self.reply(HI)
 
     def take(self, data: bytes) -> list[Frame]:

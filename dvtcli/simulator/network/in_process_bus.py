@@ -57,19 +57,19 @@ class NodesOnABus:
     ) -> None:
         known_rates = () if bit_rate is None else None
         self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
-        #: what those who are not simulated run at (bit/s), and whether they only listen
+        #: the bit rate of real participants (bit/s), and whether they only listen
         self.bit_rate, self.only_heard = bit_rate, False
         self._roster = Roster(self.nodes)
         self._say = say
         self._destroyed = destroyed
         self._now_s = 0.0
         self._rests_until_s = 0.0
-        #: what was said on the bus, with the node that said it and its bit rate, and not heard by the nodes yet
+        #: frames not yet delivered to the nodes, with sender and bit rate
         self._said: deque[tuple[Frame, SimulatedNode | None, int | None]] = deque()
 
     @property
     def bus_failed(self) -> bool:
-        """Whether a fault has killed the bus."""
+        """True if a fault has killed the bus."""
         return self._roster.bus_failed
 
     def boot(self, now_s: float) -> None:
@@ -100,7 +100,7 @@ class NodesOnABus:
             self._settle()
 
     def next_s(self) -> float:
-        """When something is due, infinite for never."""
+        """The next due time, infinite for never."""
         due_s = self._roster.next_s()
         return min(due_s, self._rests_until_s) if self._said else due_s
 
@@ -168,7 +168,7 @@ class InProcessBus(FrameBus[Frame]):
         super().__init__("sim", lambda frame: frame, simulated=True, timeout_s=timeout_s, retries=retries)
         #: held while time passes for the nodes, or they hear a frame
         self._lock = threading.Lock()
-        #: no SimpleQueue: after a wake-up in vain CPython's waits without end where its time ran out meanwhile
+        #: no SimpleQueue: after a spurious wake-up at the time-out CPython's waits forever
         self._said: Queue[Frame] = Queue()
         self._wall_s = time() - monotonic()
         self._error_frames = ErrorFrames()
@@ -186,7 +186,7 @@ class InProcessBus(FrameBus[Frame]):
         """Accept every bit rate."""
 
     def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """Hear and speak at *bit_rate* (bit/s) from now on; with *listen_only* only hear, and disturb nobody."""
+        """Run at *bit_rate* (bit/s) from now on; with *listen_only* only receive, without disturbing others."""
         with self._lock:
             self._nodes.pass_time(monotonic())
             self._nodes.bit_rate, self._nodes.only_heard = bit_rate, listen_only
@@ -204,7 +204,7 @@ class InProcessBus(FrameBus[Frame]):
             super().drain()
 
     def disturbances(self) -> list[str]:
-        """What was noticed since the last call: error frames, another SDO client, a node-ID used twice."""
+        """Disturbances since the last call: error frames, another SDO client, a node-ID used twice."""
         odd = super().disturbances()
         return [*self._error_frames.news(), *odd]
 
@@ -231,12 +231,12 @@ class InProcessBus(FrameBus[Frame]):
                 if self._said.empty() and left_s <= 0:
                     return None
                 with suppress(Empty):
-                    return self._said.get(timeout=max(0.0, left_s))  # another thread's `send` ends it, too
+                    return self._said.get(timeout=max(0.0, left_s))  # another thread's `send` ends the wait as well
             else:
                 return self._said.get_nowait()  # one thread reads at a time
 
     def _pass_time(self, until_s: float) -> float:
-        """Let happen what is due; seconds until something is due next, or until *until_s*."""
+        """Carry out everything due; seconds until the next due time, or until *until_s*."""
         with self._lock:
             now_s = monotonic()
             self._nodes.pass_time(now_s)
@@ -248,7 +248,7 @@ class InProcessBus(FrameBus[Frame]):
             self._understand(message, message.can_id, message.data, extended=message.extended)
 
     def _leave(self) -> None:
-        """Nothing is held: the nodes end with whoever has the bus."""
+        """Do nothing: the nodes end with the owner of the bus."""
 
     def _check_if_alive(self, what: str) -> None:
         if self._nodes.bus_failed:

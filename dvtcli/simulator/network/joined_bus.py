@@ -34,7 +34,7 @@ class JoinedBus:
 
     @property
     def name(self) -> str:
-        """How the bus is called on screens."""
+        """The name of the bus for display."""
         return self._bus.name
 
     def tell(self, frame: Frame) -> None:

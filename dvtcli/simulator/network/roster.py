@@ -25,17 +25,17 @@ class Roster:
         self._nodes = tuple(nodes)
         self._numbers = {node: number for number, node in enumerate(self._nodes)}
         self._breakable = tuple(node for node in self._nodes if node.has_faults)
-        #: which nodes have a node-ID, and which ones a CAN-ID means something to, as long as no node's hearing changes
+        #: nodes by node-ID, and receivers by CAN-ID, valid as long as no node's reception changes
         self._by_id: dict[int, tuple[SimulatedNode, ...]] = {}
         self._routes: dict[tuple[int, bool, bool], tuple[SimulatedNode, ...]] = {}
         self._ids: dict[SimulatedNode, int] = {}
         self._hearing: dict[SimulatedNode, int] = {}
-        #: what each node runs at (bit/s), and which bit rates these are
+        #: the bit rate of each node (bit/s), and the set of bit rates
         self._rate_of: dict[SimulatedNode, int | None] = {}
         self._rates: frozenset[int | None] = frozenset()
-        #: when each node has something to do by itself; nodes that never do are not in it
+        #: the due time of each node, without nodes that are never due
         self._due_s: dict[SimulatedNode, float] = {}
-        #: (time, number of the node), those that count no longer among them
+        #: (time, number of the node), including outdated entries
         self._times: list[tuple[float, int]] = []
         #: nodes in whose devices something changed since they were looked at
         self._changed = set(self._nodes)
@@ -44,7 +44,7 @@ class Roster:
 
     @property
     def bus_failed(self) -> bool:
-        """Whether a fault has killed the bus."""
+        """True if a fault has killed the bus."""
         return bool(self._breakable) and any(node.bus_failed for node in self._breakable)
 
     def listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
@@ -79,7 +79,7 @@ class Roster:
         return _NEVER
 
     def due(self, now_s: float) -> Sequence[SimulatedNode]:
-        """The nodes that have something to do by *now_s*, in their order."""
+        """The nodes due by *now_s*, in node order."""
         found: set[int] = set()
         while self.next_s() <= now_s:
             found.add(heappop(self._times)[1])
@@ -108,7 +108,7 @@ class Roster:
             heappush(self._times, (due_s, self._numbers[node]))
 
     def _has_id(self, node: SimulatedNode, node_id: int) -> None:
-        """*node* has *node_id* from now on."""
+        """Index *node* under *node_id* from now on."""
         before, self._ids[node] = self._ids.get(node), node_id
         for changed_id in (node_id,) if before is None else (before, node_id):
             self._by_id[changed_id] = tuple(other for other in self._nodes if self._ids.get(other) == changed_id)
@@ -120,5 +120,5 @@ class Roster:
 
 
 def _concerns(node: SimulatedNode, frame: Frame) -> bool:
-    """Whether *frame*, no SDO, may mean something to *node*."""
+    """True if *frame*, no SDO, may concern *node*."""
     return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.services.hears(frame)

@@ -59,7 +59,7 @@ class Server:
         frames_lost: Callable[[], None] = lambda: None,
     ) -> None:
         self.hub = hub
-        #: frames that were on the bus so far
+        #: the number of frames on the bus so far
         self.frames = 0
         self._wire = wire
         self._members = members
@@ -76,12 +76,12 @@ class Server:
         self._stopping = False
 
     def stop(self) -> None:
-        """Let `run` return soon; from any thread."""
+        """Let `run` return soon; callable from any thread."""
         self._stopping = True
         self.hub.wake()
 
     def run(self) -> None:
-        """Boot the nodes and serve them until `stop`; raises what a member raises."""
+        """Boot the nodes and serve them until `stop`. Raises the errors of members."""
         now_s = monotonic()
         for node in self._nodes:
             node.device.boot_up()
@@ -95,7 +95,7 @@ class Server:
         return self._wire.waiting(client) < _MOST_WAITING
 
     def _wait_s(self) -> float:
-        """Seconds until something is due."""
+        """Seconds until the next due time."""
         due_s = monotonic() + _LONGEST_WAIT_S
         wire_s = self._wire.next_s()
         if wire_s is not None:

@@ -33,7 +33,7 @@ class RubbishError(ValueError):
 
 @dataclass(slots=True)
 class Requests:
-    """Cuts a client's bytes into requests, however they were split and merged on their way."""
+    """Splits a client's bytes into requests, however they were divided on the way."""
 
     _rest: bytes = field(default=b"")
 

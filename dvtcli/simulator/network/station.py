@@ -42,7 +42,7 @@ class SimulatedNode:
             self._faulty = FaultyServer(self.server, faults)
             if errors := [fault for fault in faults if fault.kind is FaultKind.EMCY]:
                 self._sources.append(RaisedErrors(device, errors))
-        #: answers that are still to come, with their times
+        #: delayed answers with their times
         self._later: deque[tuple[float, Frame]] = deque()
         #: when an SDO request was heard last (s)
         self._asked_s = float("-inf")
@@ -61,7 +61,7 @@ class SimulatedNode:
 
     @property
     def bus_failed(self) -> bool:
-        """Whether a fault has killed the bus."""
+        """True if a fault has killed the bus."""
         return self._faulty is not None and self._faulty.bus_failed
 
     def animate(self, signals: Sequence[SimulatedSignal] = ()) -> None:
@@ -79,7 +79,7 @@ class SimulatedNode:
             self._sources.append(Plant(self.device, [(signal.index, signal.sub_index) for signal in signals]))
 
     def handle(self, frame: Frame, now_s: float = 0.0) -> list[Frame]:
-        """What the node sends at once on hearing *frame* at *now_s*, a monotonic time in seconds, in order."""
+        """The node's immediate answers to *frame* at *now_s* (s, monotonic), in order."""
         if self._dead or now_s < self._quiet_until_s:
             return []
         if not frame.extended and frame.can_id == NMT_CAN_ID:
@@ -95,7 +95,7 @@ class SimulatedNode:
         return self.device.take_outbox()
 
     def poll(self, now_s: float) -> list[Frame]:
-        """What the node sends by itself at *now_s*, a monotonic time in seconds."""
+        """The frames due at *now_s*, a monotonic time in seconds."""
         if self._dead or now_s < self._quiet_until_s:
             return []
         if self._faulty is not None:
@@ -110,7 +110,7 @@ class SimulatedNode:
         return due + self.device.take_outbox() + self.device.services.poll(now_s)
 
     def next_poll_s(self) -> float | None:
-        """When `poll` has something to send next, on the same clock; None for never."""
+        """The time of the next `poll` on the same clock; None for never."""
         due_s = self._next_poll_s()
         return None if due_s is None else max(due_s, self._quiet_until_s)
 
@@ -152,7 +152,7 @@ class SimulatedNode:
         return ([] if answer is None else [Frame(LSS_SLAVE, answer)]) + self.device.take_outbox()
 
     def _start_over(self, before: int) -> None:
-        """Forget transfers if the device was reset more often than *before*."""
+        """Drop transfers if the device was reset more often than *before*."""
         if self.device.resets > before:
             self.server.reset()
             self._later.clear()

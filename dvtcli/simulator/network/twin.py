@@ -141,7 +141,7 @@ class Twin:
         return device
 
     def _device(self) -> StrictDevice:
-        """The simulated device; made here, in the node's state."""
+        """The simulated device, created here in the node's state."""
         made = self._made
         if made is None:
             made = self._device_for(self._node_id, self._backing)

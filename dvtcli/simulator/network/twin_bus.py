@@ -48,22 +48,22 @@ class TwinBus:
 
     @property
     def carries_frames(self) -> bool:
-        """Twins hear every frame, whatever the wrapped bus carries."""
+        """True: twins receive every frame, whatever the wrapped bus carries."""
         return True
 
     @property
     def carries_remote_frames(self) -> bool:
-        """Twins hear every frame."""
+        """True: twins receive every frame."""
         return True
 
     @property
     def bitrate(self) -> int | None:
-        """The wrapped bus's."""
+        """The bit rate of the wrapped bus."""
         return self._wrapped.bitrate
 
     @property
     def runs_at(self) -> int | None:
-        """The wrapped bus's."""
+        """The bit rate of the wrapped bus."""
         return self._wrapped.runs_at
 
     def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
@@ -71,7 +71,7 @@ class TwinBus:
         self._wrapped.require_settable(bit_rate, listen_only=listen_only)
 
     def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
-        """Nothing: twins run at no bit rate."""
+        """Do nothing: twins have no bit rate."""
 
     def sdo(self, node_id: int) -> Twin:
         """The dictionary of *node_id*'s twin; the same object for the same node."""
@@ -188,7 +188,7 @@ class TwinBus:
         return self._wrapped.error_frame_count()
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
-        """None: a twin is asked without a wire."""
+        """Empty: a twin is asked without a wire."""
         return []
 
     def lost_frame_count(self) -> int:
@@ -196,7 +196,7 @@ class TwinBus:
         return self._wrapped.lost_frame_count()
 
     def send(self, frame: Frame) -> None:
-        """Show *frame* (SYNC, a PDO, an NMT command) to the twins only; what they answer is received next."""
+        """Send *frame* (SYNC, a PDO, an NMT command) to the twins only; their answers are received next."""
         if frame.can_id == _NMT_CAN_ID and not frame.extended:
             if len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
                 self.send_nmt(NmtCommand(frame.data[0]), frame.data[1])
@@ -206,7 +206,7 @@ class TwinBus:
             self._hear(twin.hear(frame))
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
-        """Yield the frames that twins have sent; without any, the end comes after *duration_s*."""
+        """Yield the frames of twins; without any, ends after *duration_s*."""
         if not self._frames:
             self.sleep(duration_s)
         while self._frames:

@@ -25,8 +25,8 @@ class Wire:
     def __init__(self, bitrate: int | None = None) -> None:
         self._bit_s = 0.0 if bitrate is None else 1 / bitrate
         self._waiting: dict[object, deque[tuple[float, Frame]]] = {}
-        #: the first frame of each source that waits: (time, order, source) of those that want to go later than the
-        #: wire was looked at, and (priority, order, source) of the others
+        #: the first waiting frame of each source: (time, order, source) if due after the last check of the
+        #: wire, else (priority, order, source)
         self._later: list[tuple[float, int, object]] = []
         self._ready: list[tuple[int, int, object]] = []
         self._heads = 0
@@ -35,7 +35,7 @@ class Wire:
         self._travelling: tuple[float, object, Frame] | None = None
 
     def offer(self, source: object, frame: Frame, at_s: float) -> None:
-        """Let *source* want to send *frame* from *at_s* on."""
+        """Queue *frame* of *source*, ready to be sent from *at_s* on."""
         if not self._bit_s:
             self._straight.append((at_s, source, frame))
         elif source in self._waiting:
@@ -66,7 +66,7 @@ class Wire:
         return arrived
 
     def next_s(self) -> float | None:
-        """When `take` has something next; None while nothing is on its way or waits."""
+        """The time of the next result of `take`; None without a frame."""
         if self._straight:
             return 0.0
         if self._travelling is not None:
