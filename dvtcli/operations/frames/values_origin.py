@@ -54,7 +54,11 @@ def parquet_form(
     """
     if not is_parquet(path):
         if wish.layout or wish.source:
-            raise UsageError(f"{path.name}: --layout and --source are of a .parquet file", hint="leave them out")
+            raise UsageError(
+                f"both are of a .parquet file, not of {path.name}",
+                given={"layout": None, "source": None},
+                hint="leave them out",
+            )
         return None
     layout, source = wish.layout or LONG, wish.source or recorder
     nodes = sorted({each.service.node for each in decoder.layouts.values() if each.service.node})
