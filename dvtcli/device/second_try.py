@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.carry_out import carry_out
@@ -58,9 +59,7 @@ def carry_out_as_taken(
     """
     plan = _as_known(node, plan)
 
-    def run(one: Plan, found: InitialState | None) -> None:
-        carry_out(node, one, findings, found=found, done=lambda boot_ups: done(one, boot_ups), is_kept=is_kept)
-
+    run: _Run = partial(carry_out, node, findings=findings, done=done, is_kept=is_kept)
     if _wants_pre_operational(node, plan) and present_state(node.access) is NmtState.OPERATIONAL:
         node.gate.wanted = node.gate.consent
     try:

@@ -22,7 +22,7 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import BootUp, CanopenBus, Frame, NodeEvent
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.session.session import Session
@@ -191,9 +191,9 @@ def test_map_verify_and_store_run_over_it(gateway: Gateway, node_id: int) -> Non
         want = PdoRequest(cob_id=0x180 + node_id, event_timer=70, objects=(MappedObject(0x1001, 0, 8),), enabled=True)
         before = gateway.bus.sdo(node_id).upload(0x1A00, 1)
         with session.under(dry_run=True):
-            assert configure_pdo(session, None, TPDO1, want).dry_run
+            assert configure(session, session.node(), {TPDO1: want}).dry_run
         assert gateway.bus.sdo(node_id).upload(0x1A00, 1) == before
-        assert configure_pdo(session, None, TPDO1, want).exit_code == 0
+        assert configure(session, session.node(), {TPDO1: want}).exit_code == 0
         held = session.node().pdo(TPDO1)
         assert (held.communication.cob_id.can_id, held.communication.event_timer) == (0x180 + node_id, 70)
         assert verify(session, lambda _file, _node_id=None: {}).exit_code == 0
@@ -208,7 +208,7 @@ def test_a_refusal_rolls_back_over_it(gateway: Gateway) -> None:
     with Session(options, open_bus=opened) as session:
         before = session.node().pdo(TPDO1)
         with pytest.raises(DvtcliError):
-            configure_pdo(session, None, TPDO1, PdoRequest(objects=(MappedObject(0x5FFF, 1, 8),)))
+            configure(session, session.node(), {TPDO1: PdoRequest(objects=(MappedObject(0x5FFF, 1, 8),))})
         assert session.node().pdo(TPDO1) == before
         with pytest.raises(UsageError, match="there is nothing to listen to"):
             open_wire(session)

@@ -110,7 +110,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_the_journal_is_there_from_the_first_write_to_the_last_look(bench: Bench) -> None:
     done: list[bool] = []
-    carry_out(bench.node, bench.plan(), done=lambda _boot_ups: done.append(bench.journal.exists()))
+    carry_out(bench.node, bench.plan(), done=lambda _plan, _boot_ups: done.append(bench.journal.exists()))
     assert bench.channel.journals == [True]
     assert done == [True]
     assert not bench.journal.exists()
@@ -231,7 +231,7 @@ def test_inside_an_open_gate_the_state_is_left_to_the_gate(tmp_path: Path) -> No
 
 
 def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
-    def into_a_folder(_boot_ups: int) -> None:
+    def into_a_folder(_plan: Plan, _boot_ups: int) -> None:
         bench.journal.unlink()
         (bench.journal / "in the way").mkdir(parents=True)
 
@@ -281,7 +281,7 @@ def test_a_refusal_that_was_foreseen_is_told_with_the_rule_s_reason(bench: Bench
     bench.fault("refuses")
     foreseen = (warning("rule", "0x1018:01", "another object"), warning("rule", "0x1017:00", "the manual says so"))
     with pytest.raises(DeviceRefused) as caught:
-        carry_out(bench.node, bench.plan(), foreseen)
+        carry_out(bench.node, bench.plan(), findings=foreseen)
     assert caught.value.why == "the manual says so"
 
 

@@ -15,7 +15,7 @@ from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, SafetyRefusal
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.undo_changes import undo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
@@ -220,7 +220,7 @@ def test_the_hint_names_the_folder_that_is_on_another_disk(tmp_path: Path, full:
         chain = Chain(kept, families=FAMILIES)
         fill(disk)
         with chain.session(node=5) as session, pytest.raises(SafetyRefusal) as told:
-            configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(transmission_type=7))
+            configure(session, session.node(5), {Pdo.parse("tpdo1"): PdoRequest(transmission_type=7)})
         assert disk in Path(str(told.value.place)).parents
         assert ("--journal DIR" in typed(told.value.hint)) is (full == "journals")
         assert ("XDG_STATE_HOME=DIR" in typed(told.value.hint)) is (full == "locks")
@@ -229,7 +229,7 @@ def test_the_hint_names_the_folder_that_is_on_another_disk(tmp_path: Path, full:
         else:
             os.environ["XDG_STATE_HOME"] = str(tmp_path / "another")
         with chain.session(node=5) as session:
-            assert configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(transmission_type=7))
+            assert configure(session, session.node(5), {Pdo.parse("tpdo1"): PdoRequest(transmission_type=7)})
 
     if wrong := on_small_disk(disk, refused):
         pytest.fail(wrong)

@@ -10,7 +10,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -68,8 +68,8 @@ def test_a_changed_node_that_stays_away_is_asked_once_a_line(tmp_path: Path) -> 
 
 def changed(session: Session) -> None:
     """Node 5 has two changes of this session in its RAM, and the bus is gone."""
-    configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(event_timer=70))
-    configure_pdo(session, 5, Pdo.parse("tpdo2"), PdoRequest(event_timer=80))
+    configure(session, session.node(5), {Pdo.parse("tpdo1"): PdoRequest(event_timer=70)})
+    configure(session, session.node(5), {Pdo.parse("tpdo2"): PdoRequest(event_timer=80)})
     session.end_line(0)
     session.leave_bus("it is gone")
 

@@ -14,7 +14,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.stamp import WhoStored
 from dvtcli.errors import InputFileError, LeftChanged, SafetyRefusal, UsageError
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.results import Facts
@@ -161,7 +161,7 @@ def test_a_node_that_only_stores_and_holds_the_stamp_already_is_no_other(
     stamp = node.value(*STAMP), node.value(0x1020, 2)
     with chain.session(node=5) as session:
         for kind in (7, 1):
-            configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(transmission_type=kind))
+            configure(session, session.node(5), {Pdo.parse("tpdo1"): PdoRequest(transmission_type=kind)})
     for sub_index, data in enumerate(stamp, 1):
         node.download(0x1020, sub_index, data)
     for node_id in (7, 9):

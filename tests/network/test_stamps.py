@@ -18,7 +18,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.stamp import Stamp
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.undo_changes import undo
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.plans.link_pdos import link_pdos
@@ -132,7 +132,7 @@ def test_a_change_by_hand_ends_it_and_apply_brings_it_back(chain: Chain, tmp_pat
     chain.apply(path)
     made = held(chain, 1)
     with chain.session(node=1) as session:
-        done = configure_pdo(session, 1, Pdo.parse("tpdo2"), PdoRequest(event_timer=70))
+        done = configure(session, session.node(1), {Pdo.parse("tpdo2"): PdoRequest(event_timer=70)})
         assert [step.object for step in done.plan.steps][:2] == ["1020:01", "1020:02"]
         assert held(chain, 1) == NOTHING
     assert unread(chain, path) == (5,)
@@ -164,7 +164,7 @@ def another_computer(chain: Chain) -> Iterator[None]:
 
 
 def by_hand(session: Session, event_timer: int = 70) -> None:
-    configure_pdo(session, 1, Pdo.parse("tpdo1"), PdoRequest(event_timer=event_timer))
+    configure(session, session.node(1), {Pdo.parse("tpdo1"): PdoRequest(event_timer=event_timer)})
 
 
 def stored_by(chain: Chain) -> None:
@@ -315,7 +315,7 @@ def test_a_stamp_that_cannot_be_read_now_is_not_taken_for_none(
     device.upload = upload  # type: ignore[method-assign]
     before = device.value(0x1800, 5)
     with chain.session(node=5) as session, suppress(SdoAborted):
-        configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(event_timer=70))
+        configure(session, session.node(5), {Pdo.parse("tpdo1"): PdoRequest(event_timer=70)})
     assert (device.value(0x1800, 5) != before) == stands
     refuses.clear()
     if not stands:

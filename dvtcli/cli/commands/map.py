@@ -12,7 +12,7 @@ from dvtcli.cli.commands._pdo_options import pdo_options, request
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.object_params import ENTRY, EntryWord
 from dvtcli.cli.pdo_params import PDO, NodePdo
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
@@ -35,4 +35,4 @@ def command(session: Session, /, pdo: NodePdo, objects: tuple[EntryWord, ...], *
     asked = request(options, enabled=True)
     node = session.node(pdo.node_id)
     mapped = tuple(word.resolve(node) for word in objects)
-    return configure_pdo(session, node.node_id, pdo.pdo, replace(asked, objects=mapped))
+    return configure(session, node, {pdo.pdo: replace(asked, objects=mapped)})

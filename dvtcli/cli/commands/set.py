@@ -11,7 +11,7 @@ from dvtcli.cli.commands._pdo_options import pdo_options, request
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import PdoRequest
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
@@ -32,4 +32,4 @@ def command(session: Session, /, pdo: NodePdo, **options: Any) -> Changed:
     asked = request(options, enabled=None)
     if asked == PdoRequest():
         raise click.UsageError("nothing to set: give an option such as --type, --timer or --cob-id")
-    return configure_pdo(session, pdo.node_id, pdo.pdo, asked)
+    return configure(session, session.node(pdo.node_id), {pdo.pdo: asked})

@@ -44,68 +44,58 @@ _FIRST_OF_MAKER = 0x2000
 def carry_out(
     node: Changeable,
     plan: Plan,
+    found: InitialState | None = None,
     findings: tuple[Finding, ...] = (),
     *,
-    found: InitialState | None = None,
-    done: Callable[[int], None] = lambda _boot_ups: None,
+    done: Callable[[Plan, int], None] = lambda _plan, _boot_ups: None,
     is_kept: bool = False,
     keep_journal: bool = False,
 ) -> None:
-    """Run `_carry_out` as a unit from the first to the last file and frame: a signal waits for a safe point.
+    """Take *node* to where *plan* ends, or leave it as it was; a signal waits for a safe point, or comes too late.
 
-    *found* is the node's state when the plan was made, None to claim the node now. *is_kept* lets `undo` remember the
-    change. With *keep_journal* the journal of a successful change stays open: the caller tests a store and rolls back.
+    *found* is the node's state when the plan was made; None: it is read now. *findings* are what the rules said of the
+    plan; they explain a refusal of something that was forced. *done* is called with the plan and the number of boot-ups
+    so far once the plan was read back, before anything else can fail. *is_kept* says that `undo` is to remember the
+    change. With *keep_journal* the journal of a change that stands is left open: the caller rolls the change back.
+    Raises LeftChanged, which names the journal, if the plan fails and the roll-back fails too.
     """
     with node.cancellation.guard():
         found = node.begin_change() if found is None else found
-        _carry_out(node, plan, findings, found, done, is_kept=is_kept, keep_journal=keep_journal)
-    node.cancellation.hold()
-
-
-def _carry_out(
-    node: Changeable,
-    plan: Plan,
-    findings: tuple[Finding, ...],
-    found: InitialState,
-    done: Callable[[int], None],
-    *,
-    is_kept: bool,
-    keep_journal: bool,
-) -> None:
-    """Apply *plan* or leave *node* unchanged. Raises LeftChanged with the journal's path if neither works.
-
-    *findings* of the rules explain a refusal after *force*. *done* is called with the number of boot-ups directly after
-    the read-back, before any later step can fail.
-    """
-    node.require_not_restarted(found)
-    is_watched = _is_watched(node, plan)
-    if is_watched:
-        node.known_pdos()
-    cob_ids = cob_ids_beside(node, plan)
-    if node.keeper is not None:
-        pdos, held = node.known_pdos, node.last_read
-        node.keeper.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal, is_kept=is_kept)
-    try:
-        beside = wholes_beside(node, plan, found)
-        untold = any(config.lacking for config in node.last_read.values())
-        enter(node, found)
         node.require_not_restarted(found)
-        others = UntouchedPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
-        boot_ups = run(node, plan, others, found)
-    except LeftChanged as left:
-        left_open(node, left)
-        raise
-    except BaseException as error:
-        node.told_restart |= restarted_since(node, found)
-        if isinstance(error, DvtcliError):
-            explain_refusal(node, error, findings)
-        settle_after(node, error, found)
-        raise
-    node.expected.seen(beside, whole=is_watched and not untold)
-    if node.keeper is not None:
-        node.keeper.own_journal.carried_out()
-    done(boot_ups)
-    end_change(node, plan, lambda: return_to_state(node, found), keep_journal=keep_journal)
+        is_watched = _is_watched(node, plan)
+        if is_watched:
+            node.known_pdos()
+        cob_ids = cob_ids_beside(node, plan)
+        if node.keeper is not None:
+            pdos, held = node.known_pdos, node.last_read
+            node.keeper.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal, is_kept=is_kept)
+        try:
+            beside = wholes_beside(node, plan, found)
+            untold = any(config.lacking for config in node.last_read.values())
+            enter(node, found)
+            node.require_not_restarted(found)
+            others = UntouchedPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
+            transaction = _transaction(node, plan, others, found)
+            try:
+                transaction.run()
+            finally:
+                node.forget()
+        except LeftChanged as left:
+            left_open(node, left)
+            raise
+        except BaseException as error:
+            node.told_restart |= restarted_since(node, found)
+            if isinstance(error, DvtcliError):
+                explain_refusal(node, error, findings)
+            settle_after(node, error, found)
+            raise
+        node.answered_otherwise = dict(transaction.answered_otherwise)
+        node.expected.seen(beside, whole=is_watched and not untold)
+        if node.keeper is not None:
+            node.keeper.own_journal.carried_out()
+        done(plan, transaction.boot_ups_verified)
+        end_change(node, plan, lambda: return_to_state(node, found), keep_journal=keep_journal)
+    node.cancellation.hold()
 
 
 def enter(node: Changeable, found: InitialState) -> None:
@@ -144,11 +134,8 @@ def _is_watched(node: Changeable, plan: Plan) -> bool:
     return is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
 
 
-def run(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState) -> int:
-    """Run *plan*, based on reads since *found*, as one transaction, and check the COB-IDs of *others*.
-
-    Invalidates the read cache of the node. Returns the number of boot-ups at the start of the read-back.
-    """
+def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState) -> Transaction:
+    """The transaction that writes *plan*, made from what was read since *node* was *found*, and watches *others*."""
 
     def note(changes: Sequence[Change]) -> None:
         if node.keeper is None:
@@ -163,7 +150,7 @@ def run(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState
     def took(step: Step) -> None:
         node.on_step(Progress(plan.node_id, next(steps), total, step))
 
-    transaction = Transaction(
+    return Transaction(
         node.sdo,
         plan,
         node.cancellation,
@@ -177,12 +164,6 @@ def run(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState
         control_words=_control_words(node, plan),
         boot_ups_read=None if found.whatever_happened else found.boot_ups,
     )
-    try:
-        transaction.run()
-    finally:
-        node.forget()
-    node.answered_otherwise = dict(transaction.answered_otherwise)
-    return transaction.boot_ups_verified
 
 
 def _control_words(node: Changeable, plan: Plan) -> frozenset[tuple[int, int]]:

@@ -95,27 +95,24 @@ class Transaction:
         Raises DeviceRefused, NoAnswer and similar errors with state `rolled_back`; LeftChanged if the roll-back failed
         too; Interrupted after *cancellation*.
         """
+        total, done = len(self.plan), 0
         with self.cancellation.guard():
             self._boot_ups = self.witness.boot_ups()
-            self._run()
-
-    def _run(self) -> None:
-        total, done = len(self.plan), 0
-        try:
-            for change, step in self.plan.course():
-                self._started.append(change)
+            try:
+                for change, step in self.plan.course():
+                    self._started.append(change)
+                    self._stop_if_cancelled(done, total)
+                    self._stop_if_restarted()
+                    done += 1
+                    self._download(step, change, done, total)
                 self._stop_if_cancelled(done, total)
-                self._stop_if_restarted()
-                done += 1
-                self._download(step, change, done, total)
-            self._stop_if_cancelled(done, total)
-            observed(self.witness, self._verify)
-            self._stop_if_cancelled(done, total)  # the last chance to stop: a complete change stays
-        except BaseException as fault:  # a bug of ours must not leave the device half configured either
-            self._roll_back(fault)
-            if isinstance(fault, KeyboardInterrupt) and self._touched:
-                raise self._torn(done, total) from fault
-            raise
+                observed(self.witness, self._verify)
+                self._stop_if_cancelled(done, total)  # the last chance to stop: a complete change stays
+            except BaseException as fault:  # a bug of ours must not leave the device half configured either
+                self._roll_back(fault)
+                if isinstance(fault, KeyboardInterrupt) and self._touched:
+                    raise self._torn(done, total) from fault
+                raise
 
     def _torn(self, done: int, total: int) -> Interrupted:
         """The error for a user who insisted on an immediate stop; the roll-back runs all the same."""

@@ -31,11 +31,6 @@ if TYPE_CHECKING:
 _STORE = 0x1010
 
 
-def configure_pdo(session: Session, node_id: int | None, pdo: Pdo, want: PdoWant) -> Changed:
-    """Configure *pdo* of the node with *node_id* (None: the selected node) as *want* requests."""
-    return configure(session, session.node(node_id), {pdo: want})
-
-
 def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found: InitialState | None = None) -> Changed:
     """Carry out *wants* on *node*, all or none, and report the changes.
 

@@ -10,7 +10,7 @@ from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DeviceRefused
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -41,7 +41,7 @@ def map_in_tpdo(
         event_timer=None if tpdos[pdo].communication.event_timer is None else 0,
         objects=(*kept, PdoMappingEntry(index, sub_index, bits)),
     )  # fmt: skip
-    return configure_pdo(session, node_id, pdo, asked).findings
+    return configure(session, session.node(node_id), {pdo: asked}).findings
 
 
 def _tpdos(node: Node) -> dict[Pdo, PdoConfig]:

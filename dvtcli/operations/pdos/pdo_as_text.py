@@ -11,7 +11,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
-from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.change import configure
 from dvtcli.operations.meanings.named_objects import entry_at
 from dvtcli.operations.user.keeping import state_folder
 
@@ -59,7 +59,7 @@ def configure_from_text(
         asked.rtr_allowed, asked.extended, asked.enabled,
         objects=None if asked.mapping is None else tuple(_resolved(word, node) for word in asked.mapping),
     )  # fmt: skip
-    return configure_pdo(session, node.node_id, pdo, want)
+    return configure(session, node, {pdo: want})
 
 
 def keep_text(pdo: Pdo, text: str) -> str:
