@@ -8,7 +8,7 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.after_change import left_open
-from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.device.change.left_behind import Guarded, name_left
 from dvtcli.device.change.put_back import first_difference, roll_back_patiently
@@ -289,7 +289,7 @@ class Canary:
     def plant(self) -> bool:
         """Change the value; false if the device refuses and keeps the old value."""
         try:
-            carry_out(self.node, self.plan, keep_journal=True)
+            apply_plan(self.node, self.plan, keep_journal=True)
         except DvtcliError as failed:
             if failed.state == "unknown":  # the value was changed, and a later step failed
                 self.put_back_after(failed)

@@ -176,7 +176,7 @@ class Node(Applier):
         if others and self.bus.boot_ups(self.node_id) == boot_ups:  # otherwise the restart is reported: it cleared RAM
             self._put_others_back(applied.plan, others)
             if self.bus.boot_ups(self.node_id) != boot_ups:
-                from dvtcli.device.change.carry_out import look_again
+                from dvtcli.device.change.apply_plan import look_again
 
                 look_again(self, applied.plan, found)
         self.unkept += not asked.own

@@ -16,7 +16,7 @@ from dvtcli.device.storing import prepare_store
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile, StorePolicy
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
-from tests.device.test_carry_out import Bench as KeptBench
+from tests.device.test_apply_plan import Bench as KeptBench
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, refuse
 
 TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")

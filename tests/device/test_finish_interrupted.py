@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.taken_back import put_back_findings
@@ -18,7 +18,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.device.test_carry_out import HEARTBEAT, Bench
+from tests.device.test_apply_plan import HEARTBEAT, Bench
 from tests.faults.recovering import recover
 from tests.laws.bench import NODE, dictionary
 
@@ -34,7 +34,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def interrupted(bench: Bench, plan: Plan | None = None) -> Journal:
     """A change that was made, and whose journal is still there."""
-    carry_out(bench.node, plan or bench.plan(), keep_journal=True)
+    apply_plan(bench.node, plan or bench.plan(), keep_journal=True)
     journal = bench.keeper.journals.find(NODE)
     assert journal is not None
     return journal

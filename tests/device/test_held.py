@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.device.snapshot import Snapshot
 from dvtcli.domain.plan import Plan, Step, ValueChange
-from tests.device.test_carry_out import HEARTBEAT, Bench
+from tests.device.test_apply_plan import HEARTBEAT, Bench
 from tests.laws.bench import NODE
 
 

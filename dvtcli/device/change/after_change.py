@@ -84,7 +84,7 @@ def _close(node: Changeable, error: BaseException | None = None) -> None:
             error.details.append(("journal", f"{kept.text}: {kept.why}; {kept.hint}"))
 
 
-def settle_after(node: Changeable, error: BaseException, found: InitialState) -> None:
+def restore_nmt_state(node: Changeable, error: BaseException, found: InitialState) -> None:
     """Close the journal of a rolled-back change; failures to restore the NMT state are added to *error*."""
     try:
         return_to_state(node, found)

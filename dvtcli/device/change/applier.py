@@ -51,8 +51,8 @@ class Applier(Changeable):
         """
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.applied import Applied, refuse
+        from dvtcli.device.change.retry import apply_with_retry
         from dvtcli.device.change.taken_back import with_way_back
-        from dvtcli.device.second_try import carry_out_as_taken
         from dvtcli.domain.several import join_some
 
         self.answered_otherwise = {}
@@ -63,7 +63,7 @@ class Applier(Changeable):
                 locked, f"{join_some(change.label for change in plan.changes)} not changed", self.node_id, force=force
             )
             findings += locked
-            plan, findings = carry_out_as_taken(
+            plan, findings = apply_with_retry(
                 self,
                 plan,
                 findings,
@@ -74,7 +74,7 @@ class Applier(Changeable):
             findings += self._unreadable_findings(plan)
         else:
             if found is not None and self.bus.upsets(self.node_id) != found.upsets:
-                from dvtcli.device.change.carry_out import look_again
+                from dvtcli.device.change.apply_plan import look_again
 
                 look_again(self, plan, found)
             self.in_vain += kept and not is_part
@@ -144,7 +144,7 @@ class Applier(Changeable):
                 return
         except BusUnavailable:
             return  # as for `notice_reboot`
-        from dvtcli.device.change.carry_out import look_again
+        from dvtcli.device.change.apply_plan import look_again
         from dvtcli.domain.plan import Plan
 
         look_again(self, Plan(self.node_id, changes), None, "restarted after it was changed")

@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied
-from dvtcli.device.change.carry_out import enter
+from dvtcli.device.change.apply_plan import enter
 from dvtcli.device.change.course import combine_plans
 from dvtcli.device.change.taken_back import foreseen
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside

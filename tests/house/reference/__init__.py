@@ -42,6 +42,7 @@ PARTS = {
     "simulated-values": "families:simulated_values",
     "rooms": "house:rooms",
     "senders": "house:senders",
+    "walks": "walks:walks",
     "faults": "faults:faults",
     "signals": "faults:signals",
     "python-calls": "api:calls",

@@ -20,12 +20,12 @@ from tests.house.reference.markdown import code, table
 from tests.house.source import PACKAGE
 from tests.surroundings import ROOT, homes
 
-_NETWORK = "nodes:\n  x:\n    node_id: 5\n    tpdo1:\n      mapping: [6041]\n"
+_NETWORK = "nodes:\n  drive:\n    node_id: 1\n    tpdo:\n      3:\n        cob_id: 0x381\n        mapping: [6041]\n"
 #: the words of each command, and the call at which its walk ends
 WALKS: dict[str, tuple[list[str], str]] = {
     "map": (["--sim", "gen4", "-y", "map", "tpdo3", "6041"], "download"),
     "store": (["--sim", "gen4", "-y", "store"], "download"),
-    "apply": (["--sim", "5=gen4", "-y", "apply", "net.yaml"], "download"),
+    "apply": (["--sim", "gen4", "-y", "apply", "net.yaml"], "download"),
     "export": (["--sim", "gen4", "export", "x.dcf"], "upload"),
 }
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.failed_change import BRING_BACK
 from dvtcli.device.change.pending import CHANGE
@@ -97,7 +97,7 @@ class Bench:
 
     def failed(self, found: InitialState | None = None, *, keep_journal: bool = False) -> DvtcliError:
         with pytest.raises(DvtcliError) as caught:
-            carry_out(self.node, self.plan(), found=found, keep_journal=keep_journal)
+            apply_plan(self.node, self.plan(), found=found, keep_journal=keep_journal)
         return caught.value
 
 
@@ -110,7 +110,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_the_journal_is_there_from_the_first_write_to_the_last_look(bench: Bench) -> None:
     done: list[bool] = []
-    carry_out(bench.node, bench.plan(), done=lambda _plan, _boot_ups: done.append(bench.journal.exists()))
+    apply_plan(bench.node, bench.plan(), done=lambda _plan, _boot_ups: done.append(bench.journal.exists()))
     assert bench.channel.journals == [True]
     assert done == [True]
     assert not bench.journal.exists()
@@ -119,7 +119,7 @@ def test_the_journal_is_there_from_the_first_write_to_the_last_look(bench: Bench
 
 
 def test_who_asks_for_it_keeps_the_journal(bench: Bench) -> None:
-    carry_out(bench.node, bench.plan(), keep_journal=True)
+    apply_plan(bench.node, bench.plan(), keep_journal=True)
     assert bench.journal.exists()
     with pytest.raises(SafetyRefusal, match="not finished yet"):
         bench.node.begin_change()
@@ -138,7 +138,7 @@ def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: B
     step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
     bench.node.pdos()
     with pytest.raises(LeftChanged) as caught:
-        carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
+        apply_plan(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
     error = caught.value
     assert error.place == str(bench.journal)
     assert typed(error.hint) == f"{typed(BRING_BACK)}; then `recover` finishes it, from {bench.journal}"
@@ -216,7 +216,7 @@ def test_a_restart_without_a_boot_up_is_told_by_a_lost_answer_and_another_state(
     if state is PRE_OPERATIONAL:
         bench.device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     bench.bus.repeated = repeated
-    carry_out(bench.node, bench.plan(), found=bench.found())
+    apply_plan(bench.node, bench.plan(), found=bench.found())
     assert bench.bus.commands == commands
 
 
@@ -225,7 +225,7 @@ def test_inside_an_open_gate_the_state_is_left_to_the_gate(tmp_path: Path) -> No
     bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert bench.bus.commands == [NmtCommand.ENTER_PRE_OPERATIONAL]
     bench.bus.heard_boot_ups += 1
-    carry_out(bench.node, bench.plan(), found=bench.found(boot_ups=-1))
+    apply_plan(bench.node, bench.plan(), found=bench.found(boot_ups=-1))
     assert bench.device.state is PRE_OPERATIONAL
     bench.keeper.lock.release()
 
@@ -236,12 +236,12 @@ def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
         (bench.journal / "in the way").mkdir(parents=True)
 
     with pytest.raises(JournalKept, match="cannot be removed"):
-        carry_out(bench.node, bench.plan(), done=into_a_folder)
+        apply_plan(bench.node, bench.plan(), done=into_a_folder)
     (bench.journal / "in the way").rmdir()
     bench.journal.rmdir()
     bench.bus.when_started = NoAnswer("deaf")
     with pytest.raises(NoAnswer) as caught:
-        carry_out(bench.node, bench.plan(7), found=bench.found(boot_ups=-1), done=into_a_folder)
+        apply_plan(bench.node, bench.plan(7), found=bench.found(boot_ups=-1), done=into_a_folder)
     ((label, text),) = caught.value.details
     assert label == "journal"
     assert text.startswith("the journal of node 1 cannot be removed: ")
@@ -273,7 +273,7 @@ def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> Non
 def test_what_was_read_before_a_change_counts_no_longer(bench: Bench) -> None:
     bench.node.pdos()
     assert bench.node.last_read
-    carry_out(bench.node, bench.plan())
+    apply_plan(bench.node, bench.plan())
     assert not bench.node.last_read
 
 
@@ -281,7 +281,7 @@ def test_a_refusal_that_was_foreseen_is_told_with_the_rule_s_reason(bench: Bench
     bench.fault("refuses")
     foreseen = (warning("rule", "0x1018:01", "another object"), warning("rule", "0x1017:00", "the manual says so"))
     with pytest.raises(DeviceRefused) as caught:
-        carry_out(bench.node, bench.plan(), findings=foreseen)
+        apply_plan(bench.node, bench.plan(), findings=foreseen)
     assert caught.value.why == "the manual says so"
 
 
@@ -299,7 +299,7 @@ def test_each_step_that_was_taken_is_told_with_its_number(bench: Bench) -> None:
     told: list[Progress] = []
     bench.node.on_step = told.append
     step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
-    carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
+    apply_plan(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
     assert [(one.node, one.done, one.total) for one in told] == [(NODE, 1, 2), (NODE, 2, 2)]
     assert told[1].step == step
 
@@ -310,7 +310,7 @@ def test_a_refusal_is_told_with_what_the_family_knows_of_it(bench: Bench, sub_in
     bench.node.profile = replace(bench.node.profile, hints=texts)
     bench.fault("refuses")
     with pytest.raises(DeviceRefused) as caught:
-        carry_out(bench.node, Plan(NODE, (ValueChange(Step(0x1A00, sub_index, None, b"\0", "write")),)))
+        apply_plan(bench.node, Plan(NODE, (ValueChange(Step(0x1A00, sub_index, None, b"\0", "write")),)))
     assert typed(caught.value.hint) == hint
 
 

@@ -13,8 +13,8 @@ from dvtcli.device.change.after_change import (
     labels_of,
     left_open,
     restarted_since,
+    restore_nmt_state,
     return_to_state,
-    settle_after,
 )
 from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.device.change.progress import Progress
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _FIRST_OF_MAKER = 0x2000
 
 
-def carry_out(
+def apply_plan(
     node: Changeable,
     plan: Plan,
     found: InitialState | None = None,
@@ -87,7 +87,7 @@ def carry_out(
             node.told_restart |= restarted_since(node, found)
             if isinstance(error, DvtcliError):
                 explain_refusal(node, error, findings)
-            settle_after(node, error, found)
+            restore_nmt_state(node, error, found)
             raise
         node.answered_otherwise = dict(transaction.answered_otherwise)
         node.expected.seen(beside, whole=is_watched and not untold)

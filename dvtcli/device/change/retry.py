@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.failed_change import pre_operational_first
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit, name_of
 from dvtcli.device.proposal import proposal
@@ -41,7 +41,7 @@ RULES = (
 )  # fmt: skip
 
 
-def carry_out_as_taken(
+def apply_with_retry(
     node: Changeable,
     plan: Plan,
     findings: tuple[Finding, ...],
@@ -59,14 +59,14 @@ def carry_out_as_taken(
     """
     plan = _as_known(node, plan)
 
-    run: _Run = partial(carry_out, node, findings=findings, done=done, is_kept=is_kept)
+    run: _Run = partial(apply_plan, node, findings=findings, done=done, is_kept=is_kept)
     if _wants_pre_operational(node, plan) and present_state(node.access) is NmtState.OPERATIONAL:
         node.gate.wanted = node.gate.consent
     try:
         try:
             run(plan, found)
         except DeviceRefused as refused:
-            plan, remark = _carry_out_again(node, plan, refused, run)
+            plan, remark = _apply_again(node, plan, refused, run)
             return plan, (*findings, remark)
     finally:
         node.gate.wanted = None
@@ -77,7 +77,7 @@ def carry_out_as_taken(
 _Run = Callable[[Plan, "InitialState | None"], None]
 
 
-def _carry_out_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> tuple[Plan, Finding]:
+def _apply_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> tuple[Plan, Finding]:
     """Repeat *plan* after a refused step in another way; the final plan, and a finding.
 
     Raises *refused* if there is no other way.
