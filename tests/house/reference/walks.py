@@ -75,8 +75,8 @@ def _keep_walk(path: Path, end: str) -> None:
         if threading.current_thread() is not threading.main_thread():
             main_thread = threading.main_thread().ident
             steps = _ours(sys._current_frames()[main_thread or 0]) + steps
-        names = [function for file, function in steps if file.startswith("cli/commands/")]
-        path.write_text(json.dumps(steps[[f for _, f in steps].index(names[0]) :]), encoding="utf-8")
+        first = steps.index(next(step for step in steps if step[1] == "command"))
+        path.write_text(json.dumps(steps[first:]), encoding="utf-8")
 
     threading.setprofile(look)
     sys.setprofile(look)
