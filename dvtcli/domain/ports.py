@@ -137,6 +137,10 @@ class CanopenBus(Protocol):
         """
         ...
 
+    def read_at_once(self) -> None:
+        """Read objects of simulated nodes without frames from now on; real nodes are read as before."""
+        ...
+
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
         """Run *jobs*, each waiting for answers of its own node: in parallel if safe.
 

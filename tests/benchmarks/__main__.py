@@ -3,9 +3,9 @@
     python -m tests.benchmarks [--rounds N] [--json FILE] [NAME...]
     python -m tests.benchmarks --compare BEFORE.json AFTER.json
 
-NAME chooses of startup, decode, eds, sdo, writes. dvtcli and what it is compared with are measured in turn, so that
-what else the machine does falls on both; ratios are those of each round. The bench_*.py files beside this one measure
-more.
+NAME chooses of startup, decode, eds, files, sdo, writes. dvtcli and what it is compared with are measured in turn, so
+that what else the machine does falls on both; ratios are those of each round. The bench_*.py files beside this one
+measure more.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from tests.benchmarks import bench_decode, bench_eds, bench_sdo, bench_startup, bench_writes
+from tests.benchmarks import bench_decode, bench_eds, bench_files, bench_sdo, bench_startup, bench_writes
 from tests.benchmarks.figures import Figure, as_json, comparison, figures_in, table
 
 
@@ -30,6 +30,7 @@ FIGURES: dict[str, Callable[[int], Iterator[Figure]]] = {
     "startup": bench_startup.figures,
     "decode": bench_decode.figures,
     "eds": bench_eds.figures,
+    "files": bench_files.figures,
     "sdo": bench_sdo.figures,
     "writes": writes,
 }

@@ -8,12 +8,14 @@ import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, SdoAborted
 from dvtcli.files.profile.library import load_profile
 from dvtcli.files.profile.toml import builtin_names
+from dvtcli.operations.opening.simulated_nodes import read_dictionary
 from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import FAMILY_KEYS, family_eds, family_names, load_family, read_family
+from dvtcli.simulator.network.in_process_bus import simulate
 from tests.simulator.bench import Aborted, Client, booted
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
@@ -309,3 +311,27 @@ def test_no_family_that_comes_with_dvtcli_is_learnt() -> None:
     """A learnt family shares its evidence with its profile: it is no second opinion on the rules."""
     assert not [name for name in family_names() if load_family(name).learnt]
     assert not [name for name in builtin_names() if load_profile(name).learnt]
+
+
+@pytest.mark.parametrize("family", family_names())
+def test_what_is_read_at_once_is_what_frames_carry(family: str) -> None:
+    """Every object of its file, and those that it does not have, with the abort codes."""
+    dictionary = read_dictionary(family_eds(family))
+    places = [(index, sub) for index, each in dictionary.items() for sub in (*each.entries, max(each.entries) + 1)]
+    bus = simulate([StrictDevice(dictionary, load_family(family), 5)])
+
+    def held(index: int, sub_index: int) -> bytes | tuple[int, ...]:
+        try:
+            return bus.sdo(5).upload(index, sub_index)
+        except SdoAborted as aborted:
+            return aborted.index, aborted.sub_index, aborted.code, aborted.node or 0
+
+    try:
+        by_frames = {place: held(*place) for place in [*places, (0x5FFF, 0), (0x1000, 0xFF)]}
+        frames: list[Frame] = []
+        bus.tap(lambda frame, sent: frames.append(frame) if sent else None)
+        bus.read_at_once()
+        assert {place: held(*place) for place in by_frames} == by_frames
+        assert frames == []
+    finally:
+        bus.close()

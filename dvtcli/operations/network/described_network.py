@@ -183,7 +183,8 @@ def _simulated(
 ) -> NetworkState:
     options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()), force=True)
     with Session(options, tell) as session:
-        plan = _planned(session, wish, FileLog(file, network_text(file)), failures)
+        session.bus.read_at_once()
+        plan = _planned(session, wish, FileLog(file, network_text(file)), failures, by_rules=for_rules)
         nodes = [session.node(node.node_id) for node in wish.nodes]
         state = network_state(nodes, for_rules=for_rules)
         state = replace(state, nodes=tuple(map(_without_unknown_types, state.nodes)))
@@ -202,10 +203,12 @@ def _without_unknown_type(node: NodeState, pdo: Pdo, config: PdoConfig) -> PdoCo
     return replace(config, communication=replace(config.communication, transmission_type=None))
 
 
-def _planned(session: Session, wish: NetworkWish, log: FileLog, failures: list[DvtcliError] | None) -> NetworkPlan:
+def _planned(
+    session: Session, wish: NetworkWish, log: FileLog, failures: list[DvtcliError] | None, *, by_rules: bool
+) -> NetworkPlan:
     """Plan *wish*; if *failures* is given, it also gets a UsageError, and the plan is empty."""
     try:
-        return plan_wish(session, wish, log, failures=failures)
+        return plan_wish(session, wish, log, failures=failures, by_rules=by_rules)
     except UsageError as failed:
         if failures is None:
             raise

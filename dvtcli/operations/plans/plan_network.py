@@ -90,18 +90,28 @@ def plan_wish(
     as_far: bool = False,
     of_network: bool = False,
     failures: list[DvtcliError] | None = None,
+    by_rules: bool = True,
 ) -> NetworkPlan:
     """Plan the writes that bring the nodes of *wish* to its values; *log* gets words without meaning.
 
     *of_network* adds the rules of networks for the state after the plan. *trust_stamp*, *as_far* and errors are as in
     `plan_network`; if *failures* is given, errors are appended to it, and the plan has the rest.
+    Without *by_rules* the plan has no findings of the rules of single nodes.
     """
     with (
         short_frames(session.bus) as frames,
         heard_ids(session.bus) as heard,
         session.network.as_it_was_if_refused(),
     ):
-        plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp, of_network=of_network, failures=failures)
+        plan = _planned_wish(
+            session,
+            wish,
+            log,
+            trust_stamp=trust_stamp,
+            of_network=of_network,
+            failures=failures,
+            by_rules=by_rules,
+        )
         if not as_far and failures is None:
             refuse_lacking(plan)
         refuse_heard(session, plan, heard, placed_in(wish, log))
@@ -161,6 +171,7 @@ def _planned_wish(
     trust_stamp: bool,
     of_network: bool,
     failures: list[DvtcliError] | None,
+    by_rules: bool,
 ) -> NetworkPlan:
     met = meet(session, log.file, wish)
     unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
@@ -168,7 +179,7 @@ def _planned_wish(
     lacked = LackedOfWish(log)
     try:
         read, lacked = without_lacked(met.nodes, wish.of(met.nodes.keys() - unread), log)
-        planned = _judged(session, met, read, log)
+        planned = _judged(session, met, read, log, by_rules=by_rules)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
     planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
@@ -210,8 +221,10 @@ def _unread(node: Node, wish: NodeWish) -> NodePlan:
     return NodePlan(wish.name, plan, node.identity(), node.title, wish.mark.line, is_read=False)
 
 
-def _judged(session: Session, met: IdentifiedNodes, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
-    """Plan each identified node; errors are added to its failures.
+def _judged(
+    session: Session, met: IdentifiedNodes, wish: NetworkWish, log: FileLog, *, by_rules: bool
+) -> list[NodePlan]:
+    """Plan each identified node and judge it *by_rules*; errors are added to its failures.
 
     If names of a node are unknown, its other PDOs and all other nodes are judged all the same.
     """
@@ -233,7 +246,8 @@ def _judged(session: Session, met: IdentifiedNodes, wish: NetworkWish, log: File
         error.findings = tuple(placed(error.node, finding) for finding in error.findings)
         met.failures.append(error)
     planned = [replace(plan, findings=(*said.get(plan.node_id, ()), *plan.findings)) for plan in planned]
-    planned = judged(nodes, planned, force=session.options.force, placed=placed)
+    if by_rules:
+        planned = judged(nodes, planned, force=session.options.force, placed=placed)
     try:
         refuse_stores_of(nodes, wish, log)
     except RuleError as refused:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.block_transfer import ServedBlockTransfer
 
 DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT, BLOCK_UPLOAD, BLOCK_DOWNLOAD = range(7)
-_SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
+#: states in which no SDO is answered
+SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
 _TOGGLE, _ABORT_BYTE = 0x10, 0x80
 _MOST_BYTES = 1 << 20
 _OUT_OF_MEMORY = 0x0504_0005
@@ -62,7 +63,7 @@ class SdoServer:
 
         Further responses are in `more`, emptied by `take_more`.
         """
-        if self.device.state in _SILENT:
+        if self.device.state in SILENT:
             self.reset()
             return None
         if len(request) != 8:

@@ -17,8 +17,11 @@ from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.frame_bus import FrameBus
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
-from dvtcli.domain.ports import Frame
-from dvtcli.errors import BusUnavailable
+from dvtcli.bus.turns import one_by_one
+from dvtcli.domain.ports import Frame, SdoTransport
+from dvtcli.errors import BusUnavailable, SdoAborted
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.sdo_server import SILENT
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
@@ -176,6 +179,8 @@ class InProcessBus(FrameBus[Frame]):
             devices, faults, signals, self._say, bit_rate=bit_rate, destroyed=self._error_frames.count_one
         )
         self._nodes.boot(monotonic())
+        self._devices = {device.node_id: device for device in devices}
+        self._reads_at_once = False
 
     @property
     def runs_at(self) -> int | None:
@@ -195,8 +200,27 @@ class InProcessBus(FrameBus[Frame]):
         """The number of frames destroyed so far by different bit rates on the bus."""
         return self._error_frames.count
 
+    def read_at_once(self) -> None:
+        """Let objects be read without frames from now on, one node after the other: nobody watches this bus.
+
+        What nodes send by themselves is delivered no more.
+        """
+        self.drain()
+        self._reads_at_once = True
+
+    def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
+        """Do *jobs*: side by side, unless nodes are read at once."""
+        return one_by_one(jobs) if self._reads_at_once else super().side_by_side(jobs)
+
+    def sdo(self, node_id: int) -> SdoTransport:
+        """The default SDO channel of *node_id* (1..127)."""
+        channel, device = super().sdo(node_id), self._devices.get(node_id)
+        return channel if device is None or not self._reads_at_once else _AtOnce(device, channel)
+
     def drain(self) -> None:
-        """Deliver pending frames; none without a sent frame or a due action."""
+        """Deliver pending frames; none if no frame was sent and no action is due, or if nodes are read at once."""
+        if self._reads_at_once:
+            return
         with self._lock:
             nodes = self._nodes
             is_quiet = self._said.empty() and not nodes.bus_failed and nodes.next_s() > monotonic()
@@ -256,6 +280,28 @@ class InProcessBus(FrameBus[Frame]):
             raise BusUnavailable(
                 f"{self.name} failed ({what})", why="the bus has failed (a simulated fault)", hint=hint
             )
+
+
+class _AtOnce:
+    """The SDO channel of *device* whose objects are read without a frame; all else goes by *channel*."""
+
+    def __init__(self, device: StrictDevice, channel: SdoTransport) -> None:
+        self._device, self._channel = device, channel
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """Read an object as the device holds it; by frames while it answers none."""
+        if self._device.state in SILENT:
+            return self._channel.upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+        try:
+            return self._device.upload(index, sub_index)
+        except Refusal as refusal:
+            raise SdoAborted(index, sub_index, refusal.code, node=self._device.node_id) from refusal
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        """Write an object."""
+        self._channel.download(index, sub_index, data, timeout_s=timeout_s)
 
 
 def simulate(

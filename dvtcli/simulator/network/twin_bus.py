@@ -121,6 +121,9 @@ class TwinBus:
         """The disturbances of the node, and the boot-ups of its twin."""
         return self._wrapped.upsets(node_id) + self._twin_boot_ups(node_id)
 
+    def read_at_once(self) -> None:
+        """Nothing changes: a twin is read without frames anyway."""
+
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
         """Run *jobs* in sequence up to the first fault, which is returned."""
         return one_by_one(jobs)

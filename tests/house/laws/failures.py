@@ -55,6 +55,7 @@ MAY_LEAVE_UNSAID = {
 }
 #: exceptions that end within their room and reach no user
 INNER = {
+    "files/network/plain_yaml.py:OtherYamlError",
     "files/recorded_lines.py:LostLineError", "files/recorded_lines.py:NoFrameError",
     "domain/gateway/gateway_answers.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/socketcand.py:RubbishError", "simulator/network/signals.py:RowsError",

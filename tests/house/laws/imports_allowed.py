@@ -23,7 +23,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "jinja2": ("files/picture/",),
     "markupsafe": ("files/picture/",),
     "platformdirs": ("files/user_folders.py",),
-    "ruamel": ("files/network/yaml_tree.py", "files/pdo_yaml.py"),
+    "ruamel": ("files/network/read_yaml.py", "files/pdo_yaml.py"),
     "wcwidth": ("cli/view/columns.py",),
     "asammdf": ("files/recordings/mdf.py",),
 }

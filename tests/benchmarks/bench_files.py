@@ -1,0 +1,49 @@
+"""What commands take that read a network file and no bus, beside ruamel.yaml's reading of the same file.
+
+    python -m tests.benchmarks files
+
+Networks of 16 and 127 nodes of the generic family, four TPDOs and four RPDOs each. Processor time of whole processes.
+`growth` is the time of 127 nodes beside that of 16, both without what a command takes for one node.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from examples.many_nodes import network
+from tests.benchmarks.figures import Figure, cpu_s
+
+COUNTS = (1, 16, 127)
+#: a command of a network file, and how often ruamel.yaml's time of reading it the one of 127 nodes may take
+COMMANDS: list[tuple[str, list[str], float]] = [
+    ("load", ["load", "{}"], 3.3),
+    ("check", ["check", "{}"], 3.3),
+    ("explain -d", ["explain", "181#0102", "-d", "{}"], 0.8),
+]
+_RUAMEL = "import sys; from ruamel.yaml import YAML; YAML(typ='safe', pure=True).compose(open(sys.argv[1]).read())"
+#: growth with the power of 1.1
+_MOST_GROWTH = ((COUNTS[2] - 1) / (COUNTS[1] - 1)) ** 1.1
+
+
+def figures(rounds: int) -> Iterator[Figure]:
+    """Each command on 127 nodes, and how it grows from 16 on."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = {}
+        for count in COUNTS:
+            files[count] = Path(folder) / f"{count}.yaml"
+            files[count].write_text(network(count).replace("{store: true}", "{dcf: generic}"), "utf-8")
+        for name, words, most in COMMANDS:
+            took = [
+                {
+                    count: cpu_s(["-m", "dvtcli", *(word.format(file) for word in words)])
+                    for count, file in files.items()
+                }
+                for _ in range(rounds)
+            ]
+            reading = [cpu_s(["-c", _RUAMEL, str(files[127])]) - cpu_s(["-c", "import ruamel.yaml"]) for _ in took]
+            yield Figure(f"{name}: 127 nodes", "s", [each[127] for each in took], "ruamel.yaml", reading, most=most)
+            more = ([each[count] - each[1] for each in took] for count in (127, 16))
+            own, other = more
+            yield Figure(f"{name}: growth", "s", own, "16 nodes", other, most=_MOST_GROWTH)
