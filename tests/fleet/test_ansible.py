@@ -13,7 +13,7 @@ import pytest
 from tests.fleet.ansible import BINARIES, Fleet
 from tests.house.pages import text as page
 from tests.process import PATIENCE_S, environment
-from tests.serve.served import Served, bus_words, own_environment, served, state_folder, wait_for
+from tests.serve.served import Served, bus_words, own_environment, served
 
 pytestmark = pytest.mark.needs("ansible.release")  # a folder of this project is called ansible, too
 #: each of them starts Ansible, which takes two seconds of a processor to begin
@@ -65,13 +65,19 @@ def held(one: Served) -> dict[str, object]:
 
 
 def interrupt(one: Served) -> None:
-    """Kill a dvtcli that applies the network file, as a power cut would; its node loses a request, so that it waits."""
-    journals = state_folder(one.folder) / "journals"
-    before = {*journals.glob("*.json")} if journals.is_dir() else set()
+    """Kill a dvtcli that applies the network file, as a power cut would, once node 1 has taken a first write.
+
+    The node's answer to that is lost (`lose-response@1`), so that dvtcli waits.
+    """
+    bus = one.attach()
     words = [str(BINARIES / "dvtcli"), *bus_words(one.port), "--yes", "apply", str(one.folder / "network.yaml")]
     process = subprocess.Popen(words, env=own_environment(one.folder), stdout=subprocess.DEVNULL)
     try:
-        wait_for(lambda: journals.is_dir() and bool({*journals.glob("*.json")} - before), "a journal")
+        is_write = False
+        while not is_write:
+            frame = bus.recv(PATIENCE_S)
+            assert frame is not None, "node 1 was not written to"
+            is_write = frame.arbitration_id == 0x601 and frame.data[0] & 0xE0 == 0x20
     finally:
         process.kill()
         process.wait()
@@ -86,7 +92,7 @@ def test_a_fleet_from_the_first_run_to_its_repair(fleet: Fleet, request: pytest.
         1: ("--fault", "1:refuse@4=0x06040041"),
         2: ("--fault", "5:refuse@1=0x06090031"),
         3: ("--fault", "1:reset@5=0.1"),
-        4: ("--fault", "1:lose-request@4"),
+        4: ("--fault", "1:lose-response@1"),
     }
     with ExitStack() as stack:
         buses = {}
@@ -157,20 +163,22 @@ def test_a_check_reads_shows_the_difference_and_writes_nothing(fleet: Fleet) -> 
 
 @by_lot
 def test_an_interrupted_host_is_found_in_check_mode_and_finished(fleet: Fleet) -> None:
-    with served(fleet.folder, *NODES, "--fault", "1:lose-request@4") as one:
+    with served(fleet.folder, *NODES, "--fault", "1:lose-response@1") as one:
         fleet.host("bench", one)
         before = held(one)
         interrupt(one)
         found = json.loads(one.dvtcli("--json", "plan", str(fleet.folder / "network.yaml")).stdout)
-        assert found["interrupted"] == [1]
+        interrupted = found["interrupted"]
+        assert 1 in interrupted
         checked = fleet.play([task(fleet)], "--check")
         result = checked.results("set")["bench"]
         assert (result["exit_code"], result["state"], result["changed"]) == (6, "unchanged", False)
-        assert "an interrupted change of node 1 is not finished yet" in result["msg"]
+        nodes = ", ".join(map(str, interrupted))
+        assert f"an interrupted change of node {nodes} is not finished yet" in result["msg"]
         looked = fleet.play([task(fleet, "recover")], "--check", "-v").results("set")["bench"]
-        assert (looked["changed"], looked["nodes"]) == (True, [1])
+        assert (looked["changed"], looked["nodes"]) == (True, interrupted)
         finished = fleet.play([task(fleet, "recover")], "-v").results("set")["bench"]
-        assert (finished["changed"], finished["nodes"]) == (True, [1])
+        assert (finished["changed"], finished["nodes"]) == (True, interrupted)
         assert held(one) == before
         assert not fleet.play([task(fleet, "recover")]).hosts("changed")
 
