@@ -20,7 +20,7 @@ from pathlib import Path
 from tests.benchmarks.figures import ROOT
 
 #: form and number of signals, which is a multiple of 8
-CASES = ((".csv", "", 200), (".parquet", "long", 8), (".parquet", "long", 2000), (".parquet", "wide", 200))
+CASES = ((".csv", "", 200), (".parquet", "long", 8), (".parquet", "long", 2000), (".parquet", "wide", 144))
 _ENTRY = """
 import sys
 sys.modules["asammdf"] = None

@@ -37,8 +37,8 @@ _OF_SIGNAL = ("node", "serial", "pdo", "object", "name", "unit")
 _INT64 = range(-(1 << 63), 1 << 63)
 #: rows of a batch and of a row group; in the wide layout, which has a column for each signal, both are the same
 BATCH, ROWS, _WIDE_ROWS = 8_192, 65_536, 8_192
-#: the most signals of the wide layout: each takes 0.2 MB where a recording has 1,000,000 frames
-MOST_COLUMNS = 200
+#: the most signals of the wide layout: each takes 0.4 MB if a recording has 1,000,000 frames
+MOST_COLUMNS = 144
 #: how Python's arrays call the types of cells
 _CODES = {"int32": "i", "int64": "q", "double": "d", "timestamp[us, tz=UTC]": "q"}
 
