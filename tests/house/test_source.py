@@ -55,6 +55,7 @@ MAY_OPEN = {
     "files/read_back.py": "what was just written, by its own reader",
     "files/sim_state.py": "writes the state of a simulated node",
     "files/recordings/captures.py": "writes a recording",
+    "files/values/parquet_file.py": "writes values, and makes a file of those that a killed log left",
     "files/values/value_file.py": "writes values",
     "operations/eds_library/add_files.py": "compares with dvtcli's own library",
     "operations/frames/last_exchange.py": "dvtcli's own last exchange",

@@ -184,6 +184,8 @@ def finish(stream: Path, path: Path) -> int | None:
 
     What is torn at the end is left out. None if *stream* has no rows, or is still being written; OSError.
     """
+    if not stream.is_file():  # a pipe of that name would be waited for
+        return None
     rows = 0
     with stream.open("rb") as file:
         try:

@@ -36,7 +36,7 @@ def walks() -> Iterator[str]:
         steps = walk(words, end)
         yield f"`{name}`, to the first SDO {end}: {len(steps)} functions."
         yield ""
-        yield from table(("file", "function"), ((code(file), code(function)) for file, function in steps))
+        yield from table(("file", "function"), ((code(file), function) for file, function in steps))
         yield ""
 
 
